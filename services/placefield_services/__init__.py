@@ -1,0 +1,1 @@
+"""The processes: read, call the library, publish."""

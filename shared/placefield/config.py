@@ -1,0 +1,141 @@
+"""The configuration of a run: one frozen value, from defaults, TOML, environment and flags."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_settings import (
+    BaseSettings,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+    TomlConfigSettingsSource,
+)
+
+from placefield.errors import ConfigError
+
+FeatureKind = Literal["grayscale", "gist"]
+Rule = Literal["evidence", "lowest-score"]
+
+ENV_PREFIX = "PLACEFIELD_"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class BusConfig(_Section):
+    """Where the bus is."""
+
+    endpoint: str = Field("tcp/127.0.0.1:7557", description="the router: PROTOCOL/HOST:PORT")
+    connect_timeout_s: float = Field(10.0, gt=0, description="how long a service waits for it")
+
+
+class FeatureConfig(_Section):
+    """How a frame becomes a descriptor."""
+
+    kind: FeatureKind = Field("gist", description="what is taken from the image")
+    dimensions: int | None = Field(
+        None, ge=1, description="of the descriptor, after PCA; 300 for gist, 500 for grayscale"
+    )
+    standardise: bool = Field(
+        True, description="take the query's running mean and deviation out of its features"
+    )
+
+
+class ScaleConfig(_Section):
+    """How the reference traverse is cut into segments."""
+
+    channels: int = Field(4, ge=1, le=64, description="clusterings, each with its own fuzzifier")
+    clusters: int | None = Field(None, ge=2, description="per channel; estimated where not given")
+    position_weight: float = Field(
+        1.0, ge=0, description="weight of the position in the route when clustering; 0: the paper"
+    )
+    min_scale: int = Field(4, ge=2, description="shortest active segment, frames")
+    min_scale_metres: float | None = Field(
+        None, gt=0, description="the same in metres, where the reference has poses"
+    )
+
+
+class MetricConfig(_Section):
+    """How a channel's metric is learned."""
+
+    kind: Literal["lmnn", "identity"] = Field("lmnn", description="the metric of a channel")
+    neighbours: int = Field(3, ge=1, description="target neighbours of a frame (k)")
+    push: float = Field(0.5, ge=0, le=1, description="weight of the push term (lambda)")
+    steps: int = Field(30, ge=1, description="at most")
+
+
+class MatchingConfig(_Section):
+    """How candidates are made and fused."""
+
+    rule: Rule = Field("evidence", description="how candidates are made and fused")
+    neighbourhood: int = Field(
+        10, ge=0, description="places on either side that a match's margin disregards"
+    )
+
+
+class FusionConfig(_Section):
+    """How long the fuser waits."""
+
+    deadline_s: float = Field(2.0, gt=0, description="for the candidates of one frame")
+
+
+class Config(_Section):
+    """All that describes a run."""
+
+    run: str = Field("default", pattern=r"^[A-Za-z0-9_-]+$", description="name of the run")
+    seed: int = Field(0, ge=0, description="of everything random")
+    bus: BusConfig = BusConfig()
+    features: FeatureConfig = FeatureConfig()
+    scales: ScaleConfig = ScaleConfig()
+    metric: MetricConfig = MetricConfig()
+    matching: MatchingConfig = MatchingConfig()
+    fusion: FusionConfig = FusionConfig()
+
+    def to_toml(self) -> str:
+        """Return the configuration as TOML; keys without a value are left out."""
+        return tomli_w.dumps(self.model_dump(exclude_none=True))
+
+
+def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
+    """Read the configuration: flags over the environment over the file over the defaults.
+
+    Args:
+        file: TOML, one table per section.
+        flags: nested like the configuration, as ``{"scales": {"channels": 8}}``.
+
+    The environment is read as ``PLACEFIELD_SCALES__CHANNELS=8``.
+
+    Raises:
+        ConfigError: a key is unknown, a value malformed, or the file missing or no TOML.
+    """
+    if file is not None and not file.is_file():
+        raise ConfigError(f"{file}: no such configuration file")
+
+    class Loader(Config, BaseSettings):
+        model_config = SettingsConfigDict(
+            env_prefix=ENV_PREFIX, env_nested_delimiter="__", toml_file=file
+        )
+
+        @classmethod
+        def settings_customise_sources(
+            cls,
+            settings_cls: type[BaseSettings],
+            init_settings: PydanticBaseSettingsSource,
+            env_settings: PydanticBaseSettingsSource,
+            dotenv_settings: PydanticBaseSettingsSource,
+            file_secret_settings: PydanticBaseSettingsSource,
+        ) -> tuple[PydanticBaseSettingsSource, ...]:
+            return init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+
+    try:
+        return Config.model_validate(Loader(**(flags or {})).model_dump())
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"setting {key}: {first['msg']} (given: {first['input']!r})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{file}: not valid TOML: {error}") from None
