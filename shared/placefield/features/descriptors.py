@@ -1,0 +1,124 @@
+"""Features to descriptors: standardisation, PCA, unit length.
+
+A raw feature is divided by its length (contrast varies with the light), standardised by the mean
+and deviation of its traverse (the light and the camera of a traverse are common to all its frames),
+reduced by PCA and divided by its length again, so that distances compare directions alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import FeatureKind
+
+PRIOR_FRAMES = 20
+"""Weight of the reference's mean and deviation in a young query's, frames."""
+
+_LEAST_DEVIATION = 1e-6
+
+Array = NDArray[np.float32]
+Array64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DescriptorModel:
+    """What the reference taught about making descriptors, of D raw and N reduced dimensions.
+
+    Attributes:
+        kind: of the raw features.
+        standardise: whether a query's running mean and deviation replace the reference's.
+        mean: (D,) float32, of the reference's raw features at unit length.
+        deviation: (D,) float32, likewise.
+        components: (N, D) float32, orthonormal rows: the principal axes.
+    """
+
+    kind: FeatureKind
+    standardise: bool
+    mean: Array
+    deviation: Array
+    components: Array
+
+    def reduce(self, standardised: Array) -> Array:
+        """Project standardised features (..., D) on the principal axes; unit length, (..., N)."""
+        return unit_length(standardised @ self.components.T)
+
+
+def unit_length(vectors: Array) -> Array:
+    """Divide vectors (..., D) by their Euclidean lengths; a zero vector stays zero."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
+
+
+def fit_descriptors(
+    traverses: Sequence[Array], kind: FeatureKind, *, dimensions: int, standardise: bool
+) -> tuple[DescriptorModel, list[Array]]:
+    """Fit the model on reference traverses, and return it with their descriptors.
+
+    Args:
+        traverses: raw features of each, (K, D) float32; the first gives mean and deviation.
+        kind: of the features.
+        dimensions: N at most; fewer where there are fewer frames than that.
+        standardise: whether every traverse after the first is standardised by its own mean and
+            deviation, as a query will be.
+
+    Returns:
+        The model, and for each traverse its descriptors, (K, N) float32.
+    """
+    units = [unit_length(traverse) for traverse in traverses]
+    mean, deviation = _moments(units[0])
+    standardised = [
+        _standardise(unit, *(_moments(unit) if standardise else (mean, deviation)))
+        for unit in units
+    ]
+    components = _principal_axes(np.concatenate(standardised), dimensions)
+    model = DescriptorModel(kind, standardise, mean, deviation, components)
+    return model, [model.reduce(vectors) for vectors in standardised]
+
+
+def _moments(vectors: Array) -> tuple[Array, Array]:
+    mean = vectors.mean(axis=0, dtype=np.float64)
+    deviation = np.maximum(vectors.std(axis=0, dtype=np.float64), _LEAST_DEVIATION)
+    return mean.astype(np.float32), deviation.astype(np.float32)
+
+
+def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
+    return (vectors - mean) / deviation
+
+
+def _principal_axes(vectors: Array, dimensions: int) -> Array:
+    centred = vectors - vectors.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
+    rank = min(dimensions, len(vectors) - 1, vectors.shape[1])
+    return np.ascontiguousarray(axes[:rank], np.float32)
+
+
+class DescriptorStream:
+    """Makes the raw features of a query into descriptors, frame by frame, looking back only.
+
+    Mean and deviation run over the frames so far; the reference's count as ``PRIOR_FRAMES`` of
+    them, so that a young stream is standardised like the reference.
+    """
+
+    def __init__(self, model: DescriptorModel) -> None:
+        self._model = model
+        self._frames = float(PRIOR_FRAMES)
+        mean = model.mean.astype(np.float64)
+        self._sum: Array64 = mean * PRIOR_FRAMES
+        self._square_sum: Array64 = (
+            model.deviation.astype(np.float64) ** 2 + mean**2
+        ) * PRIOR_FRAMES
+
+    def push(self, raw: Array) -> Array:
+        """Take the next frame's raw feature (D,) and return its descriptor (N,) float32."""
+        unit = unit_length(raw)
+        if not self._model.standardise:
+            return self._model.reduce(_standardise(unit, self._model.mean, self._model.deviation))
+        self._frames += 1
+        self._sum += unit
+        self._square_sum += unit.astype(np.float64) ** 2
+        mean = self._sum / self._frames
+        variance = np.maximum(self._square_sum / self._frames - mean**2, _LEAST_DEVIATION**2)
+        standardised = (unit - mean) / np.sqrt(variance)
+        return self._model.reduce(standardised.astype(np.float32))

@@ -1,0 +1,32 @@
+"""What a camera gave at one instant."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a frame was taken: x and y in metres, yaw in radians, in the user's own map frame."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame of a traverse.
+
+    ``index`` is the frame's position in its source, ``stamp_ns`` the time it was taken in
+    nanoseconds, ``name`` what to call it in a message for a person (a file's name, say).
+    ``image`` is an encoded image as it lies in its file, or pixels: uint8, (H, W) grey or
+    (H, W, 3) BGR.
+    """
+
+    index: int
+    stamp_ns: int
+    name: str
+    image: bytes | NDArray[np.uint8]
+    pose: Pose | None = None
