@@ -1,0 +1,1 @@
+"""Reference traverse to segments."""

@@ -1,0 +1,83 @@
+"""A reference traverse, clustered and encoded once per channel (Eq. 9)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import MapError
+from placefield.scales.clustering import cluster, with_route_position
+from placefield.scales.encoding import Encoding, encode
+from placefield.scales.subtractive import estimate_clusters
+
+_MIN_SEGMENTS = 2  # with fewer there is nothing to tell a place apart from
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel's view of the reference traverse of K frames.
+
+    Attributes:
+        fuzzifier: m of Eq. 2.
+        clusters: (K,) int32, the cluster of each frame.
+        encoding: the active segments and their scales.
+    """
+
+    fuzzifier: float
+    clusters: NDArray[np.int32]
+    encoding: Encoding
+
+
+def make_channels(
+    vectors: NDArray[np.float32],
+    *,
+    channels: int,
+    min_scale: float,
+    seed: int,
+    clusters: int | None = None,
+    fuzzifiers: tuple[float, float] = (1.02, 1.4),
+    position_weight: float = 1.0,
+    travelled: NDArray[np.floating] | None = None,
+) -> tuple[Channel, ...]:
+    """Cluster and encode a reference traverse in several overlapping ways.
+
+    The channels' fuzzifiers are spread evenly, lowest first. As near fuzzifiers alone give nearly
+    the same clusters, each channel's clustering also starts from stretches of its own.
+
+    Args:
+        vectors: (K, N) float32 descriptors in route order. Not standardised after PCA: equal
+            variances drown what consecutive frames share, and the route is cut anywhere.
+        channels: how many.
+        min_scale: lower limit of a segment, see `encode`.
+        seed: of all channels.
+        clusters: per channel; None estimates them (`estimate_clusters`).
+        fuzzifiers: lowest and highest m, above 1.
+        position_weight: of the frame's position in the route, see `with_route_position`.
+        travelled: (K,) metres travelled up to each frame, where `min_scale` is in metres.
+
+    Raises:
+        ConfigError: a fuzzifier is not above 1.
+        MapError: the reference is too short: a channel has fewer than two active segments, or
+            there are fewer frames than clusters.
+    """
+    if clusters is None:
+        # The position counts here whatever its weight in the clustering: see estimate_clusters.
+        clusters = estimate_clusters(with_route_position(vectors, 1.0))
+    placed = with_route_position(vectors, position_weight)
+    made = []
+    for number, fuzzifier in enumerate(np.linspace(*fuzzifiers, channels).tolist()):
+        labels = cluster(placed, clusters, fuzzifier, seed + number).labels
+        encoding = encode(labels, min_scale, travelled)
+        _refuse_too_few(encoding, number, channels, min_scale)
+        made.append(Channel(fuzzifier, labels, encoding))
+    return tuple(made)
+
+
+def _refuse_too_few(encoding: Encoding, number: int, channels: int, min_scale: float) -> None:
+    segments, frames = len(encoding.segments), len(encoding.labels)
+    if segments < _MIN_SEGMENTS:
+        raise MapError(
+            f"the reference of {frames} frames is too short for {channels} channels: channel "
+            f"{number} has {segments} active segments and needs {_MIN_SEGMENTS}: "
+            f"ask for fewer channels, lower min_scale ({min_scale:g}), or give more frames"
+        )
