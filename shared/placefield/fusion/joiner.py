@@ -1,0 +1,107 @@
+"""Joins the candidates of a frame by its sequence number, with a deadline.
+
+Pure: it is told the time. Frames are released in the order of their numbers, each exactly once:
+when all awaited channels have answered, or when its deadline has passed. A channel is awaited while
+it is alive and kept its last deadline; one that has missed a deadline is awaited again when it next
+answers. So a dead or stopped channel holds up the stream for one deadline at most.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from placefield.matching.candidate import Candidate
+
+
+@dataclass(frozen=True)
+class Joined:
+    """The candidates of one frame, by channel, and the channels that are missing."""
+
+    sequence: int
+    candidates: dict[int, Candidate]
+    missing: frozenset[int]
+
+
+@dataclass
+class _Pending:
+    since: float
+    candidates: dict[int, Candidate] = field(default_factory=dict)
+
+
+class Joiner:
+    """Joins one stream. Counts ``duplicate``, ``late``, ``unknown_channel`` and ``partial``."""
+
+    def __init__(
+        self,
+        channels: Iterable[int],
+        deadline_s: float,
+        counts: Counter[str],
+        *,
+        gaps_expected: bool = False,
+    ) -> None:
+        """Expect these channels' candidates, each at most ``deadline_s`` after its frame.
+
+        With ``gaps_expected``, as in a live stream that drops old frames, a frame is not held back
+        for frames before it that have not been heard of.
+        """
+        self._channels = frozenset(channels)
+        self._deadline_s = deadline_s
+        self._counts = counts
+        self._gaps_expected = gaps_expected
+        self._alive = self._channels
+        self._tardy: set[int] = set()
+        self._pending: dict[int, _Pending] = {}
+        self._next = 0
+
+    def set_alive(self, channels: Iterable[int]) -> None:
+        """Say which channels have a living worker; the others are not awaited."""
+        self._alive = self._channels & frozenset(channels)
+
+    def announce(self, sequence: int, now: float) -> None:
+        """Say that a frame is under way (``now`` in seconds, of any clock that never goes back)."""
+        if sequence >= self._next:
+            self._pending.setdefault(sequence, _Pending(now))
+
+    def add(self, sequence: int, channel: int, candidate: Candidate, now: float) -> None:
+        """Take a channel's candidate of a frame; a second one and one too late are dropped."""
+        if channel not in self._channels:
+            self._counts["unknown_channel"] += 1
+            return
+        self._tardy.discard(channel)
+        if sequence < self._next:
+            self._counts["late"] += 1
+            return
+        candidates = self._pending.setdefault(sequence, _Pending(now)).candidates
+        if channel in candidates:
+            self._counts["duplicate"] += 1
+            return
+        candidates[channel] = candidate
+
+    def release(self, now: float) -> list[Joined]:
+        """Return the frames that are complete or due, in order."""
+        released: list[Joined] = []
+        for sequence in sorted(self._pending):
+            pending = self._pending[sequence]
+            absent = self._channels - pending.candidates.keys()
+            awaited = (absent & self._alive) - self._tardy
+            in_turn = sequence == self._next or self._gaps_expected
+            if (awaited or not in_turn) and now < pending.since + self._deadline_s:
+                break
+            self._tardy |= awaited
+            released.append(self._release(sequence, absent))
+        return released
+
+    def _release(self, sequence: int, missing: frozenset[int]) -> Joined:
+        self._next = sequence + 1
+        self._counts["partial"] += bool(missing)
+        candidates = self._pending.pop(sequence).candidates
+        return Joined(sequence, dict(sorted(candidates.items())), missing)
+
+    def is_pending(self, sequence: int) -> bool:
+        """Whether a frame has been heard of and is not released yet."""
+        return sequence in self._pending
+
+    @property
+    def pending(self) -> int:
+        """How many frames are not released yet."""
+        return len(self._pending)

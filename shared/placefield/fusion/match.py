@@ -1,0 +1,19 @@
+"""What the fuser says of one query frame."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where the query frame was taken.
+
+    Attributes:
+        place: index of the place, or ``UNANSWERED``.
+        score: the higher the more certain. Under ``evidence`` the margin to the best place outside
+            the match's neighbourhood, in deviations; under ``lowest-score`` the negated fine score.
+        missing: channels that did not answer in time.
+    """
+
+    place: int
+    score: float
+    missing: tuple[int, ...] = ()
