@@ -1,0 +1,1 @@
+"""The built map, in memory and on disk."""

@@ -1,0 +1,98 @@
+"""The map in memory."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
+from placefield.features.descriptors import DescriptorModel
+from placefield.maps.manifest import TraverseRecord
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Places:
+    """The K places of a map: the frames of its first reference traverse.
+
+    Attributes:
+        stamps: (K,) int64, nanoseconds, as the source had them.
+        poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if there are none.
+        thumbnails: (bytes,) uint8, JPEG images one after another.
+        thumbnail_ends: (K,) int64, where each of them ends.
+    """
+
+    stamps: NDArray[np.int64]
+    poses: NDArray[np.float64]
+    thumbnails: NDArray[np.uint8]
+    thumbnail_ends: NDArray[np.int64]
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return len(self.stamps)
+
+    def pose(self, place: int) -> tuple[float, float, float] | None:
+        """Return x, y and yaw of a place; None if the map has no poses."""
+        if not len(self.poses):
+            return None
+        x, y, yaw = map(float, self.poses[place])
+        return x, y, yaw
+
+    def thumbnail(self, place: int) -> bytes:
+        """Return the thumbnail of a place, JPEG."""
+        start = self.thumbnail_ends[place - 1] if place else 0
+        return self.thumbnails[start : self.thumbnail_ends[place]].tobytes()
+
+
+@dataclass(frozen=True)
+class MapChannel:
+    """One channel of a map with K places, N descriptor dimensions.
+
+    Attributes:
+        fuzzifier: m of its fuzzy c-means.
+        clusters: C.
+        learned: whether its projection was learned; else it is the identity.
+        projection: (N, N) float32, v of Eq. 6.
+        places: (K, N) float32, the descriptors of the places under it.
+        labels: (K,) int32, 0 where the place is inactive, else the number of its segment, from 1.
+        segments: (S, 2) int32, first place and last + 1 of every active segment.
+        scales: (n,) int32, ascending distinct lengths of the segments, frames.
+        curve: (steps + 1, 2) float64, validation loss and gate score while learning.
+    """
+
+    fuzzifier: float
+    clusters: int
+    learned: bool
+    projection: Array
+    places: Array
+    labels: NDArray[np.int32]
+    segments: NDArray[np.int32]
+    scales: NDArray[np.int32]
+    curve: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Map:
+    """All that recognising places on a route needs, and how it was made."""
+
+    seed: int
+    features: FeatureConfig
+    scales: ScaleConfig
+    metric: MetricConfig
+    traverses: tuple[TraverseRecord, ...]
+    pose_frame: str | None
+    model: DescriptorModel
+    places: Places
+    channels: tuple[MapChannel, ...]
+
+
+def fingerprint(model: DescriptorModel) -> str:
+    """Return what tells descriptors of one model from those of another, 16 hexadecimal digits."""
+    digest = hashlib.sha256(f"{model.kind} {model.standardise}".encode())
+    for array in (model.mean, model.deviation, model.components):
+        digest.update(repr(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,42 @@
+"""All of recognition in one object, with no bus: frame in, match out."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.errors import FrameError
+from placefield.features.descriptors import DescriptorStream
+from placefield.features.extract import raw_feature
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.maps.map import Map
+from placefield.matching.channel_matcher import matcher_of
+
+
+class Recognizer:
+    """Recognises the places of a map in one stream of frames.
+
+    It does what featurizer, channels and fuser do together, and gives, frame for frame, what they
+    give on the same frames.
+    """
+
+    def __init__(self, placemap: Map, config: MatchingConfig) -> None:
+        self._kind = placemap.model.kind
+        self._config = config
+        self._descriptors = DescriptorStream(placemap.model)
+        self._matchers = [matcher_of(channel, config.rule) for channel in placemap.channels]
+
+    def push(self, image: bytes | NDArray[np.uint8]) -> Match:
+        """Match the next frame: an encoded image, or pixels (H, W) or (H, W, 3) BGR uint8.
+
+        An image that cannot be read is matched as a frame that was not seen.
+        """
+        try:
+            return self.push_raw(raw_feature(image, self._kind))
+        except FrameError:
+            return self.push_raw(None)
+
+    def push_raw(self, raw: NDArray[np.float32] | None) -> Match:
+        """Match the next frame by its raw feature (D,); None is a frame that was not seen."""
+        descriptor = None if raw is None else self._descriptors.push(raw)
+        return fuse([matcher.push(descriptor) for matcher in self._matchers], self._config)
