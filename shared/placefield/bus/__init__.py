@@ -1,0 +1,1 @@
+"""Messages, keys and sessions: the only package that imports zenoh."""

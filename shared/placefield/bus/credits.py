@@ -1,0 +1,43 @@
+"""Credits: how many frames of a lossless stream may be under way."""
+
+import threading
+
+WINDOW = 16
+"""Frames under way at most: enough that no service waits for the next one."""
+
+
+class Credits:
+    """Counts frames that were sent against frames that have been answered."""
+
+    def __init__(self, window: int = WINDOW) -> None:
+        self._window = window
+        self._sent = 0
+        self._answered = 0
+        self._changed = threading.Condition()
+
+    def take(self, timeout: float) -> bool:
+        """Take the credit for one more frame; False if none comes back within ``timeout`` s."""
+        with self._changed:
+            if not self._changed.wait_for(self._has_credit, timeout):
+                return False
+            self._sent += 1
+            return True
+
+    def _has_credit(self) -> bool:
+        return self._sent - self._answered < self._window
+
+    def answer(self, sequence: int) -> None:
+        """Give back the credits of all frames up to this one."""
+        with self._changed:
+            self._answered = max(self._answered, sequence + 1)
+            self._changed.notify_all()
+
+    def wait_until_answered(self, sequence: int, timeout: float) -> bool:
+        """Wait until this frame has been answered; False if it is not within ``timeout`` s."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._answered > sequence, timeout)
+
+    @property
+    def answered(self) -> int:
+        """How many frames have been answered."""
+        return self._answered

@@ -1,0 +1,171 @@
+"""What travels on the bus: msgpack with a schema version, arrays as raw bytes.
+
+Every data message has a ``Header`` in its attachment; the payload is one of the other models.
+Decoding checks everything: what does not parse raises ``MessageError`` and goes no further.
+"""
+
+from typing import Annotated, Any, Literal, Self
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+)
+
+from placefield.config import Rule
+from placefield.errors import MessageError
+
+MAX_BYTES = 128 * 2**20
+"""No message is larger than this."""
+
+_DTYPES = {"uint8": np.uint8, "float32": np.float32}
+
+
+def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
+    return {"dtype": array.dtype.name, "shape": array.shape, "data": array.tobytes()}
+
+
+def _array_from_wire(value: Any) -> NDArray[Any]:
+    if isinstance(value, np.ndarray):
+        return value
+    try:
+        shape = tuple(value["shape"])
+        if not all(isinstance(size, int) and size >= 0 for size in shape):
+            raise ValueError("negative or fractional size")
+        return np.frombuffer(value["data"], _DTYPES[value["dtype"]]).reshape(shape)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"no array: {error}") from None
+
+
+def _float_vector(value: Any) -> NDArray[np.float32]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float32 or array.ndim != 1 or not np.isfinite(array).all():
+        raise ValueError("expected a vector of finite float32")
+    return array
+
+
+def _image(value: Any) -> bytes | NDArray[np.uint8]:
+    """An encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
+    if isinstance(value, bytes):
+        return value
+    array = _array_from_wire(value)
+    if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.size == 0:
+        raise ValueError("expected encoded bytes or uint8 pixels")
+    return array
+
+
+def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
+    return image if isinstance(image, bytes) else _array_to_wire(image)
+
+
+FloatVector = Annotated[
+    NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
+]
+Image = Annotated[
+    bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
+]
+
+
+class Message(BaseModel):
+    """Root of all messages."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True
+    )
+
+    version: Literal[1] = 1  # of the schema
+
+    def encode(self) -> bytes:
+        """Return the message as msgpack."""
+        packed: bytes = msgpack.packb(self.model_dump())
+        return packed
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a message back.
+
+        Raises:
+            MessageError: it is too large, no msgpack, or not a message of this kind and version.
+        """
+        if len(data) > MAX_BYTES:
+            raise MessageError(f"{cls.__name__}: {len(data)} bytes, more than {MAX_BYTES}")
+        try:
+            return cls.model_validate(msgpack.unpackb(data, use_list=False))
+        except ValidationError as error:
+            first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise MessageError(f"{cls.__name__}: {where}: {first['msg']}") from None
+        except Exception as error:  # msgpack raises a dozen kinds, RecursionError among them
+            raise MessageError(f"{cls.__name__}: no msgpack: {error}") from None
+
+
+class Header(Message):
+    """Which frame of which stream a message is about; travels as the attachment.
+
+    Attributes:
+        stream: name of the stream, new for every replay.
+        sequence: number of the frame in its stream, from 0, with no gaps at the source.
+        stamp_ns: when the frame was taken, as its source has it, nanoseconds.
+        live: whether old frames may be dropped for new ones.
+        end: marks the end of the stream; the message has no payload, and its sequence is the
+            number of frames.
+    """
+
+    stream: str = Field(min_length=1, max_length=64)
+    sequence: int = Field(ge=0, lt=2**63)
+    stamp_ns: int = Field(ge=-(2**63), lt=2**63)
+    live: bool = False
+    end: bool = False
+
+
+class FrameMessage(Message):
+    """A frame: an encoded image as bytes, or pixels."""
+
+    image: Image
+
+
+class FeatureMessage(Message):
+    """A frame's descriptor, (N,); none if the image could not be read."""
+
+    model: str = Field(max_length=64)  # fingerprint of what made the descriptor
+    descriptor: FloatVector | None
+
+
+class CandidateMessage(Message):
+    """A channel's candidate; evidence, (K,), is empty under the rule ``lowest-score``."""
+
+    rule: Rule
+    channel: int = Field(ge=0, lt=2**16)
+    place: int = Field(ge=-1, lt=2**31)
+    score: FiniteFloat
+    evidence: FloatVector
+
+
+class MatchMessage(Message):
+    """The match of a frame.
+
+    Attributes:
+        place: index of the place, or -1 where there is no answer.
+        score: the higher the more certain.
+        missing: channels that did not answer in time.
+        pose: of the place, x and y in metres and yaw in radians, where the map has poses.
+    """
+
+    place: int = Field(ge=-1, lt=2**31)
+    score: FiniteFloat
+    missing: tuple[int, ...] = ()
+    pose: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = None
+
+
+class StatsMessage(Message):
+    """What a service has counted since it started."""
+
+    service: str = Field(max_length=64)
+    counts: dict[str, int]

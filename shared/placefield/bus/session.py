@@ -1,0 +1,167 @@
+"""A session on the bus: the one place that speaks Zenoh."""
+
+import json
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import zenoh
+
+from placefield.bus.inbox import Received
+from placefield.bus.messages import MAX_BYTES, Header, Message
+from placefield.config import BusConfig
+from placefield.errors import BusError, MessageError
+
+log = logging.getLogger(__name__)
+
+_LOG_EVERY_S = 10.0
+
+
+class Publisher:
+    """Publishes messages on one key. Waits rather than drops when the way is full."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._publisher = publisher
+
+    def put(self, header: Header, message: Message | None = None) -> None:
+        """Send a message with its header; no message at the end of a stream."""
+        payload = message.encode() if message else b""
+        self._publisher.put(payload, attachment=header.encode())
+
+
+class Bus:
+    """A session: publishers, subscriptions and liveliness tokens."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._undeclare: list[Any] = []
+        self._last_logged = -_LOG_EVERY_S
+
+    def publisher(self, key: str) -> Publisher:
+        """Declare a publisher of a key."""
+        return Publisher(
+            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+        )
+
+    def put(self, key: str, message: Message) -> None:
+        """Send one message that belongs to no stream; dropped when the way is full."""
+        self._session.put(key, message.encode())
+
+    def subscribe(
+        self, key: str, receive: Callable[[Received], None], counts: Counter[str]
+    ) -> None:
+        """Call ``receive`` for what comes on a key, on the bus's thread, which must not wait.
+
+        What has no good header is dropped and counted as ``malformed``.
+        """
+
+        def call(sample: zenoh.Sample) -> None:
+            try:
+                attachment = sample.attachment
+                header = Header.decode(attachment.to_bytes() if attachment else b"")
+                if len(sample.payload) > MAX_BYTES:
+                    raise MessageError(f"{len(sample.payload)} bytes, more than {MAX_BYTES}")
+                receive(Received(str(sample.key_expr), header, sample.payload.to_bytes()))
+            except MessageError as error:
+                counts["malformed"] += 1
+                self.log_dropped(str(sample.key_expr), error)
+
+        self._keep(self._session.declare_subscriber(key, call))
+
+    def subscribe_raw(self, key: str, receive: Callable[[str, bytes], None]) -> None:
+        """Call ``receive(key, payload)`` for what comes on a key, on the bus's thread."""
+
+        def call(sample: zenoh.Sample) -> None:
+            receive(str(sample.key_expr), sample.payload.to_bytes())
+
+        self._keep(self._session.declare_subscriber(key, call))
+
+    def log_dropped(self, key: str, error: Exception) -> None:
+        """Log a message that was dropped; once in a while only, for there may be many."""
+        now = time.monotonic()
+        if now - self._last_logged >= _LOG_EVERY_S:
+            self._last_logged = now
+            log.warning("dropped a message on %s: %s", key, error)
+
+    def declare_alive(self, key: str) -> None:
+        """Declare a liveliness token: it lives as long as this session."""
+        self._keep(self._session.liveliness().declare_token(key))
+
+    def alive(self, key: str) -> set[str]:
+        """Return the liveliness tokens of a key that are there now."""
+        replies = self._session.liveliness().get(key, timeout=2.0)
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok}
+
+    def watch_alive(self, key: str, change: Callable[[str, bool], None]) -> None:
+        """Call ``change(key, is_alive)`` for each token of a key, those there already included."""
+
+        def call(sample: zenoh.Sample) -> None:
+            change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._keep(self._session.liveliness().declare_subscriber(key, call, history=True))
+
+    def _keep(self, declared: Any) -> None:
+        self._undeclare.append(declared)
+
+
+@contextmanager
+def open_bus(config: BusConfig) -> Iterator[Bus]:
+    """Open a client session; it is closed at the end of the block.
+
+    Raises:
+        BusError: the endpoint is malformed, or no router answers there in time.
+    """
+    milliseconds = round(config.connect_timeout_s * 1000)
+    settings = _settings(config, "client", "connect") | {
+        "connect/timeout_ms": milliseconds,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000},
+    }
+    hint = "start one with 'placefield up MAP', or name another with --endpoint"
+    with _open(settings, config, f"no router at {config.endpoint}: {hint}") as session:
+        yield Bus(session)
+
+
+@contextmanager
+def open_router(config: BusConfig) -> Iterator[Bus]:
+    """Open a session that is the router of this host, listening at the endpoint.
+
+    Raises:
+        BusError: the endpoint is malformed or in use.
+    """
+    settings = _settings(config, "router", "listen") | {"scouting/delay": 0}
+    hint = "is another router running there? Name another with --endpoint"
+    with _open(settings, config, f"cannot listen at {config.endpoint}: {hint}") as session:
+        yield Bus(session)
+
+
+def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
+    return {
+        "mode": mode,
+        f"{use}/endpoints": [config.endpoint],
+        "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/rx/buffer_size": 4 * 2**20,
+        "transport/link/rx/max_message_size": MAX_BYTES,
+    }
+
+
+@contextmanager
+def _open(settings: dict[str, Any], config: BusConfig, failure: str) -> Iterator[zenoh.Session]:
+    zenoh_config = zenoh.Config()
+    try:
+        for key, value in settings.items():
+            zenoh_config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError:
+        raise BusError(
+            f"bus.endpoint {config.endpoint!r} is malformed: write it as tcp/HOST:PORT"
+        ) from None
+    try:
+        session = zenoh.open(zenoh_config)
+    except zenoh.ZError as error:
+        log.debug("zenoh: %s", error)
+        raise BusError(failure) from None
+    with session:
+        yield session
