@@ -1,0 +1,163 @@
+"""One host: an embedded router and the services as processes of their own.
+
+What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``.
+"""
+
+import logging
+import os
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from placefield.bus.keys import Keys, channel_of, service_and_identity
+from placefield.bus.session import Bus, open_router
+from placefield.config import ENV_PREFIX, Config
+from placefield.errors import BusError
+from placefield_services.process import SUPERVISED
+
+log = logging.getLogger(__name__)
+
+_POLL_S = 0.05
+_PATIENCE_S = 1.2
+_RESTART_AFTER_S = 0.5
+_YOUNG_S = 5.0  # a process that dies younger than this has failed to start
+_MOST_FAILED_STARTS = 5
+
+
+def run_host(
+    commands: Mapping[str, Sequence[str]],
+    channels: int,
+    config: Config,
+    stop: threading.Event,
+    on_ready: Callable[[], None],
+) -> None:
+    """Run the named commands against an embedded router until ``stop`` is set.
+
+    Args:
+        commands: command lines of the services, by a name for the log.
+        channels: how many channels they serve together.
+        config: its bus and run.
+        stop: ends the host.
+        on_ready: called once, when featurizer, fuser and all channels are.
+
+    Raises:
+        BusError: the endpoint is in use, or a service fails to start again and again.
+    """
+    with open_router(config.bus) as bus:
+        readiness = _Readiness(bus, Keys(config.run), channels)
+        children = [_Child(name, command) for name, command in commands.items()]
+        try:
+            while not stop.is_set():
+                for child in children:
+                    child.keep_running()
+                if readiness.is_reached():
+                    on_ready()
+                stop.wait(_POLL_S)
+        finally:
+            _stop_all(children)
+
+
+class _Readiness:
+    """Whether all services have been alive together, told once."""
+
+    def __init__(self, bus: Bus, keys: Keys, channels: int) -> None:
+        self._needed: set[tuple[str, int | None]] = {("featurizer", None), ("fuser", None)}
+        self._needed |= {("channel", channel) for channel in range(channels)}
+        self._alive: set[str] = set()
+        self._told = False
+        bus.watch_alive(keys.all_alive(), self._change)
+
+    def _change(self, key: str, is_alive: bool) -> None:
+        (self._alive.add if is_alive else self._alive.discard)(key)
+
+    def is_reached(self) -> bool:
+        if self._told or not self._needed <= {_role(key) for key in tuple(self._alive)}:
+            return False
+        self._told = True
+        return True
+
+
+def _role(key: str) -> tuple[str, int | None]:
+    service, identity = service_and_identity(key)
+    return service, channel_of(identity) if service == "channel" else None
+
+
+class _Child:
+    """One service process and its restarts."""
+
+    def __init__(self, name: str, command: Sequence[str]) -> None:
+        self._name = name
+        self._command = command
+        self._failed_starts = 0
+        self._start_at = 0.0
+        self._started = 0.0
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def keep_running(self) -> None:
+        """Start the process, or start it again some time after it died."""
+        now = time.monotonic()
+        if self._process is not None and self._process.poll() is not None:
+            self._note_death(self._process.returncode, now)
+        if self._process is None and now >= self._start_at:
+            self._start(now)
+
+    def _start(self, now: float) -> None:
+        self._process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,  # its end tells the child that the host is gone
+            env=_environment(),
+            start_new_session=True,  # Ctrl-C is the host's to pass on
+        )
+        self._started = now
+
+    def _note_death(self, code: int, now: float) -> None:
+        self._close_pipe()
+        self._process = None
+        self._start_at = now + _RESTART_AFTER_S
+        self._failed_starts = self._failed_starts + 1 if now - self._started < _YOUNG_S else 0
+        if self._failed_starts >= _MOST_FAILED_STARTS:
+            raise BusError(
+                f"{self._name} ended with code {code} {_MOST_FAILED_STARTS} times in a row; "
+                "see its message above"
+            )
+        log.warning("%s ended with code %d; starting it again", self._name, code)
+
+    def terminate(self) -> None:
+        """Ask the process to end."""
+        if self._process is not None:
+            self._process.terminate()
+
+    def finish(self, deadline: float) -> None:
+        """Wait for the process to end; kill it at the deadline (monotonic seconds)."""
+        if self._process is None:
+            return
+        try:
+            self._process.wait(max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            log.warning("%s did not end; killing it", self._name)
+            self._process.kill()
+            self._process.wait()
+        self._close_pipe()
+
+    def _close_pipe(self) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.close()
+
+
+def _environment() -> dict[str, str]:
+    """Return the children's environment.
+
+    Their commands carry the whole configuration, which settings in the environment would override.
+    One BLAS thread each: the processes are what runs in parallel.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
+    return kept | {SUPERVISED: "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def _stop_all(children: Sequence[_Child]) -> None:
+    deadline = time.monotonic() + _PATIENCE_S
+    for child in children:
+        child.terminate()
+    for child in children:
+        child.finish(deadline)
