@@ -1,0 +1,150 @@
+"""Which places are right for each query frame."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import TruthError
+
+_COLUMNS = ("query", "first", "last")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The right places of every query frame, as inclusive ranges of places.
+
+    Row r says that query frame `query[r]` is right at places `first[r]` to `last[r]`. A query frame
+    may have several rows; one without a row is off the route: no place is right for it.
+
+    Attributes:
+        queries: number of query frames, Q.
+        query: query frame of each row, (R,) int64, each in [0, Q).
+        first: first right place of each row, (R,) int64.
+        last: last right place of each row, (R,) int64, `first <= last`.
+
+    """
+
+    queries: int
+    query: NDArray[np.int64]
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+    @classmethod
+    def within(cls, queries: int, places: int, tolerance: int) -> Self:
+        """Take frame numbers as places: query frame i is right at places i ± `tolerance`.
+
+        A query frame that is further than `tolerance` from every place is off the route.
+
+        Args:
+            queries: number of query frames.
+            places: number of places of the map.
+            tolerance: frames, 0 or more.
+
+        Raises:
+            TruthError: the tolerance is negative.
+
+        """
+        if tolerance < 0:
+            raise TruthError(f"tolerance {tolerance} is negative: give 0 or more frames")
+        query = np.arange(queries, dtype=np.int64)
+        first = np.maximum(query - tolerance, 0)
+        last = np.minimum(query + tolerance, places - 1)
+        on_route = first <= last
+        return cls(queries, query[on_route], first[on_route], last[on_route])
+
+    @property
+    def on_route(self) -> NDArray[np.bool_]:
+        """Which query frames have at least one right place, (Q,) bool."""
+        on_route = np.zeros(self.queries, dtype=np.bool_)
+        on_route[self.query] = True
+        return on_route
+
+    def correct(self, matches: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Tell which matches are right.
+
+        Args:
+            matches: place of each query frame, (Q,) int; -1 is unanswered and never right.
+
+        Returns:
+            (Q,) bool.
+
+        Raises:
+            TruthError: there is not one match per query frame.
+
+        """
+        if matches.shape != (self.queries,):
+            raise TruthError(
+                f"the ground truth is for {self.queries} query frames, "
+                f"the matches have shape {matches.shape}: give one match per query frame"
+            )
+        place = matches[self.query]
+        hit = (self.first <= place) & (place <= self.last)
+        correct = np.zeros(self.queries, dtype=np.bool_)
+        correct[self.query[hit]] = True
+        return correct
+
+
+def read_truth(path: Path, queries: int, places: int) -> Truth:
+    """Read a ground truth from a CSV file with the columns `query`, `first` and `last`.
+
+    Each row gives an inclusive range of right places for one query frame. A query frame may have
+    several rows; one without a row is off the route. Blank lines and other columns are ignored.
+
+    Args:
+        path: the CSV file, UTF-8.
+        queries: number of query frames.
+        places: number of places of the map.
+
+    Raises:
+        TruthError: the file cannot be read, lacks a column, or holds a row that is not three
+            integers, ends before it begins, or lies beyond the query frames or the places.
+
+    """
+    try:
+        # utf-8-sig: spreadsheets put a byte order mark in front of the header.
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(_rows(file, path, queries, places))
+    except OSError as error:
+        raise TruthError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TruthError(f"{path}: is not a CSV file in UTF-8: {error}") from error
+    query, first, last = np.array(rows, dtype=np.int64).reshape(-1, len(_COLUMNS)).T
+    return Truth(queries, query, first, last)
+
+
+def _rows(file: TextIO, path: Path, queries: int, places: int) -> Iterator[tuple[int, int, int]]:
+    reader = csv.DictReader(file, skipinitialspace=True)
+    missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
+    if missing:
+        raise TruthError(
+            f"{path}:1: no column {', '.join(missing)}: the header must be {','.join(_COLUMNS)}"
+        )
+    for row in reader:
+        try:
+            yield _parse(row, queries, places)
+        except ValueError as error:
+            raise TruthError(f"{path}:{reader.line_num}: {error}") from error
+
+
+def _parse(row: dict[str, str | None], queries: int, places: int) -> tuple[int, int, int]:
+    query, first, last = (_integer(column, row[column]) for column in _COLUMNS)
+    if not 0 <= query < queries:
+        raise ValueError(f"query {query} is not one of the {queries} query frames (from 0)")
+    if first > last:
+        raise ValueError(f"first {first} is after last {last}")
+    for column, place in (("first", first), ("last", last)):
+        if not 0 <= place < places:
+            raise ValueError(f"{column} {place} is not one of the {places} places (from 0)")
+    return query, first, last
+
+
+def _integer(column: str, text: str | None) -> int:
+    try:
+        return int(text or "")
+    except ValueError:
+        raise ValueError(f"{column} {text or ''!r} is not an integer") from None

@@ -1,0 +1,113 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from placefield.errors import TruthError
+from placefield.evaluation.truth import Truth, read_truth
+
+
+@given(
+    queries=st.integers(0, 12),
+    places=st.integers(0, 12),
+    tolerance=st.integers(0, 5),
+    data=st.data(),
+)
+def test_within_is_right_exactly_where_frame_numbers_differ_by_the_tolerance_at_most(
+    queries: int, places: int, tolerance: int, data: st.DataObject
+) -> None:
+    matches = data.draw(
+        st.lists(st.integers(-1, places - 1), min_size=queries, max_size=queries), label="matches"
+    )
+    truth = Truth.within(queries, places, tolerance)
+
+    correct = truth.correct(np.array(matches, dtype=np.int64))
+
+    assert correct.tolist() == [m >= 0 and abs(m - i) <= tolerance for i, m in enumerate(matches)]
+    assert truth.on_route.tolist() == [
+        any(abs(i - place) <= tolerance for place in range(places)) for i in range(queries)
+    ]
+
+
+def test_a_negative_tolerance_is_refused() -> None:
+    with pytest.raises(TruthError, match="tolerance -1"):
+        Truth.within(3, 3, -1)
+
+
+def test_matches_of_another_length_are_refused() -> None:
+    with pytest.raises(TruthError, match="3 query frames"):
+        Truth.within(3, 3, 0).correct(np.array([0, 1]))
+
+
+@given(
+    rows=st.lists(
+        st.tuples(st.integers(0, 5), st.integers(0, 7), st.integers(0, 7)).map(
+            lambda row: (row[0], min(row[1:]), max(row[1:]))
+        ),
+        max_size=10,
+    ),
+    matches=st.lists(st.integers(-1, 7), min_size=6, max_size=6),
+)
+def test_a_file_gives_each_query_the_union_of_its_ranges(
+    tmp_path_factory: pytest.TempPathFactory,
+    rows: list[tuple[int, int, int]],
+    matches: list[int],
+) -> None:
+    path = tmp_path_factory.mktemp("truth") / "truth.csv"
+    path.write_text("query,first,last\n" + "".join(f"{q},{a},{b}\n\n" for q, a, b in rows))
+    right: dict[int, set[int]] = {q: set() for q in range(6)}
+    for q, a, b in rows:
+        right[q].update(range(a, b + 1))
+
+    truth = read_truth(path, queries=6, places=8)
+
+    assert truth.correct(np.array(matches)).tolist() == [
+        m in right[q] for q, m in enumerate(matches)
+    ]
+    assert truth.on_route.tolist() == [bool(right[q]) for q in range(6)]
+
+
+def test_a_spreadsheets_export_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "truth.csv"
+    path.write_bytes("\ufefffirst, last, query, note\r\n 2, 3, 1, café\r\n".encode())
+
+    assert read_truth(path, queries=2, places=4).correct(np.array([2, 3])).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", ":1: no column query, first, last"),
+        ("query,first\n0,0\n", ":1: no column last"),
+        ("query,first,last\n0,0,0\n\n1,x,2\n", ":4: first 'x' is not an integer"),
+        ("query,first,last\n0,0\n", ":2: last '' is not an integer"),
+        ("query,first,last\n0,0,1.5\n", ":2: last '1.5' is not an integer"),
+        ("query,first,last\n0,2,1\n", ":2: first 2 is after last 1"),
+        ("query,first,last\n-1,0,0\n", ":2: query -1 is not one of the 3 query frames"),
+        ("query,first,last\n3,0,0\n", ":2: query 3 is not one of the 3 query frames"),
+        ("query,first,last\n0,-1,0\n", ":2: first -1 is not one of the 4 places"),
+        ("query,first,last\n0,0,4\n", ":2: last 4 is not one of the 4 places"),
+    ],
+)
+def test_a_malformed_file_is_refused_in_one_line_that_names_file_and_line(
+    tmp_path: Path, text: str, complaint: str
+) -> None:
+    path = tmp_path / "truth.csv"
+    path.write_text(text)
+
+    with pytest.raises(TruthError) as error:
+        read_truth(path, queries=3, places=4)
+
+    assert str(error.value).startswith(f"{path}{complaint}")
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"\xff\xfe\x00")
+
+    for path in (tmp_path / "missing.csv", tmp_path, binary):
+        with pytest.raises(TruthError, match=path.name):
+            read_truth(path, queries=3, places=4)
