@@ -1,0 +1,168 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from placefield.errors import FrameError, SourceError
+from placefield.features.frames import Pose
+from placefield.features.images import decode
+from placefield_tools.sources import open_source
+from placefield_tools.sources.folder import NOMINAL_RATE, _natural_key
+
+
+def fill(folder, *names):
+    """Write an image of one brightness per name, the name's position times ten."""
+    for at, name in enumerate(names):
+        (folder / name).parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(folder / name), np.full((16, 16), 10 * at, np.uint8))
+
+
+def names(source):
+    return [frame.name for frame in source]
+
+
+def test_frames_come_in_natural_order_and_nothing_else_comes(tmp_path):
+    fill(tmp_path, "frame10.png", "frame2.PNG", "frame1.jpg", "._frame1.jpg", "sub/frame3.png")
+    (tmp_path / "notes.txt").write_text("no image")
+    (tmp_path / "folder.png").mkdir()
+    with open_source(str(tmp_path)) as source:
+        assert names(source) == ["frame1.jpg", "frame2.PNG", "frame10.png"]
+        assert names(source) == ["frame1.jpg", "frame2.PNG", "frame10.png"]
+        assert not source.live
+        assert source.count == 3
+
+
+@given(st.lists(st.integers(0, 10**12), unique=True))
+def test_natural_order_is_the_order_of_the_numbers(numbers):
+    files = sorted((f"frame{number}.jpg" for number in numbers), key=_natural_key)
+    assert files == [f"frame{number}.jpg" for number in sorted(numbers)]
+
+
+def test_natural_order_takes_any_names():
+    ordered = ["02.png", "2.png", "12.png", "a1b2.png", "a1b10.png", "b1.png", "b.png", "²3.png"]
+    assert sorted(set(ordered), key=_natural_key) == ordered
+
+
+def test_bytes_are_passed_on_as_they_lie_on_the_disk(tmp_path):
+    fill(tmp_path, "0.jpg", "1.jpg", "2.jpg")
+    cut = (tmp_path / "1.jpg").read_bytes()[:200]
+    (tmp_path / "1.jpg").write_bytes(cut)
+    frames = list(open_source(str(tmp_path)))
+    assert frames[1].image == cut
+    with pytest.raises(FrameError):
+        decode(frames[1].image)
+    assert decode(frames[2].image).mean() == pytest.approx(20, abs=1)
+
+
+def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
+    fill(tmp_path, *(f"{at}.png" for at in range(10)))
+    source = open_source(str(tmp_path), start=1, stride=4)
+    frames = list(source)
+    assert [frame.index for frame in frames] == [1, 5, 9]
+    assert [decode(frame.image).mean() for frame in frames] == [10, 50, 90]
+    assert source.count == 3
+
+
+def test_without_stamps_the_rate_is_nominal(tmp_path):
+    fill(tmp_path, "0.png", "1.png", "2.png", "3.png", "4.png")
+    source = open_source(str(tmp_path), stride=2)
+    assert [frame.stamp_ns for frame in source] == [0, 200_000_000, 400_000_000]
+    assert source.frame_rate == NOMINAL_RATE / 2
+    assert {frame.pose for frame in source} == {None}
+
+
+def test_frames_csv_gives_order_stamps_and_poses(tmp_path):
+    fill(tmp_path, "a.png", "left/b.png", "c.png", "unlisted.png")
+    (tmp_path / "frames.csv").write_text(
+        "\ufefffile, stamp, y, x, yaw\r\n"
+        "c.png, 1700000000.123456789, 2, 1, 0.5\r\n"
+        "\r\n"
+        "a.png, 1700000000.623456789, , ,\r\n"
+        "left/b.png, 1700000001.123456789, -4, 3e0, -1\r\n",
+        encoding="utf-8",
+    )
+    source = open_source(str(tmp_path))
+    frames = list(source)
+    assert [frame.name for frame in frames] == ["c.png", "a.png", "left/b.png"]
+    assert [frame.index for frame in frames] == [0, 1, 2]
+    assert frames[0].stamp_ns == 1_700_000_000_123_456_789
+    assert [frame.pose for frame in frames] == [Pose(1, 2, 0.5), None, Pose(3, -4, -1)]
+    assert decode(frames[2].image).mean() == 10
+    assert source.frame_rate == pytest.approx(2)
+
+
+def test_frames_csv_may_give_the_order_alone(tmp_path):
+    fill(tmp_path, "a.png", "b.png")
+    (tmp_path / "frames.csv").write_text("file\nb.png\na.png\n")
+    frames = list(open_source(str(tmp_path)))
+    assert [(frame.name, frame.stamp_ns) for frame in frames] == [("b.png", 0), ("a.png", 10**8)]
+
+
+def test_frames_csv_may_leave_out_the_yaw(tmp_path):
+    fill(tmp_path, "a.png")
+    (tmp_path / "frames.csv").write_text("file,x,y\na.png,1,2\n")
+    assert next(iter(open_source(str(tmp_path)))).pose == Pose(1, 2, 0)
+
+
+def test_frames_that_share_one_stamp_have_no_rate(tmp_path):
+    fill(tmp_path, "a.png", "b.png")
+    (tmp_path / "frames.csv").write_text("file,stamp\na.png,1\nb.png,1\n")
+    assert open_source(str(tmp_path)).frame_rate is None
+
+
+@pytest.mark.parametrize(
+    ("table", "complaint"),
+    [
+        ("", "line 1: the header"),
+        ("stamp,x,y\n1,2,3\n", "line 1: the header"),
+        ("file,time\na.png,1\n", "line 1: the header"),
+        ("file,stamp,stamp\na.png,1,1\n", "line 1: the header"),
+        ("file,x\na.png,1\n", "line 1: a pose"),
+        ("file,yaw\na.png,1\n", "line 1: a pose"),
+        ("file\n", "no frames"),
+        ("file,stamp\na.png,1\na.png\n", "line 3: 1 cells"),
+        ("file,stamp\na.png,1\n\na.png,2,3\n", "line 4: 3 cells"),
+        ("file,stamp\na.png,soon\n", "line 2: the stamp 'soon'"),
+        ("file,stamp\na.png,\n", "line 2: the stamp ''"),
+        ("file,stamp\na.png,nan\n", "line 2: the stamp"),
+        ("file,stamp\na.png,inf\n", "line 2: the stamp"),
+        ("file,stamp\na.png,1e999999\n", "line 2: the stamp"),
+        ("file,stamp\na.png,1700000000123456789\n", "line 2: the stamp"),
+        ("file,stamp\na.png,2\na.png,1\n", "line 3: the stamp is earlier"),
+        ("file,x,y,yaw\na.png,1,2,\n", "line 2: yaw is ''"),
+        ("file,x,y\na.png,1,east\n", "line 2: y is 'east'"),
+        ("file,x,y\na.png,nan,1\n", "line 2: x is 'nan'"),
+        ("file\na.png\nmissing.png\n", "line 3: there is no file 'missing.png'"),
+        ('file\n"a.png', "cannot be read as a table"),
+        ("file\n\xff.png", "cannot be read as a table"),
+    ],
+)
+def test_a_malformed_frames_csv_is_refused(tmp_path, table, complaint):
+    fill(tmp_path, "a.png")
+    (tmp_path / "frames.csv").write_bytes(table.encode("latin-1"))
+    with pytest.raises(SourceError, match=complaint) as refused:
+        open_source(str(tmp_path))
+    assert "frames.csv" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(SourceError, match=r"\.jpg .*\.png") as refused:
+        open_source(str(tmp_path))
+    assert str(tmp_path) in str(refused.value)
+
+
+def test_a_start_beyond_the_end_is_refused(tmp_path):
+    fill(tmp_path, "0.png", "1.png")
+    assert names(open_source(str(tmp_path), start=1)) == ["1.png"]
+    with pytest.raises(SourceError, match=r"--start 2.* 2 frames"):
+        open_source(str(tmp_path), start=2)
+
+
+def test_a_file_that_goes_away_is_a_known_error(tmp_path):
+    fill(tmp_path, "0.png", "1.png")
+    source = open_source(str(tmp_path))
+    (tmp_path / "1.png").unlink()
+    with pytest.raises(SourceError, match=r"1\.png"):
+        list(source)

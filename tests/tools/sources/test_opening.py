@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import pytest
+
+from placefield.errors import SourceError
+from placefield_tools.sources import open_source
+
+ABSENT_CAMERA = 97
+
+
+@pytest.mark.parametrize("where", ["nowhere", "nowhere/video.mp4", "camera:front", "x" * 5000])
+def test_what_is_not_there_is_refused(where):
+    with pytest.raises(SourceError, match=where[:40]) as refused:
+        open_source(where)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("form", ["camera:{}", "/dev/video{}"])
+def test_a_camera_that_is_absent_is_refused_quietly(capfd, form):
+    if Path(f"/dev/video{ABSENT_CAMERA}").exists():
+        pytest.skip(f"this machine has a camera {ABSENT_CAMERA}")
+    with pytest.raises(SourceError, match=f"camera:{ABSENT_CAMERA}: cannot be opened"):
+        open_source(form.format(ABSENT_CAMERA))
+    assert capfd.readouterr().err == ""
+
+
+def test_one_image_is_no_source(tmp_path):
+    (tmp_path / "a.jpg").touch()
+    with pytest.raises(SourceError, match=r"a\.jpg: .* the folder"):
+        open_source(str(tmp_path / "a.jpg"))
+
+
+@pytest.mark.parametrize("stride", [0, -1])
+def test_a_stride_below_one_is_refused(tmp_path, stride):
+    with pytest.raises(SourceError, match=f"--stride {stride}"):
+        open_source(str(tmp_path), stride=stride)
+
+
+def test_a_negative_start_is_refused(tmp_path):
+    with pytest.raises(SourceError, match="--start -1"):
+        open_source(str(tmp_path), start=-1)

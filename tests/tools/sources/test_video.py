@@ -1,0 +1,96 @@
+import cv2
+import numpy as np
+import pytest
+
+from placefield.errors import SourceError
+from placefield_tools.sources import open_source
+
+RATE = 25
+
+
+def brightness(index):
+    return 20 * index + 10
+
+
+def write_video(path, codec="MJPG", count=10):
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), RATE, (64, 48)
+    )
+    assert writer.isOpened()
+    for index in range(count):
+        writer.write(np.full((48, 64, 3), brightness(index), np.uint8))
+    writer.release()
+    return str(path)
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.avi", "MJPG"), ("a.mp4", "mp4v")])
+def test_all_frames_come_with_index_and_stamp(tmp_path, name, codec):
+    with open_source(write_video(tmp_path / name, codec)) as source:
+        assert source.count == 10
+        assert source.frame_rate == RATE
+        assert not source.live
+        frames = list(source)
+        assert [frame.index for frame in source] == list(range(10))
+    assert [frame.stamp_ns for frame in frames] == [40_000_000 * index for index in range(10)]
+    for frame in frames:
+        assert frame.image.shape == (48, 64, 3)
+        assert frame.image.dtype == np.uint8
+        assert frame.image.mean() == pytest.approx(brightness(frame.index), abs=4)
+    assert frames[3].name == f"{name}#3"
+
+
+def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
+    source = open_source(write_video(tmp_path / "a.avi"), start=2, stride=3)
+    frames = list(source)
+    assert [frame.index for frame in frames] == [2, 5, 8]
+    assert [frame.stamp_ns for frame in frames] == [80_000_000, 200_000_000, 320_000_000]
+    assert frames[1].image.mean() == pytest.approx(brightness(5), abs=4)
+    assert source.count == 3
+    assert source.frame_rate == pytest.approx(RATE / 3)
+
+
+def test_a_start_beyond_the_end_is_told_on_reading(tmp_path):
+    source = open_source(write_video(tmp_path / "a.avi"), start=10)
+    with pytest.raises(SourceError, match="--start 10"):
+        list(source)
+
+
+def test_a_container_that_counts_wrong_does_no_harm(tmp_path):
+    whole = tmp_path / "a.avi"
+    write_video(whole)
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(whole.read_bytes()[: 9 * whole.stat().st_size // 10])
+    source = open_source(str(cut))
+    assert 0 < len(list(source)) < source.count
+
+
+def test_frames_without_a_container_have_no_count(tmp_path):
+    pictures = [cv2.imencode(".jpg", np.full((48, 64), at, np.uint8))[1] for at in range(4)]
+    (tmp_path / "raw.mjpeg").write_bytes(b"".join(picture.tobytes() for picture in pictures))
+    source = open_source(str(tmp_path / "raw.mjpeg"))
+    assert source.count is None
+    assert len(list(source)) == 4
+
+
+def test_a_rotation_in_the_container_is_ignored(tmp_path):
+    video = tmp_path / "a.mp4"
+    write_video(video, "mp4v", count=2)
+    data = bytearray(video.read_bytes())
+    matrix = data.index(b"tkhd") + 4 + 40  # ISO 14496-12, 8.3.2, version 0
+    quarter_turn = [0, 1, 0, -1, 0, 0, 0, 0, 0x4000]
+    for at, value in enumerate(quarter_turn):
+        data[matrix + 4 * at : matrix + 4 * at + 4] = (value << 16).to_bytes(4, "big", signed=True)
+    video.write_bytes(data)
+    assert cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).read()[1].shape == (64, 48, 3)
+    assert next(iter(open_source(str(video)))).image.shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("a.mp4", b""), ("a.avi", bytes(5000)), ("a.txt", b"frames are elsewhere\n" * 50)],
+)
+def test_a_file_that_is_no_video_is_refused(tmp_path, capfd, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SourceError, match=f"{name}: no video"):
+        open_source(str(tmp_path / name))
+    assert "VIDEOIO" not in capfd.readouterr().err

@@ -1,0 +1,58 @@
+"""``placefield build``: reference traverses to a map."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("build")(_build)
+
+
+def _build(
+    references: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="REFERENCE...",
+            help="folders or videos of one route, frame for frame the same places",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
+    feature: options.Feature = None,
+    standardise: options.Standardise = None,
+    channels: options.Channels = None,
+    clusters: options.Clusters = None,
+    position_weight: options.PositionWeight = None,
+    min_scale: options.MinScale = None,
+    metric: options.Metric = None,
+    seed: options.Seed = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Build a map from one or more traverses of a route.
+
+    The places are the first traverse's frames; the metric and the PCA learn from all.
+    """
+    from placefield.maps.store import check_map_path, save_map
+    from placefield_tools.building import build_from
+
+    effective = options.effective_config(
+        config,
+        settings,
+        features__kind=feature,
+        features__standardise=standardise,
+        scales__channels=channels,
+        scales__clusters=clusters,
+        scales__position_weight=position_weight,
+        **options.min_scale_flags(min_scale),
+        metric__kind=metric,
+        seed=seed,
+    )
+    check_map_path(output)
+    built = build_from(references, effective)
+    save_map(built, output)
+    print(f"{output}: {built.places.count} places, {len(built.channels)} channels")

@@ -1,0 +1,19 @@
+"""``placefield config``: the settings in force."""
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("config")(_config)
+
+
+def _config(config: options.ConfigFile = None, settings: options.Settings = None) -> None:
+    """Print the settings in force, as TOML that --config takes.
+
+    Flags win over the environment (PLACEFIELD_SCALES__CHANNELS=8), that over the file of --config,
+    that over the defaults.
+    """
+    print(options.effective_config(config, settings).to_toml(), end="")

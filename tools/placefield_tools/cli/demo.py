@@ -1,0 +1,79 @@
+"""``placefield demo``: from frames to figures in one go."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from placefield.config import Config
+from placefield.evaluation.truth import Truth
+from placefield_tools.cli import options
+from placefield_tools.cli.evaluate import DEFAULT_TOLERANCE
+
+if TYPE_CHECKING:
+    from placefield_tools.demo.light import Light
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("demo")(_demo)
+
+
+def _demo(
+    reference: Annotated[
+        str | None, typer.Argument(metavar="[REF", help="a folder or video [default: rendered]")
+    ] = None,
+    query: Annotated[
+        str | None, typer.Argument(metavar="QUERY]", help="the same route at another time")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="folder for all files")] = Path(
+        "demo"
+    ),
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Build a map of a route, run the services, stream a second traverse, and show how it went.
+
+    Without REF and QUERY, a street is rendered by day and at dusk.
+    """
+    if (reference is None) != (query is None):
+        raise typer.BadParameter("give both REF and QUERY, or neither")
+    effective = options.effective_config(config, settings)
+    if reference is None or query is None:
+        reference, query = _render(output, "day"), _render(output, "dusk")
+    _run(reference, query, output, effective)
+
+
+def _render(folder: Path, light: "Light") -> str:
+    from placefield_tools.demo.traverse import FRAMES, render_traverse
+    from placefield_tools.progress import progress_bar
+
+    target = folder / light
+    with progress_bar() as bar:
+        task = bar.add_task(f"rendering a street, {light}", total=FRAMES)
+        render_traverse(target, light, on_frame=lambda _: bar.advance(task))
+    return str(target)
+
+
+def _run(reference: str, query: str, output: Path, config: Config) -> None:
+    from placefield.maps.store import save_map
+    from placefield_tools.building import build_from
+    from placefield_tools.evaluating import evaluate
+    from placefield_tools.inspecting import draw_segments
+    from placefield_tools.pictures import draw
+    from placefield_tools.progress import CONSOLE
+    from placefield_tools.reporting import print_table
+
+    map_path = output / "route.pfmap"
+    built = build_from([reference], config)
+    save_map(built, map_path)
+    segments = output / "segments.png"
+    draw_segments(built, segments)
+    CONSOLE.print("starting the services and streaming the query through them, once per rule")
+
+    def truth_of(queries: int, places: int) -> Truth:
+        return Truth.within(queries, places, DEFAULT_TOLERANCE)
+
+    evaluation = evaluate(map_path, query, truth_of, config, services=True)
+    title = f"{Path(reference).name} → {Path(query).name}"
+    print_table(evaluation, [segments, *draw(output, evaluation, title)])

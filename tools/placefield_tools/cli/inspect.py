@@ -1,0 +1,31 @@
+"""``placefield inspect``: a map for a person."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("inspect")(_inspect)
+
+
+def _inspect(
+    map_path: options.MapPath,
+    picture: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="picture of the segments [default: MAP-segments.png]"),
+    ] = None,
+) -> None:
+    """Print what a map holds, and draw its segments per channel."""
+    from placefield.maps.store import open_map
+    from placefield_tools.inspecting import draw_segments, print_map
+
+    opened = open_map(map_path)
+    print_map(opened, map_path)
+    path = picture or map_path.with_name(f"{map_path.stem}-segments.png")
+    draw_segments(opened, path)
+    print(path)

@@ -1,0 +1,65 @@
+"""``placefield listen``: matches as they come."""
+
+import json
+from typing import Annotated
+
+import typer
+
+from placefield.bus.messages import Header, MatchMessage
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("listen")(_listen)
+
+
+def _listen(
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON lines")] = False,
+    run: options.Run = None,
+    endpoint: options.Endpoint = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Print the matches of a run as they come, a line each, until Ctrl-C."""
+    from placefield.bus.keys import Keys
+    from placefield.bus.session import open_bus
+    from placefield.errors import MessageError
+    from placefield_services.process import stop_event
+    from placefield_tools.listening import MatchQueue
+
+    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
+    stop = stop_event()
+    with open_bus(effective.bus) as bus:
+        matches = MatchQueue(bus, Keys(effective.run))
+        while not stop.is_set():
+            try:
+                taken = matches.take(0.1)
+            except MessageError as error:
+                bus.log_dropped("match", error)
+                continue
+            if taken is not None:
+                print((_as_json if as_json else _as_line)(*taken), flush=True)
+
+
+def _as_line(header: Header, match: MatchMessage | None) -> str:
+    if match is None:
+        return f"end of stream {header.stream[:8]}: {header.sequence} frames"
+    place = "no place" if match.place < 0 else f"place {match.place}"
+    parts = [f"frame {header.sequence}: {place}, score {match.score:.2f}"]
+    if match.pose is not None:
+        x, y, yaw = match.pose
+        parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")
+    if match.missing:
+        parts.append(f"without channels {', '.join(map(str, match.missing))}")
+    return ", ".join(parts)
+
+
+def _as_json(header: Header, match: MatchMessage | None) -> str:
+    frame = {
+        "stream": header.stream,
+        "sequence": header.sequence,
+        "stamp_ns": header.stamp_ns,
+        "end": header.end,
+    }
+    return json.dumps(frame | (match.model_dump(exclude={"version"}) if match else {}))

@@ -1,0 +1,43 @@
+"""The command ``placefield``."""
+
+import logging
+import sys
+
+import typer
+
+from placefield.errors import PlacefieldError
+from placefield_tools.cli import (
+    build,
+    config,
+    demo,
+    evaluate,
+    inspect,
+    listen,
+    replay,
+    services,
+    status,
+    up,
+)
+
+app = typer.Typer(
+    help="Visual place recognition with adaptive multiple scales, as a stream of processes.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for module in (build, inspect, up, services, replay, listen, status, evaluate, config, demo):
+    module.add_to(app)
+
+
+def main() -> None:
+    """Run a command; a known error is one line on stderr and exit code 1."""
+    logging.basicConfig(format="placefield: %(message)s", level=logging.INFO)
+    try:
+        app()
+    except PlacefieldError as error:
+        print(f"placefield: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

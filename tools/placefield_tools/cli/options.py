@@ -1,0 +1,100 @@
+"""Options that several commands share, and how flags become a configuration."""
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from placefield.config import Config, FeatureKind, Rule, load_config
+from placefield.errors import ConfigError
+
+MapPath = Annotated[
+    Path, typer.Argument(metavar="MAP", help="a map: NAME.pfmap", show_default=False)
+]
+ConfigFile = Annotated[
+    Path | None, typer.Option("--config", help="settings as TOML; see 'placefield config'")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="any setting, as scales.channels=8"),
+]
+Run = Annotated[str | None, typer.Option(help="name of the run [default: default]")]
+Endpoint = Annotated[
+    str | None, typer.Option(help="the router [default: tcp/127.0.0.1:7557]", metavar="ENDPOINT")
+]
+RuleOption = Annotated[Rule | None, typer.Option("--rule", help="[default: evidence]")]
+
+Feature = Annotated[FeatureKind | None, typer.Option(help="[default: gist]")]
+Standardise = Annotated[
+    bool | None,
+    typer.Option(
+        "--standardise/--no-standardise",
+        help="take the query's running mean and deviation out [default: standardise]",
+    ),
+]
+Channels = Annotated[int | None, typer.Option(help="how many [default: 4]")]
+Clusters = Annotated[int | None, typer.Option(help="per channel [default: estimated]")]
+PositionWeight = Annotated[
+    float | None,
+    typer.Option(help="of the position in the route when clustering; 0: the paper [default: 1]"),
+]
+MinScale = Annotated[
+    str | None,
+    typer.Option(metavar="N or Nm", help="shortest segment in frames, or in metres [default: 4]"),
+]
+Metric = Annotated[str | None, typer.Option(help="lmnn or identity [default: lmnn]")]
+Seed = Annotated[int | None, typer.Option(help="of everything random [default: 0]")]
+
+_METRES = re.compile(r"(\d+(?:\.\d+)?)\s*m")
+
+
+def effective_config(file: Path | None, settings: Sequence[str] | None, **flags: Any) -> Config:
+    """Make the configuration of a command.
+
+    Args:
+        file: of ``--config``.
+        settings: of ``--set``.
+        flags: values of the command's own flags by key, ``scales__channels``; None: not given.
+
+    Raises:
+        ConfigError: something does not fit.
+    """
+    nested: dict[str, Any] = {}
+    for key, value in [*map(_setting, settings or ()), *flags.items()]:
+        if value is None:
+            continue
+        *sections, name = key.split("__")
+        table = nested
+        for section in sections:
+            table = table.setdefault(section, {})
+        table[name] = value
+    return load_config(file, nested)
+
+
+def min_scale_flags(text: str | None) -> dict[str, Any]:
+    """Return the settings of ``--min-scale``: frames, as ``4``, or metres, as ``2.5m``.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    if text is None:
+        return {}
+    if metres := _METRES.fullmatch(text):
+        return {"scales__min_scale_metres": float(metres[1])}
+    if text.isdecimal():
+        return {"scales__min_scale": int(text)}
+    raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise ConfigError(f"--set {text!r}: write it as KEY=VALUE")
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value  # a bare word
+    return key.strip().replace(".", "__"), parsed

@@ -1,0 +1,44 @@
+"""``placefield replay``: a source of frames onto the bus."""
+
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("replay")(_replay)
+
+
+def _replay(
+    source: Annotated[
+        str, typer.Argument(help="a folder of frames, a video, or a camera as camera:0")
+    ],
+    rate: Annotated[
+        float | None,
+        typer.Option(min=0.01, help="frames per second [default: as fast as they are answered]"),
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
+    start: Annotated[int, typer.Option(help="first frame")] = 0,
+    stride: Annotated[int, typer.Option(help="take every n-th frame")] = 1,
+    run: options.Run = None,
+    endpoint: options.Endpoint = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Stream frames to the services of a run.
+
+    Folders and videos are lossless: no frame is dropped. A camera is live: old frames are dropped
+    for new ones where the services cannot follow.
+    """
+    from placefield.bus.session import open_bus
+    from placefield_services.process import stop_event
+    from placefield_tools.replaying import replay
+    from placefield_tools.sources import open_source
+
+    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
+    with open_source(source, start=start, stride=stride) as frames, open_bus(effective.bus) as bus:
+        sent = replay(frames, bus, effective, stop_event(), rate=rate, loop=loop)
+    print(f"{sent} frames replayed")

@@ -1,0 +1,54 @@
+"""A map in words and as a picture."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from placefield.evaluation.plots import ChannelSegments, plot_segments
+from placefield.maps.map import Map
+
+
+def print_map(opened: Map, path: Path) -> None:
+    """Print what a map was made of and what its channels are."""
+    console = Console()
+    model, places = opened.model, opened.places
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    made = "standardised" if model.standardise else "not standardised"
+    facts = {
+        "map": f"{path}, {size / 2**20:.1f} MB",
+        "places": f"{places.count}, {'with' if len(places.poses) else 'without'} poses",
+        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
+        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
+        "metric": opened.metric.kind,
+        "seed": str(opened.seed),
+    }
+    for name, fact in facts.items():
+        console.print(f"{name:>10}  {fact}", highlight=False, soft_wrap=True)
+    table = Table("channel", "fuzzifier", "clusters", "segments", "active", "metric", "scales")
+    for number, channel in enumerate(opened.channels):
+        table.add_row(
+            str(number),
+            f"{channel.fuzzifier:.2f}",
+            str(channel.clusters),
+            str(len(channel.segments)),
+            f"{np.mean(channel.labels > 0):.0%}",
+            "learned" if channel.learned else "identity",
+            " ".join(map(str, channel.scales)),
+        )
+    console.print(table)
+
+
+def draw_segments(opened: Map, path: Path) -> None:
+    """Draw the segments of each channel over the places (the paper's figures 5, 7 and 11)."""
+    channels = [
+        ChannelSegments(
+            name=f"channel {number}",
+            fuzzifier=channel.fuzzifier,
+            label=channel.labels,
+            active=channel.labels > 0,
+        )
+        for number, channel in enumerate(opened.channels)
+    ]
+    plot_segments(path, channels, opened.places.count)

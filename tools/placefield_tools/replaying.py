@@ -1,0 +1,151 @@
+"""A source of frames onto the bus."""
+
+import itertools
+import threading
+import time
+import uuid
+from collections import Counter
+from collections.abc import Iterator
+
+from placefield.bus.credits import Credits
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import FrameMessage, Header
+from placefield.bus.session import Bus
+from placefield.config import Config
+from placefield.errors import BusError
+from placefield.features.frames import Frame
+from placefield_tools.progress import tracked
+from placefield_tools.sources import Source
+
+_POLL_S = 0.1
+_STALLED_S = 15.0
+
+
+def replay(
+    source: Source,
+    bus: Bus,
+    config: Config,
+    stop: threading.Event,
+    *,
+    rate: float | None = None,
+    loop: bool = False,
+) -> int:
+    """Publish the frames of a source; return how many.
+
+    A camera is live: what the services cannot follow is dropped. Any other source is lossless: a
+    frame is sent when one before it has been answered, and the end is awaited.
+
+    Args:
+        source: of the frames.
+        bus: to publish on.
+        config: its run and bus.
+        stop: ends the stream early.
+        rate: frames per second at most; None: as fast as credits allow.
+        loop: begin again at the end, in the same stream.
+
+    Raises:
+        BusError: a service is missing, another replay is on, or the services stop answering.
+        SourceError: the source fails.
+    """
+    keys = Keys(config.run)
+    _refuse_second(bus, keys)
+    _await_services(bus, keys, config.bus.connect_timeout_s, stop)
+    bus.declare_alive(keys.alive("replay", uuid.uuid4().hex[:8]))
+    stream = _Stream(bus, keys, live=source.live)
+    total = None if loop else source.count
+    for frame in tracked(_paced(_frames(source, loop), rate, stop), "replaying", total):
+        if not stream.send(frame, stop):
+            break
+    stream.end(stop)
+    return stream.sent
+
+
+class _Stream:
+    """One stream of frames: numbers them and keeps to the credits."""
+
+    def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
+        self.sent = 0
+        self._name = uuid.uuid4().hex
+        self._live = live
+        self._stamp_ns = 0
+        self._credits = Credits()
+        self._run = keys.run
+        self._publisher = bus.publisher(keys.frame)
+        bus.subscribe(keys.ack, self._answered, Counter())
+
+    def _answered(self, received: Received) -> None:
+        if received.header.stream == self._name:
+            self._credits.answer(received.header.sequence)
+
+    def send(self, frame: Frame, stop: threading.Event) -> bool:
+        """Publish a frame when there is a credit for it; False if stopped before."""
+        if not self._live and not self._wait(stop):
+            return False
+        self._stamp_ns = frame.stamp_ns
+        self._publisher.put(self._header(), FrameMessage(image=frame.image))
+        self.sent += 1
+        return True
+
+    def end(self, stop: threading.Event) -> None:
+        """Publish the end of the stream and wait until it is answered."""
+        self._publisher.put(self._header(end=True))
+        end = time.monotonic() + _STALLED_S
+        while not stop.is_set() and not self._credits.wait_until_answered(self.sent, _POLL_S):
+            if time.monotonic() > end:
+                raise self._stalled()
+
+    def _header(self, *, end: bool = False) -> Header:
+        return Header(
+            stream=self._name,
+            sequence=self.sent,
+            stamp_ns=self._stamp_ns,
+            live=self._live,
+            end=end,
+        )
+
+    def _wait(self, stop: threading.Event) -> bool:
+        end = time.monotonic() + _STALLED_S
+        while not stop.is_set():
+            if self._credits.take(_POLL_S):
+                return True
+            if time.monotonic() > end:
+                raise self._stalled()
+        return False
+
+    def _stalled(self) -> BusError:
+        return BusError(
+            f"run {self._run!r}: {self.sent} frames sent, {self._credits.answered} answered, and "
+            f"none for {_STALLED_S:g} s: see what 'placefield status' says of the services"
+        )
+
+
+def _refuse_second(bus: Bus, keys: Keys) -> None:
+    if bus.alive(keys.all_alive("replay")):
+        raise BusError(
+            f"run {keys.run!r} has a replay already; wait for its end or take another --run"
+        )
+
+
+def _await_services(bus: Bus, keys: Keys, timeout: float, stop: threading.Event) -> None:
+    end = time.monotonic() + timeout
+    while missing := [s for s in ("featurizer", "fuser") if not bus.alive(keys.all_alive(s))]:
+        if time.monotonic() > end or stop.wait(_POLL_S):
+            raise BusError(
+                f"run {keys.run!r} has no {' and no '.join(missing)}: "
+                "start the services with 'placefield up MAP'"
+            )
+
+
+def _frames(source: Source, loop: bool) -> Iterator[Frame]:
+    return itertools.chain.from_iterable(itertools.repeat(source)) if loop else iter(source)
+
+
+def _paced(frames: Iterator[Frame], rate: float | None, stop: threading.Event) -> Iterator[Frame]:
+    """Hand the frames on at a rate of at most so many per second; no catching up after a wait."""
+    due = time.monotonic()
+    for frame in frames:
+        if rate is not None:
+            stop.wait(max(0.0, due - time.monotonic()))
+            due = max(due, time.monotonic() - 1 / rate) + 1 / rate
+        yield frame

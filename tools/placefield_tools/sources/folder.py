@@ -1,0 +1,81 @@
+"""A folder of image files as a source of frames."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from placefield.errors import SourceError
+from placefield.features.frames import Frame
+from placefield_tools.sources.frames_csv import Listed, read_frames_csv
+from placefield_tools.sources.source import Source
+
+IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
+LISTING = "frames.csv"
+NOMINAL_RATE = 10
+"""Frames per second that a folder without stamps is said to have been taken at."""
+
+
+class Folder(Source):
+    """The images of one folder, not of its sub-folders, as they lie on the disk.
+
+    Without a ``frames.csv`` these are all files with an image's suffix, in natural order (frame2
+    before frame10), stamped as if taken at ``NOMINAL_RATE``. With one, they are the files that it
+    lists (see ``frames_csv``). Hidden files do not count: some systems put one beside each image.
+    """
+
+    def __init__(self, path: Path, *, start: int = 0, stride: int = 1) -> None:
+        self._path = path
+        self._frames = _listed(path)
+        self._chosen = range(start, len(self._frames), stride)
+        if not self._chosen:
+            raise SourceError(f"--start {start}: {path} holds {len(self._frames)} frames only")
+        self.count = len(self._chosen)
+        rate = _frame_rate(self._frames)
+        self.frame_rate = None if rate is None else rate / stride
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames, each read when its turn comes; their bytes are not looked at."""
+        for index in self._chosen:
+            listed = self._frames[index]
+            yield Frame(index, listed.stamp_ns, listed.file, self._read(listed.file), listed.pose)
+
+    def _read(self, file: str) -> bytes:
+        try:
+            return (self._path / file).read_bytes()
+        except OSError as error:
+            raise SourceError(f"{self._path / file}: cannot be read ({error.strerror})") from error
+
+
+def _listed(folder: Path) -> list[Listed]:
+    listing = folder / LISTING
+    if listing.exists():
+        return read_frames_csv(listing, _nominal_stamp_ns)
+    files = sorted(
+        (
+            file.name
+            for file in folder.iterdir()
+            if file.suffix.lower() in IMAGE_SUFFIXES
+            and not file.name.startswith(".")
+            and file.is_file()
+        ),
+        key=_natural_key,
+    )
+    if not files:
+        raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
+    return [Listed(file, _nominal_stamp_ns(index)) for index, file in enumerate(files)]
+
+
+def _nominal_stamp_ns(index: int) -> int:
+    return index * 1_000_000_000 // NOMINAL_RATE
+
+
+def _natural_key(name: str) -> tuple[list[str | int], str]:
+    """Order numbers in a name by value; the name itself settles 1.png and 01.png."""
+    parts = re.split(r"([0-9]+)", name)
+    return [int(part) if at % 2 else part for at, part in enumerate(parts)], name
+
+
+def _frame_rate(frames: list[Listed]) -> float | None:
+    """Return the mean rate between the first and the last stamp."""
+    duration_ns = frames[-1].stamp_ns - frames[0].stamp_ns
+    return (len(frames) - 1) * 1e9 / duration_ns if duration_ns else None

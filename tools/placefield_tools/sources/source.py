@@ -1,0 +1,43 @@
+"""What every source of frames offers."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from types import TracebackType
+from typing import ClassVar, Self
+
+from placefield.features.frames import Frame
+
+
+class Source(ABC):
+    """A stream of frames: iterate over it inside a ``with``.
+
+    ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
+    frames it gives, None where that is unknown; a video's container may be wrong about it, so there
+    it is an estimate. ``frame_rate`` is the rate in 1/s at which the given frames were taken (the
+    native rate divided by the stride), None where that is unknown.
+
+    A frame's ``index`` counts all the source's frames, those before ``start`` and those that the
+    stride leaves out too. A source that is not live can be iterated again, with the same frames.
+    """
+
+    live: ClassVar[bool] = False
+    count: int | None
+    frame_rate: float | None
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames in order; raise SourceError where the source fails on the way."""
+
+    def close(self) -> None:  # noqa: B027 - only a source that holds a device has to
+        """Give back what the source holds."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

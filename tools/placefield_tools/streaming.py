@@ -1,0 +1,72 @@
+"""A query through the services: real processes on a bus of their own."""
+
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from placefield.bus.keys import Keys
+from placefield.bus.session import open_bus
+from placefield.config import Config
+from placefield.errors import BusError
+from placefield.fusion.match import Match
+from placefield_tools.listening import MatchQueue, stream_matches
+from placefield_tools.replaying import replay
+from placefield_tools.sources import Source
+
+_START_S = 60.0
+_LAST_MATCH_S = 5.0
+
+
+def match_through_services(map_path: Path, source: Source, config: Config) -> list[Match]:
+    """Start a whole host, replay a source through it, and return its matches in order.
+
+    Raises:
+        BusError: the services do not start or stop answering.
+    """
+    alone = config.model_copy(
+        update={"bus": config.bus.model_copy(update={"endpoint": _free_endpoint()})}
+    )
+    with _host(map_path, alone), open_bus(alone.bus) as bus:
+        matches = MatchQueue(bus, Keys(alone.run))
+        replay(source, bus, alone, threading.Event())
+        return [
+            Match(message.place, message.score, message.missing)
+            for _, message in stream_matches(matches, _LAST_MATCH_S)
+        ]
+
+
+@contextmanager
+def _host(map_path: Path, config: Config) -> Iterator[None]:
+    """Run ``placefield up``, ready inside the block and gone after it."""
+    command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
+    command += ["--endpoint", config.bus.endpoint, "--run", config.run]
+    command += ["--rule", config.matching.rule]
+    command += ["--set", f"matching.neighbourhood={config.matching.neighbourhood}"]
+    command += ["--set", f"fusion.deadline_s={config.fusion.deadline_s}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            _await_ready(process)
+            yield
+        finally:
+            process.terminate()
+
+
+def _await_ready(process: subprocess.Popen[str]) -> None:
+    timer = threading.Timer(_START_S, process.terminate)
+    timer.start()
+    try:
+        assert process.stdout is not None
+        if not process.stdout.readline().startswith("ready"):
+            raise BusError(f"the services did not start within {_START_S:g} s; see above")
+    finally:
+        timer.cancel()
+
+
+def _free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
