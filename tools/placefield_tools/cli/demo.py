@@ -13,6 +13,8 @@ from placefield_tools.cli.evaluate import DEFAULT_TOLERANCE
 if TYPE_CHECKING:
     from placefield_tools.demo.light import Light
 
+_FRAMES = 200  # of the rendered street
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -45,13 +47,13 @@ def _demo(
 
 
 def _render(folder: Path, light: "Light") -> str:
-    from placefield_tools.demo.traverse import FRAMES, render_traverse
+    from placefield_tools.demo.traverse import render_traverse
     from placefield_tools.progress import progress_bar
 
     target = folder / light
     with progress_bar() as bar:
-        task = bar.add_task(f"rendering a street, {light}", total=FRAMES)
-        render_traverse(target, light, on_frame=lambda _: bar.advance(task))
+        task = bar.add_task(f"rendering a street, {light}", total=_FRAMES)
+        render_traverse(target, light, frames=_FRAMES, on_frame=lambda _: bar.advance(task))
     return str(target)
 
 

@@ -1,0 +1,1 @@
+"""A small route, drawn twice: by day and at dusk."""
