@@ -1,0 +1,206 @@
+"""Large-margin nearest-neighbour metric learning (LMNN; Weinberger and Saul, JMLR 2009).
+
+Every point i is pulled towards its target neighbours j, the nearest points of its own label, while
+the points l of other labels, its impostors, are pushed a margin of 1 beyond them:
+
+    E(v) = (1 − push) Σ_ij d(i, j) + push Σ_ijl max(0, 1 + d(i, j) − d(i, l)),
+    d(i, j) = ‖v (x_i − x_j)‖².
+
+Divided by 1 − push this is Eq. 8 of the AMS paper with λ = push / (1 − push), so its λ ∈ [0, 1] is
+push ∈ [0, ½]. metric-learn's `LMNN` minimises the same E with `regularization` = 1 − push.
+
+An active triplet (i, j, l) adds 1 + d(i, j) − d(i, l) to the second sum, any other adds nothing. So
+E is a weighted sum of squared distances between pairs of points plus push for each active triplet:
+E = push · triplets + tr(Pᵀ L P), where P = X vᵀ and L is the graph Laplacian of the pair weights,
+and its gradient is 2 (L P)ᵀ X. A few matrix products do what would be a visit to every triplet.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from placefield.metric.distances import Floats, squared_distances
+
+Labels = NDArray[np.integer[Any]]
+
+_BLOCK = 512  # rows of the distance matrix held at once
+_FIRST_MOVE = 0.01  # length of the first move, relative to the projection's norm
+_GROWTH = 1.5  # of the step size after each step
+
+
+@dataclass(frozen=True)
+class LmnnFit:
+    """What `fit_lmnn` found: the last projection and the objective's way down to it.
+
+    Attributes:
+        projection: (N, N) float32, the paper's v.
+        objective: (steps taken + 1,) float64, E at the start and after each step, each less than
+            the one before.
+
+    """
+
+    projection: NDArray[np.float32]
+    objective: NDArray[np.float64]
+
+
+def fit_lmnn(
+    descriptors: NDArray[np.float32],
+    labels: Labels,
+    *,
+    neighbours: int,
+    push: float,
+    steps: int,
+    start: NDArray[np.float32] | None = None,
+    on_step: Callable[[int, NDArray[np.float32]], bool] | None = None,
+) -> LmnnFit:
+    """Minimise E by gradient descent, each step lowering it.
+
+    descriptors is (K, N) float32, labels is (K,), start the (N, N) projection to begin with (the
+    identity). After each step `on_step` gets its number, from 1, and the projection, and returns
+    True to stop. Fewer than `steps` steps are taken also where no step lowers E any more.
+
+    Gradient descent is preferred to L-BFGS, which lowers E faster: its first steps are so long that
+    early stopping has little to choose from between the identity and an over-fitted metric.
+    """
+    points = descriptors - descriptors.mean(axis=0)
+    targets = target_neighbours(points, labels, neighbours)
+    projection = np.eye(points.shape[1], dtype=np.float32) if start is None else start
+    value, gradient = objective(projection, points, labels, targets, push)
+    history = [value]
+    if not gradient.any():
+        return LmnnFit(projection, np.array(history))
+
+    size = _FIRST_MOVE * float(np.linalg.norm(projection) / np.linalg.norm(gradient))
+    while len(history) <= steps and not _is_negligible(size * gradient, projection):
+        candidate = projection - size * gradient
+        value, candidate_gradient = objective(candidate, points, labels, targets, push)
+        if value >= history[-1]:
+            size /= 2
+            continue
+        projection, gradient = candidate, candidate_gradient
+        history.append(value)
+        size *= _GROWTH
+        if on_step is not None and on_step(len(history) - 1, projection):
+            break
+    return LmnnFit(projection, np.array(history))
+
+
+def target_neighbours(
+    descriptors: Floats,
+    labels: Labels,
+    neighbours: int,
+    eligible: NDArray[np.bool_] | None = None,
+) -> NDArray[np.intp]:
+    """Find each point's target neighbours: the nearest other points of its label, nearest first.
+
+    descriptors is (K, N), labels is (K,), eligible the (K,) points that may be targets (all).
+    Returns (K, neighbours) indices; a point with fewer companions than that has -1 in the columns
+    that are left, and one without any only -1.
+    """
+    if eligible is None:
+        eligible = np.ones(len(labels), dtype=np.bool_)
+    targets = np.full((len(labels), neighbours), -1, dtype=np.intp)
+    for label in np.unique(labels):
+        members = np.flatnonzero(labels == label)
+        candidates = members[eligible[members]]
+        for start in range(0, len(members), _BLOCK):
+            block = members[start : start + _BLOCK]
+            distances = squared_distances(descriptors[block], descriptors[candidates])
+            distances[block[:, None] == candidates] = np.inf
+            nearest = np.argsort(distances, axis=1, kind="stable")[:, :neighbours]
+            is_other = np.take_along_axis(distances, nearest, axis=1) < np.inf
+            targets[block, : nearest.shape[1]] = np.where(is_other, candidates[nearest], -1)
+    return targets
+
+
+def objective(
+    projection: Floats, descriptors: Floats, labels: Labels, targets: NDArray[np.intp], push: float
+) -> tuple[float, Floats]:
+    """Compute E and its gradient with respect to the projection.
+
+    projection (M, N) and descriptors (K, N, centred) are of one float dtype, which the arithmetic
+    keeps; labels is (K,), targets (K, k) as `target_neighbours` gives them, push is in [0, 1].
+    Returns E and the (M, N) gradient. No more than a block of the (K, K) distances is held.
+    """
+    projected = descriptors @ projection.T
+    radii = _radii(projected, targets)
+    triplets = np.zeros_like(radii)
+    pushed = np.empty_like(projected)
+    for start in range(0, len(projected), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        distances = _impostor_distances(projected, labels, projected[block], labels[block])
+        pairs = np.zeros_like(distances)
+        for column in range(radii.shape[1]):
+            invades = distances < radii[block, column, None]
+            triplets[block, column] = np.count_nonzero(invades, axis=1)
+            pairs += invades
+            pairs += distances < radii[:, column]  # the pair seen from its other end
+        pushed[block] = _laplacian_product(pairs, projected[block], projected)
+
+    pulls = _symmetric_pairs(targets, (1 - push) + push * triplets)
+    forces = _laplacian_product(pulls, projected, projected) - push * pushed
+    trace = np.einsum("km,km->", projected, forces, dtype=np.float64)
+    value = push * triplets.sum(dtype=np.float64) + trace
+    return float(value), 2 * forces.T @ descriptors
+
+
+def loss(
+    projection: Floats, descriptors: Floats, labels: Labels, targets: NDArray[np.intp], push: float
+) -> float:
+    """Compute E alone, in time proportional to the number of points that have targets.
+
+    The arguments are those of `objective`.
+    """
+    projected = descriptors @ projection.T
+    anchors = np.flatnonzero((targets >= 0).any(axis=1))
+    radii = _radii(projected, targets)
+    hinges = 0.0
+    for start in range(0, len(anchors), _BLOCK):
+        block = anchors[start : start + _BLOCK]
+        distances = _impostor_distances(projected, labels, projected[block], labels[block])
+        for radius in radii[block].T:
+            hinges += np.maximum(radius[:, None] - distances, 0).sum(dtype=np.float64)
+    pulls = (radii - 1).sum(where=targets >= 0, dtype=np.float64)
+    return float((1 - push) * pulls + push * hinges)
+
+
+def _is_negligible(move: Floats, projection: Floats) -> bool:
+    return bool(np.linalg.norm(move) <= np.finfo(np.float32).eps * np.linalg.norm(projection))
+
+
+def _radii(projected: Floats, targets: NDArray[np.intp]) -> Floats:
+    """How far impostors must be from each point for each target: 1 + d(i, j), or 0 for no target.
+
+    No distance is below 0, so that a missing target has no impostors.
+    """
+    columns = [
+        1 + np.einsum("km,km->k", offsets, offsets)
+        for offsets in (projected - projected[column] for column in targets.T)
+    ]
+    return np.where(targets >= 0, np.stack(columns, axis=1), 0).astype(projected.dtype)
+
+
+def _impostor_distances(
+    projected: Floats, labels: Labels, rows: Floats, row_labels: Labels
+) -> Floats:
+    """Squared distances from the rows to all points, infinite between points of one label."""
+    distances = squared_distances(rows, projected)
+    distances[row_labels[:, None] == labels] = np.inf
+    return distances
+
+
+def _symmetric_pairs(targets: NDArray[np.intp], weights: Floats) -> csr_array:
+    """(K, K) sparse sum of each target's weight at (point, target) and (target, point)."""
+    points, columns = np.nonzero(targets >= 0)
+    ends = (points, targets[points, columns])
+    pairs = csr_array((weights[points, columns], ends), shape=(len(targets), len(targets)))
+    return csr_array(pairs + pairs.T)
+
+
+def _laplacian_product(pairs: Floats | csr_array, rows: Floats, points: Floats) -> Floats:
+    """Rows of L P: for each row, its offsets from all points summed by the weights of the pairs."""
+    return np.asarray(pairs.sum(axis=1)[:, None] * rows - pairs @ points)
