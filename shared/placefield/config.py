@@ -11,6 +11,7 @@ from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
+    SettingsError,
     TomlConfigSettingsSource,
 )
 
@@ -64,7 +65,9 @@ class MetricConfig(_Section):
 
     kind: Literal["lmnn", "identity"] = Field("lmnn", description="the metric of a channel")
     neighbours: int = Field(3, ge=1, description="target neighbours of a frame (k)")
-    push: float = Field(0.5, ge=0, le=1, description="weight of the push term (lambda)")
+    push: float = Field(
+        0.5, ge=0, le=1, description="share of the push term; the paper's λ is push / (1 - push)"
+    )
     steps: int = Field(30, ge=1, description="at most")
 
 
@@ -110,7 +113,8 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
     The environment is read as ``PLACEFIELD_SCALES__CHANNELS=8``.
 
     Raises:
-        ConfigError: a key is unknown, a value malformed, or the file missing or no TOML.
+        ConfigError: a key is unknown, a value malformed, or the file missing, unreadable or no
+            TOML.
     """
     if file is not None and not file.is_file():
         raise ConfigError(f"{file}: no such configuration file")
@@ -137,5 +141,11 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"setting {key}: {first['msg']} (given: {first['input']!r})") from None
-    except tomllib.TOMLDecodeError as error:
+    except SettingsError as error:
+        raise ConfigError(
+            f"environment: {error}; give one key a variable, as {ENV_PREFIX}SCALES__CHANNELS=8"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: not valid TOML: {error}") from None
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from None

@@ -7,7 +7,7 @@ import errno
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,29 @@ SUFFIX = ".pfmap"
 MANIFEST = "manifest.json"
 
 _REBUILD = "build the map again with 'placefield build'"
-_MODEL_FILES = ("mean", "deviation", "components")
-_PLACE_FILES = ("stamps", "poses", "thumbnails", "thumbnail_ends")
-_CHANNEL_FILES = ("projection", "places", "labels", "segments", "scales", "curve")
+
+# The arrays of each folder, by their file: dtype and axes. An axis of one letter has one length in
+# all files of a folder; K places, P poses, N descriptor and D raw dimensions in the whole map.
+_Layout = Mapping[str, tuple[str, str]]
+_MODEL_FILES: _Layout = {
+    "mean": ("float32", "D"),
+    "deviation": ("float32", "D"),
+    "components": ("float32", "ND"),
+}
+_PLACE_FILES: _Layout = {
+    "stamps": ("int64", "K"),
+    "poses": ("float64", "P3"),
+    "thumbnails": ("uint8", "b"),
+    "thumbnail_ends": ("int64", "K"),
+}
+_CHANNEL_FILES: _Layout = {
+    "projection": ("float32", "NN"),
+    "places": ("float32", "KN"),
+    "labels": ("int32", "K"),
+    "segments": ("int32", "s2"),
+    "scales": ("int32", "n"),
+    "curve": ("float64", "t2"),
+}
 
 
 def check_map_path(path: Path) -> None:
@@ -54,7 +74,8 @@ def save_map(built: Map, path: Path) -> None:
         with _written_beside(path) as folder:
             _write(built, folder)
     except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        # numpy tells of an array that was written in part without an errno
+        full = error.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         what = "the disk is full; free some space" if full else (error.strerror or str(error))
         raise MapError(f"{path}: cannot write the map: {what}") from None
 
@@ -66,9 +87,19 @@ def _written_beside(path: Path) -> Iterator[Path]:
         folder = Path(temporary) / "new"
         folder.mkdir()
         yield folder
-        if path.exists():
-            path.rename(Path(temporary) / "old")
+        _put_in_place(folder, path, Path(temporary) / "old")
+
+
+def _put_in_place(folder: Path, path: Path, old: Path) -> None:
+    if not path.exists():
         folder.rename(path)
+        return
+    path.rename(old)
+    try:
+        folder.rename(path)
+    except OSError:
+        old.rename(path)
+        raise
 
 
 def _write(built: Map, folder: Path) -> None:
@@ -101,7 +132,7 @@ def _write(built: Map, folder: Path) -> None:
 
 
 def _arrays(built: Map) -> dict[str, NDArray[Any]]:
-    parts: list[tuple[str, Any, tuple[str, ...]]] = [
+    parts: list[tuple[str, Any, _Layout]] = [
         ("features", built.model, _MODEL_FILES),
         ("places", built.places, _PLACE_FILES),
     ]
@@ -118,24 +149,20 @@ def open_map(path: Path) -> Map:
     """Open a map; its arrays are memory-mapped, so that all processes of a host share them.
 
     Raises:
-        MapError: there is no map, it is of another format, or a file's checksum or shape is wrong.
+        MapError: there is no map, it is of another format, or a file's checksum, dtype or shape is
+            wrong.
     """
     manifest = read_manifest(path)
+    places = manifest.places
+    sizes = {"K": places, "P": places if manifest.pose_frame else 0, "2": 2, "3": 3}
     model = DescriptorModel(
         manifest.features.kind,
         manifest.features.standardise,
-        *_load(path, manifest, "features", _MODEL_FILES),
+        *_load(path, manifest, "features", _MODEL_FILES, sizes),
     )
-    channels = tuple(
-        MapChannel(
-            record.fuzzifier,
-            record.clusters,
-            record.learned,
-            *_load(path, manifest, f"channels/{number}", _CHANNEL_FILES),
-        )
-        for number, record in enumerate(manifest.channels)
-    )
-    opened = Map(
+    if fingerprint(model) != manifest.model:
+        raise MapError(f"{path}: its descriptor model is not the manifest's; {_REBUILD}")
+    return Map(
         seed=manifest.seed,
         features=manifest.features,
         scales=manifest.scales,
@@ -143,11 +170,25 @@ def open_map(path: Path) -> Map:
         traverses=manifest.traverses,
         pose_frame=manifest.pose_frame,
         model=model,
-        places=Places(*_load(path, manifest, "places", _PLACE_FILES)),
-        channels=channels,
+        places=Places(*_load(path, manifest, "places", _PLACE_FILES, sizes)),
+        channels=tuple(
+            _open_channel(path, manifest, number, dict(sizes))
+            for number in range(len(manifest.channels))
+        ),
     )
-    _check_shapes(opened, manifest, path)
-    return opened
+
+
+def _open_channel(path: Path, manifest: Manifest, number: int, sizes: dict[str, int]) -> MapChannel:
+    record, folder = manifest.channels[number], f"channels/{number}"
+    channel = MapChannel(
+        record.fuzzifier,
+        record.clusters,
+        record.learned,
+        *_load(path, manifest, folder, _CHANNEL_FILES, sizes),
+    )
+    if not len(channel.scales) or np.any(np.diff(channel.scales, prepend=0) <= 0):
+        raise MapError(f"{path / folder / 'scales.npy'}: do not ascend from 1 on; {_REBUILD}")
+    return channel
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -167,46 +208,36 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def _load(
-    path: Path, manifest: Manifest, folder: str, names: tuple[str, ...]
+    path: Path, manifest: Manifest, folder: str, layout: _Layout, sizes: dict[str, int]
 ) -> list[NDArray[Any]]:
+    """Load a folder's arrays; ``sizes`` has the lengths of the axes known, and learns new ones."""
     arrays = []
-    for name in names:
+    for name, (dtype, axes) in layout.items():
         file = path / folder / f"{name}.npy"
-        try:
-            if _sha256(file) != manifest.files.get(f"{folder}/{name}.npy"):
-                raise MapError(f"{file}: damaged: its checksum is wrong; {_REBUILD}")
-            arrays.append(np.load(file, mmap_mode="r", allow_pickle=False))
-        except OSError:
-            raise MapError(f"{file}: missing or unreadable; {_REBUILD}") from None
-        except ValueError:
-            raise MapError(f"{file}: not an array; {_REBUILD}") from None
+        array = _open_array(file, manifest.files.get(f"{folder}/{name}.npy"))
+        if array.dtype != dtype or not _fits(array.shape, axes, sizes):
+            raise MapError(f"{file}: does not fit the other files; {_REBUILD}")
+        arrays.append(array)
     return arrays
+
+
+def _open_array(file: Path, checksum: str | None) -> NDArray[Any]:
+    try:
+        if _sha256(file) != checksum:
+            raise MapError(f"{file}: damaged: its checksum is wrong; {_REBUILD}")
+        return np.lib.format.open_memmap(file, mode="r")
+    except OSError:
+        raise MapError(f"{file}: missing or unreadable; {_REBUILD}") from None
+    except ValueError:
+        raise MapError(f"{file}: not an array; {_REBUILD}") from None
+
+
+def _fits(shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> bool:
+    return len(shape) == len(axes) and all(
+        sizes.setdefault(axis, length) == length for axis, length in zip(axes, shape, strict=True)
+    )
 
 
 def _sha256(file: Path) -> str:
     with file.open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
-
-
-def _check_shapes(opened: Map, manifest: Manifest, path: Path) -> None:
-    """Check that the arrays fit each other: a manifest edited by hand passes the checksums."""
-    places, dimensions = manifest.places, len(opened.model.components)
-    raw = opened.model.mean.shape
-    fits = {
-        "features/deviation": opened.model.deviation.shape == raw,
-        "features/components": opened.model.components.shape[1:] == raw,
-        "places/stamps": opened.places.stamps.shape == (places,),
-        "places/poses": opened.places.poses.shape in ((places, 3), (0, 3)),
-        "places/thumbnail_ends": opened.places.thumbnail_ends.shape == (places,),
-    }
-    for number, channel in enumerate(opened.channels):
-        square = (dimensions, dimensions)
-        fits[f"channels/{number}/projection"] = channel.projection.shape == square
-        fits[f"channels/{number}/places"] = channel.places.shape == (places, dimensions)
-        fits[f"channels/{number}/labels"] = channel.labels.shape == (places,)
-        fits[f"channels/{number}/scales"] = len(channel.scales) > 0
-    for name, fit in fits.items():
-        if not fit:
-            raise MapError(f"{path / name}.npy: does not fit the other files; {_REBUILD}")
-    if fingerprint(opened.model) != manifest.model:
-        raise MapError(f"{path}: its descriptor model is not the manifest's; {_REBUILD}")

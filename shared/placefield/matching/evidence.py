@@ -12,17 +12,19 @@ def evidence(windows: WindowSums) -> Candidate:
     For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean
     distance in the window that ends at place j, and mean and deviation are over all places. The
     evidence of place j is the mean of z_s(j) over s: the lower the better, in deviations below an
-    average place.
+    average place. The sums give the same z_s as the means. A window in which all places are alike,
+    as after some frames that were not seen, says nothing and is left out.
 
     Returns:
-        The candidate of lowest evidence; ``NO_CANDIDATE`` where all places are alike, as before
-        the first frame that could be seen.
+        The candidate of lowest evidence; ``NO_CANDIDATE`` where no window tells places apart, as
+        before the first frame that was seen.
     """
-    means = windows.sums / windows.spans[:, None]
-    deviations = means.std(axis=1, keepdims=True)
-    if not np.all(deviations > 0):
+    deviations = windows.sums.std(axis=1)
+    telling = deviations > 0
+    if not telling.any():
         return NO_CANDIDATE
-    scores = ((means - means.mean(axis=1, keepdims=True)) / deviations).mean(axis=0)
-    scores = scores.astype(np.float32)
+    sums = windows.sums[telling]
+    normalised = (sums - sums.mean(axis=1, keepdims=True)) / deviations[telling, None]
+    scores = normalised.mean(axis=0).astype(np.float32)
     place = int(np.argmin(scores))
     return Candidate(place, float(scores[place]), scores)

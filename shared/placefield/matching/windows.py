@@ -32,7 +32,9 @@ class WindowSums:
 
     def push(self, distances: NDArray[np.float32]) -> None:
         """Take the newest frame's distances to all places, (K,) float32 on the grid."""
-        newest = np.concatenate([on_grid(distances.mean(keepdims=True)), distances])
+        # In float64 the mean of equal distances is that distance, to the bit.
+        mean = on_grid(distances.mean(keepdims=True, dtype=np.float64))
+        newest = np.concatenate([mean, distances])
         self._sums[:, 1:] = self._sums[:, :-1]
         self._sums += newest
         for sums, length in zip(self._sums, self.lengths, strict=True):
@@ -44,7 +46,12 @@ class WindowSums:
         self.frames += 1
 
     def push_unseen(self) -> None:
-        """Take a frame that was not seen: from every place as far as the last one on average."""
+        """Take a frame that was not seen: from every place as far as the last one on average.
+
+        A stream begins with the first frame that was seen; those before it are not counted.
+        """
+        if self.frames == 0:
+            return
         last_mean = self._ring[(self.frames - 1) % len(self._ring), 0]
         self.push(np.full(self._sums.shape[1] - 1, last_mean))
 
@@ -52,8 +59,3 @@ class WindowSums:
     def sums(self) -> NDArray[np.float64]:
         """Sum of each window, (lengths, K); entry j is of the window that ends at place j."""
         return self._sums[:, 1:]
-
-    @property
-    def spans(self) -> NDArray[np.int64]:
-        """How many frames each window holds now, (lengths,)."""
-        return np.minimum(self.lengths, self.frames)

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from sklearn.decomposition import PCA
+from sklearn.preprocessing import normalize, scale
+
+from placefield.features.descriptors import (
+    PRIOR_FRAMES,
+    DescriptorModel,
+    DescriptorStream,
+    fit_descriptors,
+    unit_length,
+)
+
+Array = NDArray[np.float32]
+
+
+def raw_features(frames: int, seed: int = 0, dimensions: int = 20) -> Array:
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.5, 3, dimensions)
+    return (5 + spread * rng.normal(size=(frames, dimensions))).astype(np.float32)
+
+
+def fitted(*, standardise: bool = True) -> DescriptorModel:
+    return fit_descriptors([raw_features(50)], "gist", dimensions=8, standardise=standardise)[0]
+
+
+def test_reference_descriptors_are_those_of_scikit_learn() -> None:
+    raw = raw_features(50)
+    model, (descriptors,) = fit_descriptors([raw], "gist", dimensions=8, standardise=True)
+    standardised = scale(normalize(raw.astype(np.float64)))
+    pca = PCA(8).fit(standardised)
+    signs = np.sign(np.sum(pca.components_ * model.components, axis=1))
+    np.testing.assert_allclose(model.components, signs[:, None] * pca.components_, atol=1e-4)
+    expected = normalize(signs * pca.transform(standardised))
+    np.testing.assert_allclose(descriptors, expected, atol=1e-4)
+
+
+def test_a_second_traverse_is_standardised_by_itself_and_shares_the_axes() -> None:
+    raws = [raw_features(50), raw_features(40, seed=1)]
+    model, descriptors = fit_descriptors(raws, "gist", dimensions=8, standardise=True)
+    standardised = [scale(normalize(raw.astype(np.float64))) for raw in raws]
+    pca = PCA(8).fit(np.concatenate(standardised))
+    likeness = np.abs(np.sum(pca.components_ * model.components, axis=1))
+    np.testing.assert_allclose(likeness, 1, atol=1e-4)
+    expected = normalize(standardised[1] @ model.components.T.astype(np.float64))
+    np.testing.assert_allclose(descriptors[1], expected, atol=1e-4)
+
+
+def test_without_standardisation_every_traverse_has_the_references_moments() -> None:
+    raws = [raw_features(50), raw_features(40, seed=1)]
+    model, descriptors = fit_descriptors(raws, "gist", dimensions=8, standardise=False)
+    stream = DescriptorStream(model)
+    for raw, traverse in zip(raws, descriptors, strict=True):
+        np.testing.assert_allclose([stream.push(frame) for frame in raw], traverse, atol=1e-5)
+
+
+@pytest.mark.parametrize(("frames", "dimensions"), [(5, 4), (1, 0), (50, 20)])
+def test_there_are_no_more_dimensions_than_the_frames_span(frames: int, dimensions: int) -> None:
+    model, (descriptors,) = fit_descriptors(
+        [raw_features(frames)], "gist", dimensions=300, standardise=True
+    )
+    assert model.components.shape == (dimensions, 20)
+    assert descriptors.shape == (frames, dimensions)
+
+
+def test_a_streams_moments_run_over_its_frames_and_twenty_of_the_reference() -> None:
+    model = fitted()
+    # Half a deviation's worth of frames on either side of the mean have just that deviation.
+    prior = np.concatenate(
+        [np.tile(model.mean + side * model.deviation, (PRIOR_FRAMES // 2, 1)) for side in (-1, 1)]
+    )
+    assert len(prior) == 20
+    query = raw_features(70, seed=2) + 4
+    units = normalize(query.astype(np.float64))
+    stream = DescriptorStream(model)
+    for newest in range(len(query)):
+        seen = np.concatenate([prior, units[: newest + 1]])
+        standardised = (units[newest] - seen.mean(axis=0)) / seen.std(axis=0)
+        (expected,) = normalize([standardised @ model.components.T.astype(np.float64)])
+        np.testing.assert_allclose(stream.push(query[newest]), expected, atol=1e-4)
+
+
+@given(st.lists(st.lists(st.floats(0, 255, width=32), min_size=20, max_size=20), max_size=5))
+def test_descriptors_are_finite_and_of_unit_length_whatever_comes(query: list[list[float]]) -> None:
+    stream = DescriptorStream(fitted())
+    for raw in [np.zeros(20), *query, np.zeros(20)]:
+        descriptor = stream.push(np.asarray(raw, np.float32))
+        assert descriptor.dtype == np.float32
+        assert np.linalg.norm(descriptor) == pytest.approx(1, abs=1e-5)
+
+
+def test_a_zero_vector_has_no_direction() -> None:
+    vectors = np.array([[0, 0], [3, 4]], np.float32)
+    expected = np.array([[0, 0], [0.6, 0.8]], np.float32)
+    np.testing.assert_allclose(unit_length(vectors), expected, rtol=1e-6)

@@ -1,0 +1,153 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sklearn.preprocessing import normalize, scale
+
+from placefield.config import Config
+from placefield.errors import MapError
+from placefield.maps.build import build_map, held_back_places
+from placefield.maps.map import Map
+from placefield.maps.traverse import Traverse
+
+MakeTraverse = Callable[..., Traverse]
+
+NOT_ASKED = np.empty((0, 0, 30), np.float32)
+WEATHER = np.repeat([3.0, 0.0], [10, 20])
+"""Deviation of each raw dimension from traverse to traverse: a metric can learn to disregard it."""
+
+
+def config_of(metric: str = "identity", **scales: Any) -> Config:
+    return Config.model_validate(
+        {"metric": {"kind": metric, "steps": 10}, "scales": {"channels": 2, **scales}}
+    )
+
+
+def perturbed(traverse: Traverse) -> NDArray[np.float32]:
+    """The held-back frames twice, in other weather."""
+    chosen = traverse.raw[held_back_places(len(traverse.raw), seed=0)]
+    weather = np.random.default_rng(5).normal(scale=WEATHER, size=(2, *chosen.shape))
+    return (chosen + weather).swapaxes(0, 1).astype(np.float32)
+
+
+def refusal(traverses: list[Traverse], config: Config) -> str:
+    with pytest.raises(MapError) as refused:
+        build_map(traverses, NOT_ASKED, config)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_places_are_the_frames_of_the_first_traverse(make_traverse: MakeTraverse) -> None:
+    first = make_traverse(name="day", spacing=0.5)
+    built = build_map([first, make_traverse(name="night", noise=1)], NOT_ASKED, config_of())
+    assert [(record.name, record.frames) for record in built.traverses] == [
+        ("day", 90),
+        ("night", 90),
+    ]
+    assert built.places.count == 90
+    np.testing.assert_array_equal(built.places.stamps, first.stamps)
+    assert built.pose_frame == "route"
+    assert built.places.pose(3) == (1.5, 0, 0)
+    for place in (0, 1, 89):
+        assert built.places.thumbnail(place) == first.thumbnails[place]
+    standardised = scale(normalize(first.raw.astype(np.float64)))
+    descriptors = normalize(standardised @ built.model.components.T.astype(np.float64))
+    for channel in built.channels:
+        np.testing.assert_allclose(channel.places, descriptors, atol=1e-4)
+
+
+def test_without_poses_places_have_none(small_map: Map) -> None:
+    assert small_map.pose_frame is None
+    assert small_map.places.pose(3) is None
+
+
+def test_the_number_of_dimensions_is_recorded_as_it_was_used(make_traverse: MakeTraverse) -> None:
+    config = config_of()
+    for asked, used in ((None, 300), (7, 7)):
+        features = config.features.model_copy(update={"dimensions": asked})
+        asked_for = config.model_copy(update={"features": features})
+        built = build_map([make_traverse()], NOT_ASKED, asked_for)
+        assert built.features.dimensions == used
+    assert built.model.components.shape == (7, 30)
+
+
+def test_under_the_identity_a_channels_places_are_the_descriptors(small_map: Map) -> None:
+    one, other = small_map.channels
+    np.testing.assert_array_equal(one.projection, np.eye(30))
+    np.testing.assert_array_equal(one.places, other.places)
+    np.testing.assert_allclose(np.linalg.norm(one.places, axis=1), 1, atol=1e-5)
+    assert not one.learned
+    assert one.curve.shape == (0, 2)
+
+
+def test_a_channel_is_described_by_its_segments(small_map: Map) -> None:
+    for channel in small_map.channels:
+        labels = np.zeros(90, int)
+        for number, (first, end) in enumerate(channel.segments, start=1):
+            labels[first:end] = number
+        np.testing.assert_array_equal(channel.labels, labels)
+        assert channel.scales.tolist() == sorted(set(np.diff(channel.segments)[:, 0].tolist()))
+        assert channel.scales[0] >= 4
+
+
+def test_a_learned_metric_projects_the_places(make_traverse: MakeTraverse) -> None:
+    traverse = make_traverse()
+    traverses = [traverse, make_traverse(noise=WEATHER)]
+    plain = build_map(traverses, NOT_ASKED, config_of())
+    learned = build_map(traverses, perturbed(traverse), config_of("lmnn"))
+    assert any(channel.learned for channel in learned.channels)
+    for channel, unprojected in zip(learned.channels, plain.channels, strict=True):
+        assert channel.learned == (not np.array_equal(channel.projection, np.eye(30)))
+        expected = unprojected.places @ channel.projection.T
+        np.testing.assert_allclose(channel.places, expected, atol=1e-5)
+        assert len(channel.curve) > 1
+
+
+def test_the_gate_asks_the_other_traverses_too(make_traverse: MakeTraverse) -> None:
+    traverses = [make_traverse(), make_traverse(noise=WEATHER)]
+    nothing_perturbed = perturbed(traverses[0])[:, :0]
+    built = build_map(traverses, nothing_perturbed, config_of("lmnn"))
+    for channel in built.channels:
+        assert channel.curve[0, 1] > 0
+
+
+def test_progress_counts_the_channels(make_traverse: MakeTraverse) -> None:
+    told: list[tuple[int, int]] = []
+    build_map([make_traverse()], NOT_ASKED, config_of(), lambda *step: told.append(step))
+    assert told == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_traverses_of_other_lengths_are_refused_by_their_names(
+    make_traverse: MakeTraverse,
+) -> None:
+    traverses = [make_traverse(90, name="day"), make_traverse(80, name="night")]
+    message = refusal(traverses, config_of())
+    assert "night has 80 frames and day 90" in message
+
+
+def test_a_smallest_scale_in_metres_holds_for_the_segments(make_traverse: MakeTraverse) -> None:
+    built = build_map([make_traverse(spacing=0.1)], NOT_ASKED, config_of(min_scale_metres=1))
+    for channel in built.channels:
+        assert channel.scales[0] >= 10
+
+
+def test_a_smallest_scale_in_metres_needs_poses(make_traverse: MakeTraverse) -> None:
+    message = refusal([make_traverse(name="day")], config_of(min_scale_metres=3.5))
+    assert "--min-scale 3.5m: day has no poses" in message
+
+
+@pytest.mark.parametrize("frames", [1, 2, 6])
+def test_a_reference_too_short_for_the_channels_is_refused(
+    make_traverse: MakeTraverse, frames: int
+) -> None:
+    short = make_traverse()
+    short = Traverse(
+        short.name,
+        short.raw[:frames],
+        short.stamps[:frames],
+        short.poses,
+        short.thumbnails[:frames],
+    )
+    assert f"reference of {frames} frames is too short" in refusal([short], config_of())

@@ -1,0 +1,205 @@
+import errno
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from placefield.errors import MapError
+from placefield.maps.map import Map
+from placefield.maps.store import check_map_path, open_map, save_map
+from placefield.maps.traverse import Traverse
+
+
+def assert_same(one: Any, other: Any) -> None:
+    """Assert that two values are equal, arrays bit for bit."""
+    if isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype
+        assert one.shape == other.shape
+        assert one.tobytes() == other.tobytes()
+    elif is_dataclass(one):
+        for field in fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, tuple):
+        for left, right in zip(one, other, strict=True):
+            assert_same(left, right)
+    else:
+        assert one == other
+
+
+def arrays_of(value: Any) -> Iterator[NDArray[Any]]:
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from arrays_of(item)
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from arrays_of(getattr(value, field.name))
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+    }
+
+
+def test_a_map_comes_back_as_it_was_memory_mapped_and_read_only(
+    pristine: Path, posed_map: Map
+) -> None:
+    opened = open_map(pristine)
+    assert_same(posed_map, opened)
+    arrays = list(arrays_of(opened))
+    assert len(arrays) == 3 + 4 + 2 * 6
+    for array in arrays:
+        assert isinstance(array, np.memmap)
+        assert not array.flags.writeable
+
+
+def test_a_map_without_poses_comes_back(small_map: Map, tmp_path: Path) -> None:
+    save_map(small_map, tmp_path / "route.pfmap")
+    opened = open_map(tmp_path / "route.pfmap")
+    assert_same(small_map, opened)
+    assert isinstance(opened.places.poses, np.memmap)
+
+
+def test_the_same_frames_make_the_same_bytes(
+    pristine: Path,
+    make_map: Callable[[Traverse], Map],
+    make_traverse: Callable[..., Traverse],
+    tmp_path: Path,
+) -> None:
+    save_map(make_map(make_traverse(spacing=0.5)), tmp_path / "again.pfmap")
+    assert files_of(tmp_path / "again.pfmap") == files_of(pristine)
+
+
+def test_every_array_loads_without_pickle(pristine: Path) -> None:
+    for file in pristine.rglob("*.npy"):
+        np.load(file, allow_pickle=False)
+
+
+def test_a_map_is_replaced_by_a_newer_one(saved: Path, small_map: Map) -> None:
+    older = open_map(saved)
+    stamps = older.places.stamps.copy()
+    save_map(small_map, saved)
+    assert_same(small_map, open_map(saved))
+    assert os.listdir(saved.parent) == [saved.name]
+    np.testing.assert_array_equal(older.places.stamps, stamps)
+
+
+def test_only_a_map_is_replaced(small_map: Map, tmp_path: Path) -> None:
+    folder, file = tmp_path / "photos.pfmap", tmp_path / "file.pfmap"
+    folder.mkdir()
+    (folder / "photo.jpg").touch()
+    file.write_text("no map")
+    for path, complaint in [
+        (tmp_path / "route", "ends in .pfmap"),
+        (tmp_path / ".pfmap", "ends in .pfmap"),
+        (folder, "is no map"),
+        (file, "is no map"),
+    ]:
+        for refuse in (check_map_path, lambda path: save_map(small_map, path)):
+            with pytest.raises(MapError, match=f"{re.escape(str(path))}: .*{complaint}"):
+                refuse(path)
+    assert files_of(tmp_path) == {"photos.pfmap/photo.jpg": b"", "file.pfmap": b"no map"}
+
+
+def full_disk(*_: Any, **__: Any) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def fail_at_array(number: int, patch: pytest.MonkeyPatch) -> None:
+    saves = [np.save] * number + [full_disk]
+    patch.setattr(np, "save", lambda *args, **options: saves.pop(0)(*args, **options))
+
+
+def fail_at_manifest(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(os, "fsync", full_disk)
+
+
+@pytest.mark.parametrize(
+    "fail",
+    [partial(fail_at_array, 0), partial(fail_at_array, 9), fail_at_manifest],
+    ids=["first array", "tenth array", "manifest"],
+)
+@pytest.mark.parametrize("name", ["route.pfmap", "other.pfmap"])
+def test_a_failure_in_mid_write_leaves_nothing_but_what_was_there(
+    saved: Path,
+    small_map: Map,
+    monkeypatch: pytest.MonkeyPatch,
+    fail: Callable[[pytest.MonkeyPatch], None],
+    name: str,
+) -> None:
+    before = files_of(saved.parent)
+    target = saved.with_name(name)
+    fail(monkeypatch)
+    with pytest.raises(MapError, match=f"{re.escape(str(target))}: .*disk is full"):
+        save_map(small_map, target)
+    assert files_of(saved.parent) == before
+    assert os.listdir(saved.parent) == [saved.name]
+
+
+def test_a_full_disk_leaves_the_older_map_whole(small_map: Map, tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(disk)]
+    try:
+        mounted = subprocess.run(mount, capture_output=True).returncode == 0
+    except FileNotFoundError:
+        mounted = False
+    if not mounted:
+        pytest.skip("mounting a small tmpfs is not permitted here")
+    try:
+        path = disk / "route.pfmap"
+        save_map(small_map, path)
+        thumbnails = np.zeros(1 << 20, np.uint8)
+        large = replace(small_map, places=replace(small_map.places, thumbnails=thumbnails))
+        for target in (path, disk / "other.pfmap"):
+            with pytest.raises(MapError, match=f"{re.escape(str(target))}: .*disk is full"):
+                save_map(large, target)
+            assert os.listdir(disk) == [path.name]
+        assert_same(small_map, open_map(path))
+    finally:
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+KILLED_IN_MID_WRITE = """
+import os, signal, sys
+import numpy as np
+from pathlib import Path
+from placefield.maps.store import open_map, save_map
+
+older, target = map(Path, sys.argv[1:])
+built = open_map(older)
+save, written = np.save, []
+
+def save_or_die(file, array, **options):
+    if len(written) == 9:
+        os.kill(os.getpid(), signal.SIGKILL)
+    written.append(file)
+    save(file, array, **options)
+
+np.save = save_or_die
+save_map(built, target)
+"""
+
+
+def test_a_killed_build_leaves_no_half_map(saved: Path, pristine: Path) -> None:
+    other = saved.with_name("other.pfmap")
+    for target in (saved, other):
+        program = [sys.executable, "-c", KILLED_IN_MID_WRITE, str(pristine), str(target)]
+        assert subprocess.run(program).returncode == -signal.SIGKILL
+    assert files_of(saved) == files_of(pristine)
+    assert not other.exists()
+    assert all(left.name.startswith(".") for left in saved.parent.iterdir() if left != saved)

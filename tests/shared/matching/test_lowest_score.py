@@ -1,0 +1,119 @@
+"""The published rule against Eqs. 11 to 16, written out index by index.
+
+The mirror image in time: the paper's windows begin at the query frame and at its answer, these end
+there.
+"""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.fusion.rules import fuse
+from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED
+from placefield.matching.distances import GRID
+from placefield.matching.lowest_score import lowest_score
+from placefield.matching.windows import WindowSums
+
+Array = NDArray[np.float32]
+Scored = tuple[float, int]
+
+
+def literal_hypothesis(D: Array, smallest: int, coarse: int) -> Scored:
+    """Eqs. 11 to 14: F(Y) and Y of the last row of D (query frames, places), at a coarse scale."""
+    newest, places = len(D) - 1, D.shape[1]
+    F_H, H = float("inf"), -1
+    for q in range(places - coarse + 1):
+        F = 0.0
+        for i in range(coarse):
+            F += float(D[newest - coarse + 1 + i, q + i])
+        if F < F_H:
+            F_H, H = F, q
+    F_Y, Y = float("inf"), -1
+    for t in range(H, H + coarse - smallest + 1):
+        F = 0.0
+        for i in range(smallest):
+            F += float(D[newest - smallest + 1 + i, t + i])
+        if F < F_Y:
+            F_Y, Y = F, t
+    return F_Y, Y + smallest - 1
+
+
+def literal_candidate(D: Array, scales: list[int]) -> Scored | None:
+    """Eq. 15, over the coarse scales that the query and the map are long enough for."""
+    smallest, coarse_scales = scales[0], scales[1:] or scales
+    best: Scored | None = None
+    for coarse in coarse_scales:
+        if coarse <= len(D) and coarse <= D.shape[1]:
+            hypothesis = literal_hypothesis(D, smallest, coarse)
+            if best is None or hypothesis[0] < best[0]:
+                best = hypothesis
+    return best
+
+
+def literal_match(channels: list[tuple[Array, list[int]]]) -> Scored | None:
+    """Eq. 16."""
+    best: Scored | None = None
+    for D, scales in channels:
+        candidate = literal_candidate(D, scales)
+        if candidate is not None and (best is None or candidate[0] < best[0]):
+            best = candidate
+    return best
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> list[tuple[Array, list[int]]]:
+    """Each channel's distances (query frames, places) and scales; coarse values, so that ties come.
+
+    One in two has a smooth valley of low distances along a diagonal, as a true match has.
+    """
+    frames, places = draw(st.integers(1, 25)), draw(st.integers(1, 25))
+    rng = np.random.default_rng(draw(st.integers(0, 999)))
+    levels = draw(st.sampled_from([2, 5, 1_000_000]))
+    off_route = np.abs(np.arange(places) - np.arange(frames)[:, None] - rng.integers(0, 9))
+    valley = draw(st.booleans()) * levels * np.minimum(off_route, 5)
+    channels = []
+    for _ in range(draw(st.integers(1, 3))):
+        D = (valley + rng.integers(0, levels, (frames, places))) * GRID
+        scales = draw(st.lists(st.integers(2, 12), min_size=1, max_size=4, unique=True).map(sorted))
+        channels.append((D.astype(np.float32), scales))
+    return channels
+
+
+@given(streams())
+def test_places_and_scores_are_those_of_the_equations(
+    channels: list[tuple[Array, list[int]]],
+) -> None:
+    frames, places = channels[0][0].shape
+    windows = [WindowSums(scales, places) for _, scales in channels]
+    for newest in range(frames):
+        candidates = []
+        for channel, (D, scales) in zip(windows, channels, strict=True):
+            channel.push(D[newest])
+            candidate = lowest_score(channel)
+            expected = literal_candidate(D[: newest + 1], scales)
+            if expected is None:
+                assert candidate is NO_CANDIDATE
+            else:
+                assert (candidate.score, candidate.place) == expected
+            candidates.append(candidate)
+        match = fuse(candidates, MatchingConfig(rule="lowest-score"))
+        expected = literal_match([(D[: newest + 1], scales) for D, scales in channels])
+        if expected is None:
+            assert match.place == UNANSWERED
+        else:
+            assert (-match.score, match.place) == expected
+
+
+def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
+    windows = WindowSums([2, 3], 10)
+    for _ in range(5):
+        windows.push_unseen()
+        assert lowest_score(windows) is NO_CANDIDATE
+    D = np.full((3, 10), 1.0, np.float32)
+    for row in D[:2]:
+        windows.push(row)
+        assert lowest_score(windows) is NO_CANDIDATE
+    windows.push(D[2])
+    assert lowest_score(windows).score == 2

@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from placefield.matching.distances import GRID
+from placefield.matching.windows import WindowSums
+
+Array = NDArray[np.float32]
+scales = st.lists(st.integers(1, 9), min_size=1, max_size=4, unique=True).map(sorted)
+
+
+def made_up_distances(frames: int, places: int, seed: int = 0) -> Array:
+    """Distances between 0 and 4, on the grid."""
+    steps = np.random.default_rng(seed).integers(0, int(4 / GRID), (frames, places))
+    return np.asarray(steps * GRID, np.float32)
+
+
+def literal_sum(distances: Array, length: int, place: int) -> float:
+    """Add up the window of a length that ends at the newest frame and at a place."""
+    total = 0.0
+    newest = len(distances) - 1
+    for back in range(min(length, newest + 1)):
+        row = [float(distance) for distance in distances[newest - back]]
+        if place - back >= 0:
+            total += row[place - back]
+        else:
+            total += round(sum(row) / len(row) / GRID) * GRID
+    return total
+
+
+@given(scales, st.integers(1, 12), st.integers(1, 30), st.integers(0, 99))
+def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int, seed: int) -> None:
+    """With young streams, windows that begin before the first place, and maps shorter than them."""
+    distances = made_up_distances(frames, places, seed)
+    windows = WindowSums(lengths, places)
+    for newest in range(frames):
+        windows.push(distances[newest])
+        expected = [
+            [literal_sum(distances[: newest + 1], length, place) for place in range(places)]
+            for length in lengths
+        ]
+        np.testing.assert_array_equal(windows.sums, expected)
+    assert windows.frames == frames
+
+
+@given(scales, st.integers(1, 12), st.integers(0, 99), st.data())
+def test_only_the_frames_in_the_window_count(
+    lengths: list[int], places: int, seed: int, data: st.DataObject
+) -> None:
+    frames = data.draw(st.integers(max(lengths), 40))
+    distances = made_up_distances(frames, places, seed)
+    whole, last = WindowSums(lengths, places), WindowSums(lengths, places)
+    for row in distances:
+        whole.push(row)
+    for row in distances[-max(lengths) :]:
+        last.push(row)
+    assert whole.sums.tobytes() == last.sums.tobytes()
+
+
+@pytest.mark.parametrize("places", [7, 200, 1261])
+def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_average(
+    places: int,
+) -> None:
+    distances = made_up_distances(3, places)
+    windows, by_hand = WindowSums([2, 5], places), WindowSums([2, 5], places)
+    for row in distances:
+        windows.push(row)
+        by_hand.push(row)
+    mean = round(float(distances[-1].astype(np.float64).mean()) / GRID) * GRID
+    for _ in range(4):
+        windows.push_unseen()
+        by_hand.push(np.full(places, mean, np.float32))
+        np.testing.assert_array_equal(windows.sums, by_hand.sums)
+    np.testing.assert_array_equal(windows.sums[0], 2 * mean)
+
+
+def test_a_stream_begins_with_the_first_frame_that_was_seen() -> None:
+    distances = made_up_distances(6, 8)
+    late, prompt = WindowSums([3, 4], 8), WindowSums([3, 4], 8)
+    for _ in range(5):
+        late.push_unseen()
+    for row in distances:
+        late.push(row)
+        prompt.push(row)
+        np.testing.assert_array_equal(late.sums, prompt.sums)
+        assert late.frames == prompt.frames

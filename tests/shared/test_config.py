@@ -1,0 +1,138 @@
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from placefield.config import ENV_PREFIX, Config, load_config
+from placefield.errors import ConfigError
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_settings_from_outside() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
+            patch.delenv(name)
+        yield
+
+
+def refusal(file: Path | None = None, flags: dict[str, Any] | None = None) -> str:
+    with pytest.raises(ConfigError) as refused:
+        load_config(file, flags)
+    message = str(refused.value)
+    assert "\n" not in message
+    return message
+
+
+def test_flags_win_over_the_environment_over_the_file_over_the_defaults(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "run.toml"
+    file.write_text("seed = 1\n[scales]\nchannels = 2\nclusters = 20\nmin_scale = 5\n")
+    monkeypatch.setenv("PLACEFIELD_SCALES__CHANNELS", "3")
+    monkeypatch.setenv("PLACEFIELD_SCALES__CLUSTERS", "30")
+    config = load_config(file, {"scales": {"channels": 4}})
+    assert config.scales.channels == 4
+    assert config.scales.clusters == 30
+    assert config.scales.min_scale == 5
+    assert config.scales.position_weight == Config().scales.position_weight
+    assert config.seed == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[scales]\nchanels = 3\n", "scales.chanels"),
+        ("[scale]\nchannels = 3\n", "scale"),
+        ("sead = 3\n", "sead"),
+        ("[scales]\nchannels = 'many'\n", "scales.channels"),
+        ("[scales]\nchannels = 0\n", "scales.channels"),
+        ("scales = 3\n", "scales"),
+        ("[matching]\nrule = 'lowest_score'\n", "matching.rule"),
+        ("run = 'two words'\n", "run"),
+    ],
+)
+def test_an_unknown_key_or_a_malformed_value_is_named(tmp_path: Path, text: str, key: str) -> None:
+    file = tmp_path / "run.toml"
+    file.write_text(text)
+    assert f"setting {key}:" in refusal(file)
+
+
+def test_unknown_keys_and_malformed_values_are_named_wherever_they_come_from(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert "setting scales.chanels:" in refusal(flags={"scales": {"chanels": 3}})
+    assert "setting seed:" in refusal(flags={"seed": -1})
+    with monkeypatch.context() as patch:
+        patch.setenv("PLACEFIELD_SCALES__CHANELS", "3")
+        assert "setting scales.chanels:" in refusal()
+    with monkeypatch.context() as patch:
+        patch.setenv("PLACEFIELD_FEATURES__DIMENSIONS", "many")
+        assert "setting features.dimensions:" in refusal()
+
+
+def test_a_section_as_one_environment_variable_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLACEFIELD_SCALES", "channels=3")
+    message = refusal()
+    assert '"scales"' in message
+    assert "PLACEFIELD_SCALES__CHANNELS" in message
+
+
+@pytest.mark.parametrize("data", [b"[scales\n", b"seed = \xff\n", b"\x00"])
+def test_a_file_that_is_no_toml_is_named(tmp_path: Path, data: bytes) -> None:
+    file = tmp_path / "run.toml"
+    file.write_bytes(data)
+    assert f"{file}: not valid TOML" in refusal(file)
+
+
+def test_a_missing_or_unreadable_file_is_named(tmp_path: Path) -> None:
+    for path in (tmp_path / "missing.toml", tmp_path):
+        assert f"{path}: no such" in refusal(path)
+    unreadable = Path("/proc/self/mem")  # an error on reading, for root too
+    if unreadable.is_file():
+        assert f"{unreadable}: cannot be read" in refusal(unreadable)
+
+
+def test_toml_shows_every_setting_that_has_a_value() -> None:
+    shown = tomllib.loads(Config().to_toml())
+    assert shown["run"] == "default"
+    assert shown["scales"] == {"channels": 4, "position_weight": 1.0, "min_scale": 4}
+
+
+positive = st.floats(1e-6, 1e6)
+configs = st.fixed_dictionaries(
+    {
+        "run": st.from_regex(r"[A-Za-z0-9_-]+", fullmatch=True),
+        "seed": st.integers(0, 2**40),
+        "bus": st.fixed_dictionaries({"endpoint": st.text(), "connect_timeout_s": positive}),
+        "features": st.fixed_dictionaries(
+            {
+                "kind": st.sampled_from(["gist", "grayscale"]),
+                "dimensions": st.none() | st.integers(1, 999),
+                "standardise": st.booleans(),
+            }
+        ),
+        "scales": st.fixed_dictionaries(
+            {
+                "clusters": st.none() | st.integers(2, 99),
+                "min_scale_metres": st.none() | positive,
+                "position_weight": st.just(0) | positive,
+            }
+        ),
+        "matching": st.fixed_dictionaries({"rule": st.sampled_from(["evidence", "lowest-score"])}),
+    }
+).map(Config.model_validate)
+
+
+@settings(max_examples=25)
+@given(configs)
+def test_toml_comes_back_as_the_same_configuration(
+    tmp_path_factory: pytest.TempPathFactory, config: Config
+) -> None:
+    file = tmp_path_factory.getbasetemp() / "round-trip.toml"
+    file.write_text(config.to_toml(), encoding="utf-8")
+    assert load_config(file) == config

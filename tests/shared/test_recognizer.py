@@ -1,0 +1,109 @@
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from placefield.config import Config, MatchingConfig, Rule
+from placefield.features.extract import raw_feature
+from placefield.features.frames import Frame
+from placefield.fusion.match import Match
+from placefield.maps.build import build_map
+from placefield.maps.map import Map
+from placefield.maps.traverse import Traverse, describe_frame, traverse_of
+from placefield.matching.candidate import UNANSWERED
+from placefield.recognizer import Recognizer
+
+RULES: list[Rule] = ["evidence", "lowest-score"]
+Raw = NDArray[np.float32] | None
+
+
+def recognise(placemap: Map, rule: Rule, query: list[Raw]) -> list[Match]:
+    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    return [recognizer.push_raw(raw) for raw in query]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_query_in_other_weather_is_recognised(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
+) -> None:
+    query = make_traverse(noise=0.3).raw
+    matches = recognise(small_map, rule, [*query])
+    warm = {"evidence": 0, "lowest-score": 20}[rule]
+    right = [abs(match.place - frame) <= 2 for frame, match in enumerate(matches)][warm:]
+    assert np.mean(right) > 0.9
+
+
+@pytest.mark.parametrize("rule", RULES)
+@settings(max_examples=15)
+@given(st.integers(0, 29), st.integers(0, 99))
+def test_later_frames_change_no_match(small_map: Map, rule: Rule, newest: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, other = rng.uniform(0, 9, (2, 30, 30)).astype(np.float32)
+    changed: list[Raw] = [*one[: newest + 1], *other[newest + 1 :]]
+    if newest + 2 < len(changed):
+        changed[newest + 2] = None
+    matches = recognise(small_map, rule, [*one])
+    assert recognise(small_map, rule, changed)[: newest + 1] == matches[: newest + 1]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_streams_of_one_map_do_not_meddle(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
+) -> None:
+    forwards = [*make_traverse(40).raw]
+    backwards = forwards[::-1]
+    recognizers = [Recognizer(small_map, MatchingConfig(rule=rule)) for _ in range(2)]
+    matches = [
+        [recognizer.push_raw(raw) for recognizer, raw in zip(recognizers, pair, strict=True)]
+        for pair in zip(forwards, backwards, strict=True)
+    ]
+    assert [match for match, _ in matches] == recognise(small_map, rule, forwards)
+    assert [match for _, match in matches] == recognise(small_map, rule, backwards)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_before_the_first_frame_that_is_seen_there_is_no_match(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
+) -> None:
+    query = [*make_traverse().raw]
+    matches = recognise(small_map, rule, [None] * 30 + query)
+    assert all(match == Match(UNANSWERED, 0.0) for match in matches[:30])
+    assert matches[30:] == recognise(small_map, rule, query)
+
+
+def panorama_route(frames: int) -> list[NDArray[np.uint8]]:
+    """A view that slides along one long wall."""
+    noise = np.random.default_rng(4).integers(0, 256, (64, 96 + 8 * frames), np.uint8)
+    wall = np.asarray(cv2.equalizeHist(cv2.GaussianBlur(noise, (0, 0), 5)), np.uint8)
+    return [wall[:, 8 * frame : 8 * frame + 96].copy() for frame in range(frames)]
+
+
+@pytest.mark.parametrize("kind", ["gist", "grayscale"])
+def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
+    views = panorama_route(60)
+    config = Config.model_validate(
+        {"features": {"kind": kind}, "scales": {"channels": 1}, "metric": {"kind": "identity"}}
+    )
+    described = [
+        describe_frame(Frame(number, number, "", view), config.features.kind)
+        for number, view in enumerate(views)
+    ]
+    not_asked = np.empty((0, 0, len(described[0].raw)), np.float32)
+    placemap = build_map([traverse_of("wall", described)], not_asked, config)
+
+    dusk = [np.asarray(view * 0.6 + 10, np.uint8) for view in views]
+    encoded = [cv2.imencode(".jpg", view)[1].tobytes() for view in dusk]
+    encoded[30] = encoded[30][:500]
+    recognizer = Recognizer(placemap, config.matching)
+    matches = [recognizer.push(image) for image in encoded]
+    assert [match.place for match in matches] == pytest.approx(range(60), abs=1)
+
+    by_pixels = Recognizer(placemap, config.matching)
+    by_feature = Recognizer(placemap, config.matching)
+    for view in dusk:
+        raw = raw_feature(view, config.features.kind)
+        assert by_pixels.push(view) == by_feature.push_raw(raw)
