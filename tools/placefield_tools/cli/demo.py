@@ -23,10 +23,11 @@ def add_to(app: typer.Typer) -> None:
 
 def _demo(
     reference: Annotated[
-        str | None, typer.Argument(metavar="[REF", help="a folder or video [default: rendered]")
+        str | None,
+        typer.Argument(metavar="REF", help="a folder or video", show_default="rendered"),
     ] = None,
     query: Annotated[
-        str | None, typer.Argument(metavar="QUERY]", help="the same route at another time")
+        str | None, typer.Argument(metavar="QUERY", help="the same route at another time")
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="folder for all files")] = Path(
         "demo"

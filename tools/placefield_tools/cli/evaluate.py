@@ -26,7 +26,11 @@ def _evaluate(
     query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder or video")],
     tolerance: Annotated[
         int | None,
-        typer.Option(min=0, help="query frame i is right at places i ± so many [default: 3]"),
+        typer.Option(
+            min=0,
+            help="query frame i is right at places i ± so many",
+            show_default=str(DEFAULT_TOLERANCE),
+        ),
     ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="ground truth as CSV: query,first,last")

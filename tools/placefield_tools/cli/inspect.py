@@ -17,7 +17,12 @@ def _inspect(
     map_path: options.MapPath,
     picture: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="picture of the segments [default: MAP-segments.png]"),
+        typer.Option(
+            "-o",
+            "--output",
+            help="picture of the segments",
+            show_default="MAP-segments.png",
+        ),
     ] = None,
 ) -> None:
     """Print what a map holds, and draw its segments per channel."""

@@ -18,7 +18,9 @@ def _replay(
     ],
     rate: Annotated[
         float | None,
-        typer.Option(min=0.01, help="frames per second [default: as fast as they are answered]"),
+        typer.Option(
+            min=0.01, help="frames per second", show_default="as fast as they are answered"
+        ),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
     start: Annotated[int, typer.Option(help="first frame")] = 0,

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from placefield.config import FusionConfig
 from placefield_tools.cli import options
 
 
@@ -58,7 +59,11 @@ def _fuser(
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
     deadline: Annotated[
-        float | None, typer.Option(help="for the candidates of a frame, seconds [default: 2]")
+        float | None,
+        typer.Option(
+            help="for the candidates of a frame, seconds",
+            show_default=f"{FusionConfig().deadline_s:g}",
+        ),
     ] = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,

@@ -19,7 +19,8 @@ def add_to(app: typer.Typer) -> None:
 def _up(
     map_path: options.MapPath,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="channel workers [default: one per core]")
+        int | None,
+        typer.Option(min=1, help="channel workers", show_default="one per core"),
     ] = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
