@@ -1,13 +1,22 @@
 """What all tests share."""
 
 import os
+import socket
 from pathlib import Path
+from shutil import copy
 
+import cv2
+import numpy as np
 import pytest
 
+from placefield.config import Config
+from placefield.features.images import decode
+from placefield.maps.map import Map
+from placefield.maps.store import open_map, save_map
+from placefield_tools.building import build_from
+
 _DATA = Path(
-    os.environ.get("PLACEFIELD_DATA")
-    or Path(__file__).resolve().parents[2] / "shared" / "data"
+    os.environ.get("PLACEFIELD_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data"
 )
 
 
@@ -17,3 +26,84 @@ def data_dir() -> Path:
     if not _DATA.is_dir():
         pytest.skip(f"no real frames at {_DATA}; say where they are with PLACEFIELD_DATA")
     return _DATA
+
+
+FRAMES = 60
+_HEIGHT, _WIDTH, _STEP = 72, 96, 16  # pixels
+
+
+def _write_pan(folder: Path, *, shift: int, brightness: float) -> Path:
+    """Write frames of a camera that pans along a wall of smooth random colours."""
+    rng = np.random.default_rng(7)
+    length = FRAMES * _STEP + 2 * _WIDTH
+    wall = np.zeros((_HEIGHT, length, 3), np.float32)
+    for grain in (4, 8, 16, 32):
+        colours = rng.standard_normal((_HEIGHT // grain + 2, length // grain + 2, 3))
+        wall += np.sqrt(grain) * cv2.resize(colours, (length, _HEIGHT)).astype(np.float32)
+    wall = 255 * brightness * (wall - wall.min()) / np.ptp(wall)
+    folder.mkdir()
+    for number in range(FRAMES):
+        left = number * _STEP + shift
+        cv2.imwrite(str(folder / f"{number:04}.jpg"), wall[:, left : left + _WIDTH])
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for what is made up once for all tests."""
+    return tmp_path_factory.mktemp("made-up")
+
+
+@pytest.fixture(scope="session")
+def reference_dir(made_up: Path) -> Path:
+    """Frames of a reference traverse; do not change them."""
+    return _write_pan(made_up / "reference", shift=0, brightness=1.0)
+
+
+@pytest.fixture(scope="session")
+def query_dir(made_up: Path) -> Path:
+    """Frames of the same route, darker and from a little further to the side."""
+    return _write_pan(made_up / "query", shift=5, brightness=0.7)
+
+
+@pytest.fixture(scope="session")
+def mixed_dir(made_up: Path, query_dir: Path) -> Path:
+    """The query again, as JPEG and PNG of several sizes, depths and channels."""
+    mixed = made_up / "mixed"
+    mixed.mkdir()
+    for number, file in enumerate(sorted(query_dir.iterdir())):
+        pixels = decode(file.read_bytes())
+        forms = {
+            1: cv2.resize(pixels, None, fx=1.5, fy=2),
+            2: pixels.astype(np.uint16) * 257,
+            3: cv2.cvtColor(pixels, cv2.COLOR_BGR2BGRA),
+            4: cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY),
+        }
+        if number % 5 in forms:
+            cv2.imwrite(str(mixed / f"{file.stem}.png"), forms[number % 5])
+        else:
+            copy(file, mixed)
+    return mixed
+
+
+@pytest.fixture(scope="session")
+def map_path(made_up: Path, reference_dir: Path) -> Path:
+    """A map of the reference, of 3 channels under the identity metric; do not change it."""
+    config = Config.model_validate({"scales": {"channels": 3}, "metric": {"kind": "identity"}})
+    path = made_up / "route.pfmap"
+    save_map(build_from([str(reference_dir)], config), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def route_map(map_path: Path) -> Map:
+    """The same map, open."""
+    return open_map(map_path)
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """A free port of loopback, as the bus spells it."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -6,7 +6,7 @@ from collections import Counter
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, channel_of, service_and_identity
-from placefield.bus.messages import CandidateMessage, Header, MatchMessage
+from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
@@ -114,32 +114,34 @@ class Fuser:
     def handle(self, received: Received) -> None:
         """Take a descriptor, which announces a frame, or a candidate."""
         header = received.header
-        is_feature = received.key == self._feature_key
-        message = None if is_feature or header.end else self._decode(received.payload)
+        message = None if header.end else self._decode(received)
         arrival = self._switch.enter(header.stream)
         if arrival is Arrival.DROPPED:
             return
         if arrival is Arrival.NEW_STREAM:
             self._begin(live=header.live)
         now = time.monotonic()
-        if header.end and is_feature:
-            self._end = header
-        elif is_feature:
+        if isinstance(message, FeatureMessage):
             self._joiner.announce(header.sequence, now)
-        elif message is not None:
+        elif isinstance(message, CandidateMessage):
             candidate = Candidate(message.place, message.score, message.evidence)
             self._joiner.add(header.sequence, message.channel, candidate, now)
+        elif received.key == self._feature_key:
+            self._end = header
         if self._joiner.is_pending(header.sequence):
             self._headers[header.sequence] = header
 
-    def _decode(self, payload: bytes) -> CandidateMessage:
-        message = CandidateMessage.decode(payload)
+    def _decode(self, received: Received) -> FeatureMessage | CandidateMessage:
+        if received.key == self._feature_key:
+            return FeatureMessage.decode(received.payload)
+        message = CandidateMessage.decode(received.payload)
         rule, places = self._config.matching.rule, self._map.places.count
         if message.rule != rule:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        if message.place >= places or len(message.evidence) not in (0, places):
+        has_evidence = rule == "evidence" and message.place != UNANSWERED
+        if message.place >= places or len(message.evidence) != (places if has_evidence else 0):
             raise MessageError(f"candidate of another map: this fuser's has {places} places")
         return message
 

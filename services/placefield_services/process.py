@@ -63,14 +63,18 @@ class ServiceProcess:
     ) -> None:
         """Handle what comes until ``stop`` is set; call ``idle`` after each message and each wait.
 
-        A message that does not parse is counted as ``malformed`` and one whose handling fails as
+        A message that does not parse is counted as ``malformed`` and a call that fails as
         ``failed``: neither stops the service.
         """
         while not stop.is_set():
             received = inbox.take(_POLL_S)
-            if received is not None:
-                self._handle(received, handle)
-            idle()
+            try:
+                if received is not None:
+                    self._handle(received, handle)
+                idle()
+            except Exception:
+                self.counts["failed"] += 1
+                log.exception("%s: a defect; going on with the next message", self._service)
             self._publish_stats()
 
     def _handle(self, received: Received, handle: Callable[[Received], None]) -> None:
@@ -80,9 +84,6 @@ class ServiceProcess:
         except MessageError as error:
             self.counts["malformed"] += 1
             self._bus.log_dropped(received.key, error)
-        except Exception:
-            self.counts["failed"] += 1
-            log.exception("could not handle a message on %s", received.key)
 
     def _publish_stats(self) -> None:
         now = time.monotonic()

@@ -50,6 +50,10 @@ def _describe_perturbed(reference: str, count: int, config: Config) -> np.ndarra
     if config.metric.kind == "identity":
         return np.empty((0, 0, KINDS[kind].raw_dimensions), np.float32)
     held_back = held_back_places(count, config.seed)
+    if not held_back.any():
+        raise MapError(
+            f"{reference}: {count} frames are too few to learn a metric from; give more frames"
+        )
     with _open_reference(reference) as source:
         chosen = (frame for frame in source if held_back[frame.index])
         frames = tracked(chosen, "perturbing held-back frames", int(held_back.sum()))

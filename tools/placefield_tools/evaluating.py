@@ -68,14 +68,18 @@ def describe_query(source: Source, placemap: Map) -> list[RawFeature]:
     if source.live:
         raise SourceError("a camera cannot be evaluated; record it and give the recording")
 
+    unreadable: dict[int, str] = {}
+
     def describe(frame: Frame) -> RawFeature:
         try:
             return raw_feature(frame.image, placemap.model.kind)
         except FrameError as error:
-            CONSOLE.print(f"query frame {frame.name}: {error}; matched as a frame not seen")
+            unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None
 
     raws = list(map_in_order(describe, tracked(source, "describing the query", source.count)))
+    for _, reason in sorted(unreadable.items()):
+        CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
     if all(raw is None for raw in raws):
         raise SourceError("the query has no frame that can be read")
     return raws

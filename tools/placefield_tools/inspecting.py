@@ -12,7 +12,7 @@ from placefield.maps.map import Map
 
 def print_map(opened: Map, path: Path) -> None:
     """Print what a map was made of and what its channels are."""
-    console = Console()
+    console = Console(markup=False)  # a path may hold brackets
     model, places = opened.model, opened.places
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     made = "standardised" if model.standardise else "not standardised"

@@ -15,13 +15,13 @@ from rich.progress import (
 
 Item = TypeVar("Item")
 
-CONSOLE = Console(stderr=True)
+CONSOLE = Console(stderr=True, markup=False)
 
 
 def progress_bar() -> Progress:
     """Return a bar with counts, time passed and time left."""
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

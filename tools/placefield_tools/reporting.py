@@ -37,7 +37,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
         curve = result.curve
         values = (curve.auc, curve.recall_at_100_precision, curve.recall_at_1)
         table.add_row(rule, *(f"{value:.3f}" for value in values))
-    console = Console()
+    console = Console(markup=False)  # a path may hold brackets
     console.print(table)
     for picture in pictures:
         console.print(str(picture), highlight=False, soft_wrap=True)

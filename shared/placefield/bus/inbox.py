@@ -34,17 +34,25 @@ class Inbox:
         self._changed = threading.Condition()
 
     def offer(self, received: Received) -> None:
-        """Put a message in; a full queue drops its oldest if the stream is live, else this one."""
+        """Put a message in; older live ones make room for a live one, nothing does for others.
+
+        What does not fit is dropped. A lossless stream and the end of any are never displaced.
+        """
         with self._changed:
-            if received.header.live and not received.header.end:
-                while len(self._waiting) >= self._live_capacity:
-                    self._waiting.popleft()
-                    self._counts["dropped_old"] += 1
-            elif len(self._waiting) >= CAPACITY:
+            if _may_be_dropped(received.header):
+                self._drop_old()
+            if len(self._waiting) >= CAPACITY:
                 self._counts["dropped_full"] += 1
                 return
             self._waiting.append(received)
             self._changed.notify()
+
+    def _drop_old(self) -> None:
+        while len(self._waiting) >= self._live_capacity and _may_be_dropped(
+            self._waiting[0].header
+        ):
+            self._waiting.popleft()
+            self._counts["dropped_old"] += 1
 
     def take(self, timeout: float) -> Received | None:
         """Take the oldest message out; None if none comes within ``timeout`` seconds."""
@@ -52,3 +60,7 @@ class Inbox:
             if not self._waiting:
                 self._changed.wait(timeout)
             return self._waiting.popleft() if self._waiting else None
+
+
+def _may_be_dropped(header: Header) -> bool:
+    return header.live and not header.end

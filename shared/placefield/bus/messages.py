@@ -101,7 +101,8 @@ class Message(BaseModel):
         except ValidationError as error:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise MessageError(f"{cls.__name__}: {where}: {first['msg']}") from None
+            # A stranger may have named the field: quoted and cut, it stays one line of a log.
+            raise MessageError(f"{cls.__name__}: {where!r:.80}: {first['msg']}") from None
         except Exception as error:  # msgpack raises a dozen kinds, RecursionError among them
             raise MessageError(f"{cls.__name__}: no msgpack: {error}") from None
 
@@ -119,7 +120,7 @@ class Header(Message):
     """
 
     stream: str = Field(min_length=1, max_length=64)
-    sequence: int = Field(ge=0, lt=2**63)
+    sequence: int = Field(ge=0, lt=2**48)  # so that sums of gaps stay within msgpack's integers
     stamp_ns: int = Field(ge=-(2**63), lt=2**63)
     live: bool = False
     end: bool = False

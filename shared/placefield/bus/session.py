@@ -64,6 +64,8 @@ class Bus:
                 header = Header.decode(attachment.to_bytes() if attachment else b"")
                 if len(sample.payload) > MAX_BYTES:
                     raise MessageError(f"{len(sample.payload)} bytes, more than {MAX_BYTES}")
+                if header.end and len(sample.payload):
+                    raise MessageError("the end of a stream has no payload")
                 receive(Received(str(sample.key_expr), header, sample.payload.to_bytes()))
             except MessageError as error:
                 counts["malformed"] += 1

@@ -30,11 +30,11 @@ for module in (build, inspect, up, services, replay, listen, status, evaluate, c
 
 
 def main() -> None:
-    """Run a command; a known error is one line on stderr and exit code 1."""
+    """Run a command; a known error, or one of the disk, is one line on stderr and exit code 1."""
     logging.basicConfig(format="placefield: %(message)s", level=logging.INFO)
     try:
         app()
-    except PlacefieldError as error:
+    except (PlacefieldError, OSError) as error:
         print(f"placefield: {error}", file=sys.stderr)
         sys.exit(1)
 

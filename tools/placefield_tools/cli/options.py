@@ -11,6 +11,8 @@ import typer
 from placefield.config import Config, FeatureKind, Rule, load_config
 from placefield.errors import ConfigError
 
+_DEFAULTS = Config()
+
 MapPath = Annotated[
     Path, typer.Argument(metavar="MAP", help="a map: NAME.pfmap", show_default=False)
 ]
@@ -21,32 +23,54 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="any setting, as scales.channels=8"),
 ]
-Run = Annotated[str | None, typer.Option(help="name of the run [default: default]")]
+Run = Annotated[str | None, typer.Option(help="name of the run", show_default=_DEFAULTS.run)]
 Endpoint = Annotated[
-    str | None, typer.Option(help="the router [default: tcp/127.0.0.1:7557]", metavar="ENDPOINT")
+    str | None,
+    typer.Option(metavar="ENDPOINT", help="the router", show_default=_DEFAULTS.bus.endpoint),
 ]
-RuleOption = Annotated[Rule | None, typer.Option("--rule", help="[default: evidence]")]
+RuleOption = Annotated[
+    Rule | None,
+    typer.Option("--rule", help="how places are matched", show_default=_DEFAULTS.matching.rule),
+]
 
-Feature = Annotated[FeatureKind | None, typer.Option(help="[default: gist]")]
+Feature = Annotated[
+    FeatureKind | None,
+    typer.Option(help="what is taken from the image", show_default=_DEFAULTS.features.kind),
+]
 Standardise = Annotated[
     bool | None,
     typer.Option(
         "--standardise/--no-standardise",
-        help="take the query's running mean and deviation out [default: standardise]",
+        help="take the query's running mean and deviation out",
+        show_default="standardise" if _DEFAULTS.features.standardise else "no-standardise",
     ),
 ]
-Channels = Annotated[int | None, typer.Option(help="how many [default: 4]")]
-Clusters = Annotated[int | None, typer.Option(help="per channel [default: estimated]")]
+Channels = Annotated[
+    int | None,
+    typer.Option(help="how many", show_default=str(_DEFAULTS.scales.channels)),
+]
+Clusters = Annotated[int | None, typer.Option(help="per channel", show_default="estimated")]
 PositionWeight = Annotated[
     float | None,
-    typer.Option(help="of the position in the route when clustering; 0: the paper [default: 1]"),
+    typer.Option(
+        help="of the position in the route when clustering; 0: the paper",
+        show_default=f"{_DEFAULTS.scales.position_weight:g}",
+    ),
 ]
 MinScale = Annotated[
     str | None,
-    typer.Option(metavar="N or Nm", help="shortest segment in frames, or in metres [default: 4]"),
+    typer.Option(
+        metavar="N or Nm",
+        help="shortest segment in frames, or in metres",
+        show_default=str(_DEFAULTS.scales.min_scale),
+    ),
 ]
-Metric = Annotated[str | None, typer.Option(help="lmnn or identity [default: lmnn]")]
-Seed = Annotated[int | None, typer.Option(help="of everything random [default: 0]")]
+Metric = Annotated[
+    str | None, typer.Option(help="lmnn or identity", show_default=_DEFAULTS.metric.kind)
+]
+Seed = Annotated[
+    int | None, typer.Option(help="of everything random", show_default=str(_DEFAULTS.seed))
+]
 
 _METRES = re.compile(r"(\d+(?:\.\d+)?)\s*m")
 
@@ -70,6 +94,8 @@ def effective_config(file: Path | None, settings: Sequence[str] | None, **flags:
         table = nested
         for section in sections:
             table = table.setdefault(section, {})
+            if not isinstance(table, dict):
+                raise ConfigError(f"--set {section}: is a section; set one of its keys")
         table[name] = value
     return load_config(file, nested)
 

@@ -49,4 +49,4 @@ def _status(
         for service, identity in alive:
             own = counts.get((service, identity.rpartition("-")[2]), {})
             table.add_row(service, identity, ", ".join(f"{k} {v}" for k, v in sorted(own.items())))
-    Console().print(table)
+    Console(markup=False).print(table)

@@ -1,0 +1,291 @@
+import threading
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from bus_doubles import RecordingPublisher, header, received
+
+from placefield.bus.keys import Keys, channel_identity
+from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage, Message
+from placefield.config import Config
+from placefield.errors import MessageError
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.maps.map import Map
+from placefield.matching.candidate import Candidate
+from placefield_services import fuser as fuser_module
+from placefield_services.fuser import Fuser, LiveChannels
+
+KEYS = Keys("test")
+DEADLINE_S = 2.0
+CHANNELS = 3
+
+
+class Clock:
+    """Time that passes when told to."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+class Stage:
+    """A fuser of the rule ``evidence``, what it published and what it counted."""
+
+    def __init__(self, placemap: Map, clock: Clock) -> None:
+        self.places = placemap.places.count
+        self.config = Config.model_validate({"run": "test", "fusion": {"deadline_s": DEADLINE_S}})
+        self.channels = LiveChannels(CHANNELS)
+        for channel in range(CHANNELS):
+            self.set_alive(channel, True)
+        self.matches, self.acks = RecordingPublisher(), RecordingPublisher()
+        self.counts: Counter[str] = Counter()
+        self._clock = clock
+        self._fuser = Fuser(
+            placemap, self.config, self.channels, self.matches, self.acks, self.counts
+        )
+
+    def set_alive(self, channel: int, is_alive: bool) -> None:
+        token = KEYS.alive("channel", channel_identity(channel, "worker"))
+        self.channels.change(token, is_alive)
+
+    def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
+        self._fuser.handle(received(key, about, message))
+        self._fuser.release()
+
+    def announce(self, about: Header) -> None:
+        self.handle(KEYS.feature, about, FeatureMessage(model="m", descriptor=None))
+
+    def evidence(self, channel: int, sequence: int) -> np.ndarray:
+        rng = np.random.default_rng([channel, sequence])
+        return rng.standard_normal(self.places).astype(np.float32)
+
+    def message(self, channel: int, sequence: int, **changes: Any) -> CandidateMessage:
+        evidence = self.evidence(channel, sequence)
+        fields: dict[str, Any] = {
+            "rule": "evidence",
+            "channel": channel,
+            "place": int(np.argmin(evidence)),
+            "score": float(evidence.min()),
+            "evidence": evidence,
+        }
+        return CandidateMessage(**(fields | changes))
+
+    def answer(self, channel: int, about: Header) -> None:
+        message = self.message(channel, about.sequence)
+        self.handle(KEYS.candidate(channel), about, message)
+
+    def pass_time(self, seconds: float) -> None:
+        self._clock.now += seconds
+        self._fuser.release()
+
+    def expected(self, sequence: int, *missing: int) -> Match:
+        candidates = []
+        for channel in sorted({*range(CHANNELS)} - {*missing}):
+            evidence = self.evidence(channel, sequence)
+            place = int(np.argmin(evidence))
+            candidates.append(Candidate(place, float(evidence[place]), evidence))
+        return fuse(candidates, self.config.matching, missing=missing)
+
+    @property
+    def published(self) -> list[tuple[int, Match]]:
+        return [
+            (about.sequence, Match(message.place, message.score, message.missing))
+            for about, message in self.matches.sent
+            if isinstance(message, MatchMessage)
+        ]
+
+
+@pytest.fixture
+def stage(route_map: Map, monkeypatch: pytest.MonkeyPatch) -> Stage:
+    clock = Clock()
+    monkeypatch.setattr(fuser_module, "time", clock)
+    return Stage(route_map, clock)
+
+
+def test_a_frame_is_answered_once_all_channels_have_in_whatever_order(stage: Stage) -> None:
+    stage.answer(2, header(0))
+    stage.announce(header(0))
+    stage.answer(0, header(0))
+    assert not stage.published
+    stage.answer(1, header(0))
+    assert stage.published == [(0, stage.expected(0))]
+    assert stage.acks.sent == [(header(0), None)]
+
+
+def test_matches_leave_in_the_order_of_the_frames(stage: Stage) -> None:
+    for sequence in (0, 1):
+        stage.announce(header(sequence))
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(1))
+    assert not stage.published
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(0))
+    assert stage.published == [(0, stage.expected(0)), (1, stage.expected(1))]
+    assert stage.acks.sequences == [0, 1]
+
+
+def test_at_the_deadline_a_frame_is_answered_with_what_arrived(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer(0, header(0))
+    stage.answer(2, header(0))
+    stage.pass_time(0.9 * DEADLINE_S)
+    assert not stage.published
+    stage.pass_time(0.2 * DEADLINE_S)
+    assert stage.published == [(0, stage.expected(0, 1))]
+    stage.answer(1, header(0))
+    assert stage.counts["late"] == 1
+    assert len(stage.published) == 1
+
+
+def test_a_channel_without_a_living_worker_is_not_awaited(stage: Stage) -> None:
+    stage.set_alive(1, False)
+    stage.announce(header(0))
+    stage.answer(0, header(0))
+    stage.answer(2, header(0))
+    assert stage.published == [(0, stage.expected(0, 1))]
+    stage.set_alive(1, True)
+    stage.announce(header(1))
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(1))
+    assert stage.published[1:] == [(1, stage.expected(1))]
+
+
+def test_a_frame_that_no_channel_answers_is_answered_all_the_same(stage: Stage) -> None:
+    for channel in range(CHANNELS):
+        stage.set_alive(channel, False)
+    stage.announce(header(0))
+    assert stage.published == [(0, Match(-1, 0.0, (0, 1, 2)))]
+    assert stage.counts["partial"] == 1
+
+
+def test_the_stream_ends_behind_its_last_answer(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.handle(KEYS.feature, header(1, end=True))
+    assert not stage.matches.sent
+    for channel in range(CHANNELS):
+        stage.handle(KEYS.candidate(channel), header(1, end=True))
+        stage.answer(channel, header(0))
+    assert stage.matches.sequences == stage.acks.sequences == [0, 1]
+    assert stage.matches.sent[-1] == stage.acks.sent[-1] == (header(1, end=True), None)
+
+
+def test_a_stream_without_a_frame_ends_too(stage: Stage) -> None:
+    stage.handle(KEYS.feature, header(0, end=True))
+    assert stage.acks.sent == [(header(0, end=True), None)]
+
+
+def test_second_answers_of_replicas_are_dropped_and_counted(stage: Stage) -> None:
+    stage.announce(header(0))
+    for channel in (0, 0, 1, 2):
+        stage.answer(channel, header(0))
+    assert stage.published == [(0, stage.expected(0))]
+    assert stage.counts["duplicate"] == 1
+
+
+def test_a_new_stream_begins_afresh_and_the_old_one_is_stale(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer(0, header(0))
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(0, stream="next"))
+    stage.answer(1, header(0))
+    assert [about.stream for about, _ in stage.matches.sent] == ["next"]
+    assert stage.counts["stale"] == 1
+
+
+def test_in_a_live_stream_a_frame_is_not_held_back_for_those_that_were_dropped(
+    stage: Stage,
+) -> None:
+    for sequence in (0, 5, 6):
+        stage.announce(header(sequence, live=True))
+        for channel in range(CHANNELS):
+            stage.answer(channel, header(sequence, live=True))
+    assert [sequence for sequence, _ in stage.published] == [0, 5, 6]
+
+
+def test_an_answer_has_the_pose_of_its_place_where_the_map_has_poses(
+    route_map: Map, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(fuser_module, "time", clock)
+    poses = np.random.default_rng(2).normal(size=(route_map.places.count, 3))
+    posed = replace(route_map, places=replace(route_map.places, poses=poses))
+    stage = Stage(posed, clock)
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(0))
+    ((_, match),) = stage.matches.sent
+    assert isinstance(match, MatchMessage)
+    assert match.pose == tuple(poses[match.place])
+
+
+def garbage(stage: Stage) -> list[tuple[str, Message | bytes, str]]:
+    """Key, message, and why it is refused."""
+    candidate, evidence = KEYS.candidate(0), stage.evidence(0, 0)
+    short = np.zeros(3, np.float32)
+    nothing = np.empty(0, np.float32)
+    feature = FeatureMessage(model="m", descriptor=None)
+    return [
+        (KEYS.feature, b"\xc1", "no msgpack"),
+        (KEYS.feature, b"", "no msgpack"),
+        (KEYS.feature, stage.message(0, 0), "FeatureMessage"),
+        (candidate, b"", "no msgpack"),
+        (candidate, feature, "CandidateMessage"),
+        (candidate, stage.message(0, 0, rule="lowest-score", evidence=nothing), "--rule"),
+        (candidate, stage.message(0, 0, place=stage.places), "another map"),
+        (candidate, stage.message(0, 0, evidence=short), "another map"),
+        (candidate, stage.message(0, 0, evidence=nothing), "another map"),
+        (candidate, stage.message(0, 0, place=-1, evidence=evidence), "another map"),
+    ]
+
+
+def test_garbage_under_a_good_header_leaves_the_stream_as_it_was(stage: Stage) -> None:
+    for sequence in range(3):
+        stage.announce(header(sequence))
+        for key, message, reason in garbage(stage):
+            for about in (header(sequence), header(0, stream="another"), header(2**40)):
+                with pytest.raises(MessageError, match=reason):
+                    stage.handle(key, about, message)
+        stage.pass_time(DEADLINE_S / 2)
+        for channel in range(CHANNELS):
+            stage.answer(channel, header(sequence))
+    assert stage.published == [(s, stage.expected(s)) for s in range(3)]
+    assert stage.counts == {"streams": 1, "partial": 0, "matches": 3}
+
+
+def test_a_candidate_of_a_channel_that_the_map_has_not_is_counted(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.handle(KEYS.candidate(9), header(0), stage.message(9, 0))
+    for channel in range(CHANNELS):
+        stage.answer(channel, header(0))
+    assert stage.published == [(0, stage.expected(0))]
+    assert stage.counts["unknown_channel"] == 1
+
+
+def test_a_channel_is_alive_as_long_as_one_of_its_workers() -> None:
+    channels = LiveChannels(2)
+    for worker in ("one", "two"):
+        channels.change(KEYS.alive("channel", channel_identity(1, worker)), True)
+    channels.change(KEYS.alive("channel", channel_identity(1, "one")), False)
+    assert channels.alive == {1}
+    channels.change(KEYS.alive("channel", channel_identity(1, "two")), False)
+    channels.change(KEYS.alive("channel", "nameless"), True)
+    assert not channels.alive
+
+
+def test_waiting_for_all_channels_ends_with_the_last_or_with_the_time_or_when_stopped() -> None:
+    channels, stop = LiveChannels(2), threading.Event()
+    channels.change(KEYS.alive("channel", channel_identity(0, "worker")), True)
+    channels.wait_for_all(0.05, stop)
+    last = KEYS.alive("channel", channel_identity(1, "worker"))
+    timer = threading.Timer(0.05, channels.change, [last, True])
+    timer.start()
+    channels.wait_for_all(60, stop)
+    timer.join()
+    assert channels.alive == {0, 1}
+    channels.change(last, False)
+    stop.set()
+    channels.wait_for_all(60, stop)

@@ -1,0 +1,140 @@
+"""A host whose services are stand-ins: what starts, restarts and ends them does not know."""
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from placefield.bus.keys import Keys, channel_identity
+from placefield.bus.session import open_bus, open_router
+from placefield.config import BusConfig, Config
+from placefield.errors import BusError
+from placefield_services import host
+from placefield_services.host import run_host
+
+RUNS_ON = "import time\ntime.sleep(60)"
+
+
+@pytest.fixture
+def config(endpoint: str) -> Config:
+    return Config(run="test", bus=BusConfig(endpoint=endpoint))
+
+
+@pytest.fixture(autouse=True)
+def _leaves_no_process_behind() -> Iterator[None]:
+    before = set(psutil.Process().children(recursive=True))
+    yield
+    left = set(psutil.Process().children(recursive=True)) - before
+    for process in left:
+        process.kill()
+    assert not left
+
+
+def run(scripts: dict[str, str], config: Config, until: Callable[[], bool]) -> None:
+    """Run Python scripts as the services of a host until a condition holds."""
+    commands = {name: [sys.executable, "-c", script] for name, script in scripts.items()}
+    stop = threading.Event()
+    watch = threading.Thread(target=_stop_when, args=(until, stop))
+    watch.start()
+    try:
+        run_host(commands, 1, config, stop, lambda: None)
+    finally:
+        stop.set()
+        watch.join()
+
+
+def _stop_when(until: Callable[[], bool], stop: threading.Event) -> None:
+    for _ in range(600):
+        if until() or stop.wait(0.05):
+            break
+    stop.set()
+
+
+def appends_to(file: Path, text: str = "started") -> str:
+    return f"open({str(file)!r}, 'a').write({text + chr(10)!r})\n"
+
+
+def lines(file: Path) -> list[str]:
+    return file.read_text().splitlines() if file.exists() else []
+
+
+def test_what_dies_is_started_again(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host, "_YOUNG_S", 0.0)
+    dies, stays = tmp_path / "dies", tmp_path / "stays"
+    scripts = {"dies": appends_to(dies) + "raise SystemExit(3)", "stays": appends_to(stays)}
+    scripts["stays"] += RUNS_ON
+    run(scripts, config, lambda: len(lines(dies)) >= 3)
+    assert len(lines(dies)) >= 3
+    assert len(lines(stays)) == 1
+
+
+def test_what_cannot_start_at_all_ends_the_host_by_name(
+    config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
+    scripts = {"channel worker 1": "raise SystemExit(3)", "fuser": RUNS_ON}
+    with pytest.raises(BusError, match="channel worker 1 ended with code 3 5 times in a row"):
+        run(scripts, config, lambda: False)
+
+
+def test_what_does_not_listen_is_killed(config: Config, tmp_path: Path) -> None:
+    ready = tmp_path / "ready"
+    deaf = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+    run({"deaf": deaf + appends_to(ready) + RUNS_ON}, config, ready.exists)
+
+
+def test_services_take_their_settings_from_their_command_alone(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PLACEFIELD_RUN", "from-outside")
+    monkeypatch.setenv("HOME", "/home")
+    seen = tmp_path / "seen"
+    script = f"import os, sys\nopen({str(seen)!r}, 'w').write(chr(10).join(os.environ))\n"
+    run({"service": script + RUNS_ON}, config, lambda: bool(lines(seen)))
+    assert "HOME" in lines(seen)
+    assert "PLACEFIELD_RUN" not in lines(seen)
+    assert "PLACEFIELD_RUN" in os.environ
+
+
+def test_an_endpoint_in_use_is_refused_before_anything_is_started(
+    config: Config, tmp_path: Path
+) -> None:
+    started = tmp_path / "started"
+    with (
+        open_router(config.bus),
+        pytest.raises(BusError, match=f"cannot listen at {config.bus.endpoint}"),
+    ):
+        run({"service": appends_to(started)}, config, lambda: False)
+    assert not started.exists()
+
+
+def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Config) -> None:
+    keys, stop, ready = Keys(config.run), threading.Event(), threading.Event()
+    told: list[bool] = []
+
+    def on_ready() -> None:
+        told.append(True)
+        ready.set()
+
+    served = threading.Thread(target=run_host, args=({}, 2, config, stop, on_ready))
+    served.start()
+    tokens = [keys.alive("fuser", "a"), keys.alive("featurizer", "b")]
+    tokens += [keys.alive("channel", channel_identity(channel, "c")) for channel in (0, 1)]
+    try:
+        for _ in range(2):
+            with open_bus(config.bus) as bus:
+                for token in tokens[:-1]:
+                    bus.declare_alive(token)
+                assert told or not ready.wait(0.3)
+                bus.declare_alive(tokens[-1])
+                assert ready.wait(20)
+    finally:
+        stop.set()
+        served.join()
+    assert told == [True]

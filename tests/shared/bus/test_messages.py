@@ -1,0 +1,250 @@
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from placefield.bus import messages
+from placefield.bus.messages import (
+    CandidateMessage,
+    FeatureMessage,
+    FrameMessage,
+    Header,
+    MatchMessage,
+    Message,
+    StatsMessage,
+)
+from placefield.errors import MessageError
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+vectors = hnp.arrays(
+    np.float32,
+    st.integers(0, 40),
+    elements=st.floats(allow_nan=False, allow_infinity=False, width=32),
+)
+pixels = hnp.arrays(
+    np.uint8,
+    st.tuples(st.integers(1, 9), st.integers(1, 9))
+    | st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3)),
+)
+headers = st.builds(
+    Header,
+    stream=st.text(min_size=1, max_size=64),
+    sequence=st.integers(0, 2**48 - 1),
+    stamp_ns=st.integers(-(2**63), 2**63 - 1),
+    live=st.booleans(),
+    end=st.booleans(),
+)
+all_messages: st.SearchStrategy[Message] = st.one_of(
+    headers,
+    st.builds(FrameMessage, image=st.binary(max_size=200) | pixels),
+    st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
+    st.builds(
+        CandidateMessage,
+        rule=st.sampled_from(["evidence", "lowest-score"]),
+        channel=st.integers(0, 2**16 - 1),
+        place=st.integers(-1, 2**31 - 1),
+        score=finite,
+        evidence=vectors,
+    ),
+    st.builds(
+        MatchMessage,
+        place=st.integers(-1, 2**31 - 1),
+        score=finite,
+        missing=st.lists(st.integers(0, 64)).map(tuple),
+        pose=st.none() | st.tuples(finite, finite, finite),
+    ),
+    st.builds(
+        StatsMessage,
+        service=st.text(max_size=64),
+        counts=st.dictionaries(st.text(), st.integers(0, 2**63)),
+    ),
+)
+KINDS: list[type[Message]] = [
+    Header,
+    FrameMessage,
+    FeatureMessage,
+    CandidateMessage,
+    MatchMessage,
+    StatsMessage,
+]
+plain = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | st.floats()
+    | st.text(max_size=20)
+    | st.binary(max_size=40),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=8) | st.binary(max_size=8), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
+def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
+    """Decode; nothing but a MessageError of one short line may come out of what does not parse."""
+    try:
+        return kind.decode(data)
+    except MessageError as error:
+        message = str(error)
+    assert len(message.splitlines()) == 1
+    assert len(message) < 500
+    return None
+
+
+def same(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray):
+        return bool(
+            isinstance(other, np.ndarray)
+            and one.dtype == other.dtype
+            and one.shape == other.shape
+            and one.tobytes() == other.tobytes()
+        )
+    return bool(one == other)
+
+
+@given(all_messages)
+def test_a_message_comes_back_as_it_was(message: Message) -> None:
+    decoded = type(message).decode(message.encode())
+    for name in type(message).model_fields:
+        assert same(getattr(message, name), getattr(decoded, name)), name
+
+
+@given(st.sampled_from(KINDS), st.binary(max_size=300))
+def test_random_bytes_are_refused(kind: type[Message], data: bytes) -> None:
+    assert decode_or_refuse(kind, data) is None
+
+
+@given(st.sampled_from(KINDS), plain)
+def test_random_msgpack_is_refused(kind: type[Message], value: Any) -> None:
+    assert decode_or_refuse(kind, msgpack.packb(value)) is None
+
+
+@given(all_messages, st.data())
+def test_a_truncated_message_is_refused(message: Message, data: st.DataObject) -> None:
+    encoded = message.encode()
+    length = data.draw(st.integers(0, len(encoded) - 1))
+    assert decode_or_refuse(type(message), encoded[:length]) is None
+
+
+@given(all_messages, st.data())
+def test_a_flipped_bit_gives_another_message_or_none(message: Message, data: st.DataObject) -> None:
+    encoded = bytearray(message.encode())
+    bit = data.draw(st.integers(0, 8 * len(encoded) - 1))
+    encoded[bit // 8] ^= 1 << bit % 8
+    decode_or_refuse(type(message), bytes(encoded))
+
+
+@given(all_messages, plain, st.data())
+def test_a_field_of_any_other_value_is_refused_or_fits(
+    message: Message, value: Any, data: st.DataObject
+) -> None:
+    fields = msgpack.unpackb(message.encode())
+    name = data.draw(st.sampled_from(sorted(fields)))
+    decoded = decode_or_refuse(type(message), msgpack.packb(fields | {name: value}))
+    descriptor = getattr(decoded, "descriptor", None)
+    if descriptor is not None:
+        assert descriptor.ndim == 1
+        assert np.isfinite(descriptor).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
+    examples: list[Message] = [
+        Header(stream="s", sequence=0, stamp_ns=0),
+        FrameMessage(image=b"image"),
+        FeatureMessage(model="m", descriptor=None),
+        CandidateMessage(
+            rule="evidence", channel=0, place=0, score=0.0, evidence=np.zeros(1, np.float32)
+        ),
+        MatchMessage(place=0, score=0.0),
+        StatsMessage(service="s", counts={}),
+    ]
+    taken = [decode_or_refuse(kind, example.encode()) for example in examples]
+    assert [type(message) for message in taken if message is not None] == [kind]
+
+
+@pytest.mark.parametrize("version", [0, 2, -1, "1", None, 1.5, 2**40])
+def test_another_version_is_refused_by_name(version: Any) -> None:
+    fields = msgpack.unpackb(Header(stream="s", sequence=0, stamp_ns=0).encode())
+    with pytest.raises(MessageError, match="version"):
+        Header.decode(msgpack.packb(fields | {"version": version}))
+
+
+def wire(**changes: Any) -> dict[str, Any]:
+    array = {"dtype": "float32", "shape": (2,), "data": np.ones(2, np.float32).tobytes()}
+    return array | changes
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        wire(shape=(2**20, 2**20)),
+        wire(shape=(2**40,) * 40),
+        wire(shape=(2**63,)),
+        wire(shape=(2**64 - 1, 0)),
+        wire(shape=(-1,)),
+        wire(shape=(2, -1)),
+        wire(shape=(2.0,)),
+        wire(shape=(1, 2)),
+        wire(shape=2),
+        wire(shape="2"),
+        wire(shape=()),
+        wire(dtype="float64", shape=(1,)),
+        wire(dtype="uint8", shape=(8,)),
+        wire(dtype="object"),
+        wire(dtype=["float32"]),
+        wire(data=b"\0" * 7),
+        wire(data="text"),
+        wire(data=np.array([1, np.nan], np.float32).tobytes()),
+        wire(data=np.array([np.inf, 1], np.float32).tobytes()),
+        {"dtype": "float32"},
+        [1.0, 2.0],
+        "vector",
+        3,
+    ],
+)
+def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
+    packed = msgpack.packb({"version": 1, "model": "m", "descriptor": array})
+    with pytest.raises(MessageError, match="FeatureMessage"):
+        FeatureMessage.decode(packed)
+
+
+@pytest.mark.parametrize("shape", [(0, 4), (8,), (1, 2, 2, 2), (2, 2, 2, 1), ()])
+def test_pixels_that_make_no_image_are_refused(shape: tuple[int, ...]) -> None:
+    data = bytes(int(np.prod(shape)))
+    packed = msgpack.packb(
+        {"version": 1, "image": {"dtype": "uint8", "shape": shape, "data": data}}
+    )
+    with pytest.raises(MessageError, match="image"):
+        FrameMessage.decode(packed)
+
+
+@pytest.mark.parametrize("score", [float("nan"), float("inf"), -float("inf"), "0", None, True])
+def test_a_score_that_is_no_finite_number_is_refused(score: Any) -> None:
+    fields = msgpack.unpackb(MatchMessage(place=0, score=0.0).encode())
+    assert decode_or_refuse(MatchMessage, msgpack.packb(fields | {"score": score})) is None
+
+
+def test_a_message_nested_too_deeply_is_refused() -> None:
+    for kind in KINDS:
+        assert decode_or_refuse(kind, b"\x91" * 100_000) is None
+        assert decode_or_refuse(kind, b"\x81\xa1x" * 100_000) is None
+
+
+def test_a_message_that_is_too_large_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:
+    encoded = FrameMessage(image=bytes(200)).encode()
+    monkeypatch.setattr(messages, "MAX_BYTES", len(encoded) - 1)
+    with pytest.raises(MessageError, match=f"more than {len(encoded) - 1}"):
+        FrameMessage.decode(encoded)
+
+
+def test_a_strangers_field_name_can_forge_no_log_line() -> None:
+    name = "x\nplacefield: all is well" + "!" * 10_000
+    fields = msgpack.unpackb(Header(stream="s", sequence=0, stamp_ns=0).encode())
+    assert decode_or_refuse(Header, msgpack.packb(fields | {name: 1})) is None

@@ -1,0 +1,188 @@
+"""Routers and clients in one process, on free ports of loopback."""
+
+import queue
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import pytest
+import zenoh
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import FeatureMessage, FrameMessage, Header, StatsMessage
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.config import BusConfig
+from placefield.errors import BusError
+
+KEYS = Keys("test")
+END = Header(stream="s", sequence=0, stamp_ns=0, end=True)
+
+
+def header(sequence: int) -> Header:
+    return Header(stream="s", sequence=sequence, stamp_ns=-sequence)
+
+
+@pytest.fixture
+def config(endpoint: str) -> BusConfig:
+    return BusConfig(endpoint=endpoint, connect_timeout_s=5)
+
+
+@pytest.fixture
+def router(config: BusConfig) -> Iterator[Bus]:
+    with open_router(config) as bus:
+        yield bus
+
+
+@pytest.fixture
+def sender(router: Bus, config: BusConfig) -> Iterator[Bus]:
+    with open_bus(config) as bus:
+        yield bus
+
+
+@pytest.fixture
+def receiver(router: Bus, config: BusConfig) -> Iterator[Bus]:
+    with open_bus(config) as bus:
+        yield bus
+
+
+@pytest.fixture
+def stranger(router: Bus, config: BusConfig) -> Iterator[zenoh.Session]:
+    """A session that speaks Zenoh, but not our messages."""
+    settings = zenoh.Config()
+    settings.insert_json5("mode", '"client"')
+    settings.insert_json5("connect/endpoints", f'["{config.endpoint}"]')
+    settings.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(settings) as session:
+        yield session
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
+
+
+def subscribe(bus: Bus, key: str, counts: Counter[str]) -> "queue.SimpleQueue[Received]":
+    received: queue.SimpleQueue[Received] = queue.SimpleQueue()
+    bus.subscribe(key, received.put, counts)
+    bus.declare_alive(KEYS.alive("test", "reader"))
+    return received
+
+
+def await_reader(bus: Bus) -> None:
+    """Wait for the token that a reader declares after it has subscribed."""
+    wait_until(lambda: bool(bus.alive(KEYS.all_alive("test"))))
+
+
+def test_messages_arrive_whole_in_order_and_none_is_lost(sender: Bus, receiver: Bus) -> None:
+    counts: Counter[str] = Counter()
+    received = subscribe(receiver, KEYS.frame, counts)
+    await_reader(sender)
+    publisher = sender.publisher(KEYS.frame)
+    images = [bytes([sequence % 256]) * (sequence * 37) for sequence in range(1000)]
+    for sequence, image in enumerate(images):
+        publisher.put(header(sequence), FrameMessage(image=image))
+    publisher.put(END)
+    for sequence, image in enumerate(images):
+        message = received.get(timeout=10)
+        assert message.key == KEYS.frame
+        assert message.header == header(sequence)
+        assert FrameMessage.decode(message.payload).image == image
+    last = received.get(timeout=10)
+    assert last.header == END
+    assert last.payload == b""
+    assert not counts
+
+
+def test_runs_do_not_hear_each_other(sender: Bus, receiver: Bus) -> None:
+    received = subscribe(receiver, KEYS.feature, Counter())
+    await_reader(sender)
+    sender.publisher(Keys("other").feature).put(END)
+    sender.publisher(KEYS.feature).put(header(7), FeatureMessage(model="m", descriptor=None))
+    assert received.get(timeout=10).header == header(7)
+
+
+def test_what_has_no_good_header_is_counted_and_the_next_message_still_comes(
+    sender: Bus, receiver: Bus, stranger: zenoh.Session
+) -> None:
+    counts: Counter[str] = Counter()
+    received = subscribe(receiver, KEYS.frame, counts)
+    await_reader(sender)
+    good = header(0).encode()
+    garbage = [None, b"", b"\xc1", b"\x00" * 1000, good[:-1], good + b"\0", b"\x91" * 5000]
+    garbage.append(END.encode())  # has no payload
+    for attachment in garbage:
+        stranger.put(KEYS.frame, b"payload", attachment=attachment)
+    stranger.delete(KEYS.frame)
+    wait_until(lambda: counts["malformed"] == len(garbage) + 1)
+    sender.publisher(KEYS.frame).put(header(1), FrameMessage(image=b""))
+    assert received.get(timeout=10).header == header(1)
+    assert received.empty()
+
+
+def test_a_message_of_no_stream_arrives_as_bytes(sender: Bus, receiver: Bus) -> None:
+    received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+    receiver.subscribe_raw(KEYS.all_stats, lambda key, payload: received.put((key, payload)))
+    receiver.declare_alive(KEYS.alive("test", "reader"))
+    await_reader(sender)
+    stats = StatsMessage(service="fuser", counts={"matches": 3})
+    sender.put(KEYS.stats("fuser", "ab12"), stats)
+    key, payload = received.get(timeout=10)
+    assert key == KEYS.stats("fuser", "ab12")
+    assert StatsMessage.decode(payload) == stats
+
+
+def test_a_token_lives_as_long_as_its_session(router: Bus, config: BusConfig) -> None:
+    token = KEYS.alive("channel", "0-ab12")
+    early: list[tuple[str, bool]] = []
+    late: list[tuple[str, bool]] = []
+    router.watch_alive(KEYS.all_alive(), lambda key, alive: early.append((key, alive)))
+    with open_bus(config) as worker:
+        worker.declare_alive(token)
+        wait_until(lambda: early == [(token, True)])
+        router.watch_alive(KEYS.all_alive(), lambda key, alive: late.append((key, alive)))
+        wait_until(lambda: late == [(token, True)])
+        assert router.alive(KEYS.all_alive("channel")) == {token}
+        assert not router.alive(KEYS.all_alive("fuser"))
+    wait_until(lambda: early == late == [(token, True), (token, False)])
+    assert not router.alive(KEYS.all_alive())
+
+
+def test_without_a_router_a_client_gives_up_in_time_and_says_where_it_looked(
+    config: BusConfig,
+) -> None:
+    hurried = config.model_copy(update={"connect_timeout_s": 0.3})
+    with pytest.raises(BusError, match=f"no router at {config.endpoint}.*placefield up"):
+        open_bus(hurried).__enter__()
+
+
+def test_a_client_waits_for_a_router_that_starts_later(config: BusConfig) -> None:
+    connected = threading.Event()
+
+    def connect() -> None:
+        with open_bus(config):
+            connected.set()
+
+    client = threading.Thread(target=connect)
+    client.start()
+    time.sleep(0.3)
+    assert not connected.is_set()
+    with open_router(config):
+        client.join(10)
+    assert connected.is_set()
+
+
+def test_a_port_in_use_is_refused_by_name(router: Bus, config: BusConfig) -> None:
+    with pytest.raises(BusError, match=f"cannot listen at {config.endpoint}.*--endpoint"):
+        open_router(config).__enter__()
+
+
+@pytest.mark.parametrize("endpoint", ["", "nonsense", "tcp", "127.0.0.1:7557"])
+def test_a_malformed_endpoint_is_refused_by_name(endpoint: str) -> None:
+    config = BusConfig(endpoint=endpoint, connect_timeout_s=0.3)
+    for opener in (open_router, open_bus):
+        with pytest.raises(BusError, match=f"'{endpoint}' is malformed.*tcp/HOST:PORT"):
+            opener(config).__enter__()

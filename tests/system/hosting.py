@@ -1,0 +1,260 @@
+"""Real processes on free ports of loopback, and how they are ended whatever happens."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Self
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from placefield.bus.keys import Keys, service_and_identity
+from placefield.bus.messages import Header, MatchMessage, StatsMessage
+from placefield.bus.session import Bus, open_bus
+from placefield.config import ENV_PREFIX, BusConfig, MatchingConfig, Rule
+from placefield.errors import MessageError
+from placefield.maps.map import Map
+from placefield.recognizer import Recognizer
+from placefield_tools.listening import MatchQueue
+
+PLACEFIELD = (sys.executable, "-m", "placefield_tools")
+PATIENCE_S = 60.0
+"""However slow the machine, what has not happened by then does not happen."""
+
+UNREADABLE = {0: 0, 25: 300, 26: 0}
+"""Frames of the damaged query that cannot be read, and how many bytes are left of each."""
+
+Answer = tuple[Header, MatchMessage]
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"in vain: {what}"
+        time.sleep(0.02)
+
+
+def environment(**settings: str) -> dict[str, str]:
+    """Return this process's environment without its own settings, one BLAS thread each."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
+    return kept | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | settings
+
+
+def placefield(
+    *arguments: str | Path, cwd: Path | None = None, preexec: Callable[[], None] | None = None
+) -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end."""
+    return subprocess.run(
+        [*PLACEFIELD, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        cwd=cwd,
+        env=environment(),
+        preexec_fn=preexec,
+        check=False,
+    )
+
+
+def refusal(ended: "subprocess.CompletedProcess[str]") -> str:
+    """Return the one line in which a command says why it could not go on."""
+    assert ended.returncode == 1, ended
+    assert not ended.stdout
+    lines = [line for line in ended.stderr.splitlines() if line.startswith("placefield: ")]
+    assert len(lines) == 1, ended.stderr
+    assert ended.stderr.rstrip().endswith(lines[0]), ended.stderr
+    return lines[0]
+
+
+class Process:
+    """A command that runs until it is told to stop, with its output in files."""
+
+    def __init__(self, folder: Path, *arguments: str | Path) -> None:
+        name = f"{arguments[0]}-{time.monotonic_ns()}"
+        self._out, self._err = folder / f"{name}.out", folder / f"{name}.err"
+        self._arguments = arguments
+        self._family: set[psutil.Process] = set()
+
+    def __enter__(self) -> Self:
+        with self._out.open("w") as out, self._err.open("w") as err:
+            self._process = self._start(out, err)
+        self.pid = self._process.pid
+        return self
+
+    def _start(self, out: IO[str], err: IO[str]) -> "subprocess.Popen[str]":
+        return subprocess.Popen(
+            [*PLACEFIELD, *map(str, self._arguments)],
+            text=True,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            env=environment(),
+        )
+
+    @property
+    def out(self) -> str:
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        return self._err.read_text()
+
+    @property
+    def runs(self) -> bool:
+        return self._process.poll() is None
+
+    def children(self) -> list[psutil.Process]:
+        """Return the processes that this one has started and that live."""
+        try:
+            children = psutil.Process(self.pid).children(recursive=True)
+        except psutil.NoSuchProcess:
+            return []
+        self._family.update(children)
+        return children
+
+    def left_behind(self) -> list[psutil.Process]:
+        """Return those of all children ever seen that live."""
+        return [child for child in self._family if is_alive(child)]
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Send a signal; return the exit code."""
+        self.children()
+        self._process.send_signal(number)
+        return self._process.wait(PATIENCE_S)
+
+    def __exit__(self, *_: object) -> None:
+        self.children()
+        if self.runs:
+            self._process.terminate()
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        left = self.left_behind()
+        for child in left:
+            child.kill()
+        assert not left, f"left behind: {left}\n{self.err}"
+
+
+def is_alive(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+class Host(Process):
+    """``placefield up``, ready."""
+
+    def __init__(self, folder: Path, map_path: Path, *flags: str) -> None:
+        self.endpoint = free_endpoint()
+        super().__init__(folder, "up", map_path, "--endpoint", self.endpoint, *flags)
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        try:
+            wait_until(lambda: "\n" in self.out or not self.runs, "the host is ready")
+            assert self.out.startswith("ready: "), self.err
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def service(self, command: str, flag: str = "") -> list[psutil.Process]:
+        """Return the living processes of a service whose command line holds a flag."""
+        pattern = re.compile(rf"placefield_tools {command} .*{flag}")
+        found = []
+        for child in self.children():
+            try:
+                if is_alive(child) and pattern.search(" ".join(child.cmdline())):
+                    found.append(child)
+            except psutil.NoSuchProcess:
+                continue
+        return found
+
+    def replay(self, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+        replayed = placefield("replay", *arguments, "--endpoint", self.endpoint)
+        assert replayed.returncode == 0, replayed.stderr
+        return replayed
+
+    @contextmanager
+    def listener(self) -> "Iterator[Listener]":
+        with open_bus(BusConfig(endpoint=self.endpoint)) as bus:
+            yield Listener(bus)
+
+
+class Listener:
+    """What a run publishes, from now on."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.keys = Keys("default")
+        self._matches = MatchQueue(bus, self.keys)
+        self._counts: dict[tuple[str, str], dict[str, int]] = {}
+        bus.subscribe_raw(self.keys.all_stats, self._receive)
+
+    def _receive(self, key: str, payload: bytes) -> None:
+        try:
+            self._counts[service_and_identity(key)] = StatsMessage.decode(payload).counts
+        except MessageError:
+            return
+
+    def count(self, service: str, name: str) -> int:
+        """Return what the processes of a service have counted together."""
+        stats = dict(self._counts).items()
+        return sum(counts.get(name, 0) for (of, _), counts in stats if of == service)
+
+    def alive(self, service: str) -> set[str]:
+        return self.bus.alive(self.keys.all_alive(service))
+
+    def take(self) -> tuple[Header, MatchMessage | None]:
+        """Return the next match; what is no match is left out."""
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            with suppress(MessageError):
+                if (taken := self._matches.take(0.1)) is not None:
+                    return taken
+        raise AssertionError("no match came")
+
+    def answers(self, first: int = 0, count: int | None = None) -> list[Answer]:
+        """Return the next answers, of frames from ``first`` on: so many, or all of the stream."""
+        answers: list[Answer] = []
+        while count is None or len(answers) < count:
+            header, match = self.take()
+            assert header.sequence == first + len(answers), "an answer is missing or out of turn"
+            if match is None:
+                assert count is None, "the stream ended too early"
+                break
+            answers.append((header, match))
+        return answers
+
+
+def answers_of(stream: Sequence[Answer]) -> list[tuple[int, float, tuple[int, ...]]]:
+    return [(match.place, match.score, match.missing) for _, match in stream]
+
+
+def offline(
+    placemap: Map, images: Sequence[Path | NDArray[np.uint8]], rule: Rule = "evidence"
+) -> list[tuple[int, float, tuple[int, ...]]]:
+    """Return what the recognizer says of the same frames, with no bus."""
+    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    matches = [
+        recognizer.push(image.read_bytes() if isinstance(image, Path) else image)
+        for image in images
+    ]
+    return [(match.place, match.score, match.missing) for match in matches]

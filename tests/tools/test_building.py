@@ -1,0 +1,105 @@
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+from frame_folders import first_frames
+
+from placefield.config import Config
+from placefield.errors import MapError, PlacefieldError, SourceError
+from placefield.features.extract import raw_feature
+from placefield.features.images import decode
+from placefield.maps.map import Map
+from placefield.maps.store import open_map
+from placefield_tools.building import build_from, map_of
+
+IDENTITY = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
+LEARNED = Config.model_validate({"scales": {"channels": 1}, "metric": {"steps": 3}})
+
+
+def test_the_places_are_the_frames_of_the_first_reference_in_their_order(
+    reference_dir: Path, query_dir: Path
+) -> None:
+    built = build_from([str(reference_dir), str(query_dir)], IDENTITY)
+    assert built.places.count == 60
+    assert [traverse.name for traverse in built.traverses] == [str(reference_dir), str(query_dir)]
+    for place, file in list(enumerate(sorted(reference_dir.iterdir())))[::13]:
+        thumbnail = decode(built.places.thumbnail(place)).astype(int)
+        assert np.abs(thumbnail - decode(file.read_bytes())).mean() < 8
+
+
+def test_the_same_frames_and_seed_give_the_same_map(reference_dir: Path) -> None:
+    one, other = (build_from([str(reference_dir)], LEARNED) for _ in range(2))
+    for array in ("projection", "places", "labels", "segments", "scales", "curve"):
+        assert np.array_equal(getattr(one.channels[0], array), getattr(other.channels[0], array))
+    assert np.array_equal(one.model.components, other.model.components)
+
+
+@pytest.mark.parametrize("config", [IDENTITY, LEARNED], ids=["identity", "lmnn"])
+def test_a_damaged_frame_ends_the_build_and_is_named(
+    reference_dir: Path, tmp_path: Path, config: Config
+) -> None:
+    damaged = copytree(reference_dir, tmp_path / "reference")
+    file = damaged / "0031.jpg"
+    file.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(SourceError, match=r"0031\.jpg: .*cut off.*extract it again or remove it"):
+        build_from([str(damaged)], config)
+
+
+@pytest.mark.parametrize("config", [IDENTITY, LEARNED], ids=["identity", "lmnn"])
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
+def test_a_reference_that_is_too_short_is_refused(
+    reference_dir: Path, tmp_path: Path, count: int, config: Config
+) -> None:
+    short = first_frames(reference_dir, count, tmp_path / "short")
+    with pytest.raises(MapError, match=rf"{count} frames .*too (short|few).*more frames"):
+        build_from([str(short)], config)
+
+
+def test_traverses_of_unequal_length_are_refused_by_name(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    short = first_frames(query_dir, 59, tmp_path / "short")
+    with pytest.raises(MapError, match=rf"{short} has 59 frames and {reference_dir} 60"):
+        build_from([str(reference_dir), str(short)], IDENTITY)
+
+
+@pytest.mark.parametrize("kind", ["grayscale", "gist"])
+def test_frames_of_any_size_depth_and_alpha_build_a_map(mixed_dir: Path, kind: str) -> None:
+    features = IDENTITY.features.model_copy(update={"kind": kind})
+    built = build_from([str(mixed_dir)], IDENTITY.model_copy(update={"features": features}))
+    assert built.places.count == 60
+    assert built.model.kind == kind
+
+
+def test_a_camera_is_no_reference() -> None:
+    with pytest.raises(PlacefieldError, match="camera:9"):
+        build_from(["camera:9"], IDENTITY)
+
+
+def test_a_map_that_is_there_is_taken_as_it_is(map_path: Path) -> None:
+    with map_of(str(map_path), Config(), feature_asked=False) as path:
+        assert path == map_path
+    with map_of(str(map_path), Config(), feature_asked=True) as path:
+        assert path == map_path
+
+
+def test_a_map_of_another_feature_than_asked_for_is_refused(map_path: Path) -> None:
+    config = Config.model_validate({"features": {"kind": "grayscale"}})
+    with (
+        pytest.raises(MapError, match=rf"{map_path}: holds gist features, not grayscale"),
+        map_of(str(map_path), config, feature_asked=True),
+    ):
+        pass
+
+
+def test_a_map_made_for_the_time_being_is_gone_afterwards(
+    reference_dir: Path, route_map: Map
+) -> None:
+    with map_of(str(reference_dir), IDENTITY, feature_asked=False) as path:
+        built = open_map(path)
+        image = (reference_dir / "0000.jpg").read_bytes()
+        assert len(built.model.mean) == len(raw_feature(image, "gist"))
+        assert np.array_equal(built.model.mean, route_map.model.mean)
+    assert not path.exists()
+    assert not path.parent.exists()

@@ -1,0 +1,103 @@
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+
+from placefield.config import Config, MatchingConfig, Rule
+from placefield.errors import SourceError, TruthError
+from placefield.evaluation.truth import Truth
+from placefield.fusion.match import Match
+from placefield.maps.map import Map
+from placefield.recognizer import Recognizer
+from placefield_tools.evaluating import describe_query, evaluate, judge, match_here
+from placefield_tools.sources import open_source
+
+
+def within_3(queries: int, places: int) -> Truth:
+    return Truth.within(queries, places, 3)
+
+
+@pytest.fixture
+def damaged_query(query_dir: Path, tmp_path: Path) -> Path:
+    """The query with one frame cut off and one that is no image."""
+    damaged = copytree(query_dir, tmp_path / "damaged")
+    cut = damaged / "0020.jpg"
+    cut.write_bytes(cut.read_bytes()[:-300])
+    (damaged / "0021.jpg").write_bytes(b"")
+    return damaged
+
+
+@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+def test_a_query_is_matched_as_the_recognizer_matches_its_files(
+    route_map: Map, damaged_query: Path, rule: Rule
+) -> None:
+    config = MatchingConfig(rule=rule)
+    recognizer = Recognizer(route_map, config)
+    files = sorted(damaged_query.iterdir())
+    with open_source(str(damaged_query)) as source:
+        matches = match_here(route_map, describe_query(source, route_map), config)
+    assert matches == [recognizer.push(file.read_bytes()) for file in files]
+
+
+def test_a_frame_that_cannot_be_read_is_named_and_has_no_feature(
+    route_map: Map, damaged_query: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with open_source(str(damaged_query)) as source:
+        raws = describe_query(source, route_map)
+    assert [number for number, raw in enumerate(raws) if raw is None] == [20, 21]
+    captured = capfd.readouterr()
+    assert "0020.jpg" in captured.err
+    assert "0021.jpg" in captured.err
+    assert not captured.out
+
+
+def test_a_query_without_a_frame_that_can_be_read_is_refused(
+    route_map: Map, tmp_path: Path
+) -> None:
+    for number in range(3):
+        (tmp_path / f"{number}.jpg").write_bytes(b"no image")
+    with (
+        open_source(str(tmp_path)) as source,
+        pytest.raises(SourceError, match="no frame that can be read"),
+    ):
+        describe_query(source, route_map)
+
+
+def test_the_route_is_recognised_by_every_rule(map_path: Path, query_dir: Path) -> None:
+    evaluation = evaluate(map_path, str(query_dir), within_3, Config(), services=False)
+    for result in evaluation.results.values():
+        answered = result.places >= 0
+        assert answered.sum() > 50
+        assert result.correct[answered].all()
+    assert evaluation.results["evidence"].curve.recall_at_1 == 1.0
+
+
+def test_a_truth_for_another_query_is_refused(map_path: Path, query_dir: Path) -> None:
+    with pytest.raises(TruthError):
+        evaluate(
+            map_path,
+            str(query_dir),
+            lambda _, places: within_3(7, places),
+            Config(),
+            services=False,
+        )
+
+
+def test_judging_keeps_places_and_scores_and_counts_no_answer_as_wrong() -> None:
+    matches = [Match(0, 2.0), Match(-1, 0.0), Match(9, 1.0), Match(5, 0.5)]
+    result = judge(matches, Truth.within(4, 20, 2))
+    assert result.places.tolist() == [0, -1, 9, 5]
+    assert result.scores.tolist() == [2.0, 0.0, 1.0, 0.5]
+    assert result.correct.tolist() == [True, False, False, True]
+    assert result.curve.recall_at_1 == pytest.approx(0.5)
+
+
+def test_the_services_find_what_is_found_here(map_path: Path, damaged_query: Path) -> None:
+    here, there = (
+        evaluate(map_path, str(damaged_query), within_3, Config(), services=services)
+        for services in (False, True)
+    )
+    for rule, result in here.results.items():
+        assert np.array_equal(result.places, there.results[rule].places)
+        assert np.array_equal(result.scores, there.results[rule].scores)

@@ -1,0 +1,53 @@
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from placefield.bus.keys import Keys
+from placefield.bus.messages import Header, MatchMessage, StatsMessage
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.config import BusConfig
+from placefield.errors import MessageError
+from placefield_tools.listening import MatchQueue, stream_matches
+
+KEYS = Keys("test")
+
+
+def header(sequence: int, *, end: bool = False) -> Header:
+    return Header(stream="s", sequence=sequence, stamp_ns=0, end=end)
+
+
+@pytest.fixture
+def buses(endpoint: str) -> Iterator[tuple[Bus, Bus]]:
+    config = BusConfig(endpoint=endpoint)
+    with open_router(config) as one, open_bus(config) as other:
+        yield one, other
+
+
+def test_matches_come_in_order_up_to_the_end_of_the_stream(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    matches = MatchQueue(listener, KEYS)
+    time.sleep(0.2)  # a subscription needs a moment to get around
+    publisher = fuser.publisher(KEYS.match)
+    sent = [MatchMessage(place=7 * s, score=s / 3, missing=(s,)) for s in range(20)]
+    for sequence, match in enumerate(sent):
+        publisher.put(header(sequence), match)
+    publisher.put(header(20, end=True))
+    publisher.put(header(0), sent[0])
+    assert list(stream_matches(matches, 10)) == [(header(s), m) for s, m in enumerate(sent)]
+
+
+def test_listening_ends_when_nothing_comes(buses: tuple[Bus, Bus]) -> None:
+    assert list(stream_matches(MatchQueue(buses[1], KEYS), 0.05)) == []
+
+
+def test_what_is_no_match_is_refused_and_the_next_one_still_comes(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    matches = MatchQueue(listener, KEYS)
+    time.sleep(0.2)
+    publisher = fuser.publisher(KEYS.match)
+    publisher.put(header(0), StatsMessage(service="fuser", counts={}))
+    publisher.put(header(1), MatchMessage(place=3, score=1.0))
+    with pytest.raises(MessageError):
+        matches.take(10)
+    assert matches.take(10) == (header(1), MatchMessage(place=3, score=1.0))

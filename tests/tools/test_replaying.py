@@ -1,0 +1,257 @@
+"""Replays against stand-ins for the services, in one process."""
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from placefield.bus.credits import WINDOW
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import FrameMessage, Header
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.config import BusConfig, Config
+from placefield.errors import BusError, SourceError
+from placefield.features.frames import Frame
+from placefield_tools import replaying
+from placefield_tools.replaying import replay
+from placefield_tools.sources import Source, open_source
+
+KEYS = Keys("test")
+
+
+@pytest.fixture
+def config(endpoint: str) -> Config:
+    return Config(run="test", bus=BusConfig(endpoint=endpoint, connect_timeout_s=0.5))
+
+
+@pytest.fixture
+def router(config: Config) -> Iterator[Bus]:
+    with open_router(config.bus) as bus:
+        yield bus
+
+
+class Services:
+    """Takes frames and answers them, all at once or only when told to."""
+
+    def __init__(self, bus: Bus, *, answering: bool = True) -> None:
+        self.answering = answering
+        self.headers: list[Header] = []
+        self.images: list[bytes] = []
+        self._acks = bus.publisher(KEYS.ack)
+        bus.subscribe(KEYS.frame, self._receive, Counter())
+        bus.declare_alive(KEYS.alive("featurizer", "stand-in"))
+        bus.declare_alive(KEYS.alive("fuser", "stand-in"))
+
+    def _receive(self, received: Received) -> None:
+        self.headers.append(received.header)
+        if not received.header.end:
+            image = FrameMessage.decode(received.payload).image
+            self.images.append(image if isinstance(image, bytes) else image.tobytes())
+        if self.answering:
+            self._acks.put(received.header)
+
+    def answer(self, header: Header) -> None:
+        self._acks.put(header)
+
+    @property
+    def sequences(self) -> list[int]:
+        return [header.sequence for header in self.headers if not header.end]
+
+
+@pytest.fixture
+def services(router: Bus, config: Config) -> Iterator[Services]:
+    with open_bus(config.bus) as bus:
+        yield Services(bus)
+
+
+@pytest.fixture
+def bus(router: Bus, config: Config) -> Iterator[Bus]:
+    with open_bus(config.bus) as bus:
+        yield bus
+
+
+@contextmanager
+def in_background(source: Source, bus: Bus, config: Config) -> Iterator[threading.Event]:
+    """Replay beside the block; it is stopped at the end of it."""
+    stop = threading.Event()
+    thread = threading.Thread(target=replay, args=(source, bus, config, stop))
+    thread.start()
+    try:
+        yield stop
+    finally:
+        stop.set()
+        thread.join()
+
+
+def wait_for(services: Services, frames: int) -> None:
+    end = time.monotonic() + 10
+    while len(services.sequences) < frames:
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
+
+
+class MadeUp(Source):
+    """So many frames of pixels; fails at the end if told to."""
+
+    frame_rate = None
+
+    def __init__(self, count: int, *, fails: bool = False) -> None:
+        self.count = count
+        self._fails = fails
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(self.count or 0):
+            pixels = np.full((8, 8), index, np.uint8)
+            yield Frame(index, 1000 + index, f"frame {index}", pixels)
+        if self._fails:
+            raise SourceError("made-up: gone")
+
+
+class LiveMadeUp(MadeUp):
+    live = True
+
+
+def test_every_frame_is_sent_once_in_order_with_the_end_behind(
+    services: Services, bus: Bus, config: Config, query_dir: Path
+) -> None:
+    with open_source(str(query_dir)) as source:
+        assert replay(source, bus, config, threading.Event()) == 60
+    assert services.images == [file.read_bytes() for file in sorted(query_dir.iterdir())]
+    assert services.sequences == list(range(60))
+    assert services.headers[-1].end
+    assert services.headers[-1].sequence == 60
+    assert len({header.stream for header in services.headers}) == 1
+    assert not any(header.live for header in services.headers)
+
+
+def test_start_and_stride_choose_the_frames_but_numbers_have_no_gaps(
+    services: Services, bus: Bus, config: Config, query_dir: Path
+) -> None:
+    with open_source(str(query_dir), start=10, stride=7) as source:
+        assert replay(source, bus, config, threading.Event()) == 8
+    files = sorted(query_dir.iterdir())[10::7]
+    assert services.images == [file.read_bytes() for file in files]
+    assert services.sequences == list(range(8))
+
+
+def test_each_frame_carries_its_stamp(services: Services, bus: Bus, config: Config) -> None:
+    replay(MadeUp(5), bus, config, threading.Event())
+    assert [header.stamp_ns for header in services.headers[:5]] == list(range(1000, 1005))
+
+
+def test_no_more_frames_are_under_way_than_there_are_credits(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    services.answering = False
+    with in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, WINDOW)
+        time.sleep(0.3)
+        assert services.sequences == list(range(WINDOW))
+        services.answer(services.headers[4])  # stands for all before it
+        wait_for(services, WINDOW + 5)
+        time.sleep(0.3)
+        assert services.sequences == list(range(WINDOW + 5))
+
+
+def test_answers_to_another_stream_give_no_credit(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    services.answering = False
+    with in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, WINDOW)
+        services.answer(services.headers[-1].model_copy(update={"stream": "another"}))
+        time.sleep(0.3)
+        assert len(services.sequences) == WINDOW
+
+
+def test_a_live_source_waits_for_no_credit(services: Services, bus: Bus, config: Config) -> None:
+    services.answering = False
+    with in_background(LiveMadeUp(3 * WINDOW), bus, config):
+        wait_for(services, 3 * WINDOW)
+    assert all(header.live for header in services.headers)
+
+
+def test_a_loop_goes_on_in_the_same_stream_until_it_is_stopped(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    stop = threading.Event()
+
+    def stop_after_35() -> None:
+        wait_for(services, 35)
+        stop.set()
+
+    threading.Thread(target=stop_after_35).start()
+    sent = replay(MadeUp(10), bus, config, stop, loop=True)
+    assert sent >= 35
+    wait_for(services, sent)
+    assert services.sequences == list(range(sent))
+    assert [image[0] for image in services.images] == [s % 10 for s in range(sent)]
+    assert len({header.stream for header in services.headers}) == 1
+
+
+def test_a_replay_that_is_stopped_ends_its_stream(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    services.answering = False
+    with in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, WINDOW)
+    end = time.monotonic() + 10
+    while not services.headers[-1].end:
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
+    assert services.headers[-1].sequence == WINDOW
+
+
+def test_at_a_rate_frames_keep_their_distance(services: Services, bus: Bus, config: Config) -> None:
+    began = time.monotonic()
+    replay(MadeUp(11), bus, config, threading.Event(), rate=20)
+    assert time.monotonic() - began >= 10 / 20  # a sleep is never short, however busy the machine
+
+
+@pytest.mark.parametrize(
+    ("source", "sent"), [(MadeUp(3 * WINDOW), WINDOW), (MadeUp(5), 5), (LiveMadeUp(40), 40)]
+)
+def test_services_that_stop_answering_end_the_replay_with_a_word(
+    services: Services,
+    bus: Bus,
+    config: Config,
+    monkeypatch: pytest.MonkeyPatch,
+    source: Source,
+    sent: int,
+) -> None:
+    monkeypatch.setattr(replaying, "_STALLED_S", 0.3)
+    services.answering = False
+    with pytest.raises(BusError, match=rf"'test': {sent} frames sent, 0 answered.*status"):
+        replay(source, bus, config, threading.Event())
+
+
+def test_without_services_it_says_which_are_missing(bus: Bus, config: Config) -> None:
+    with pytest.raises(BusError, match=r"no featurizer and no fuser.*placefield up MAP"):
+        replay(MadeUp(5), bus, config, threading.Event())
+    with open_bus(config.bus) as other:
+        other.declare_alive(KEYS.alive("featurizer", "stand-in"))
+        with pytest.raises(BusError, match="'test' has no fuser:"):
+            replay(MadeUp(5), bus, config, threading.Event())
+
+
+def test_a_second_replay_on_a_run_is_refused_while_the_first_is_on(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    services.answering = False
+    with open_bus(config.bus) as other, in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, WINDOW)
+        with pytest.raises(BusError, match=r"has a replay already.*--run"):
+            replay(MadeUp(5), other, config, threading.Event())
+
+
+def test_a_source_that_fails_on_the_way_says_so(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    with pytest.raises(SourceError, match="made-up: gone"):
+        replay(MadeUp(5, fails=True), bus, config, threading.Event())
