@@ -34,7 +34,7 @@ def run_channels(
                 f"--channel {channel}: the map has channels 0 to {len(placemap.channels) - 1}"
             )
     keys = Keys(config.run)
-    with open_bus(config.bus) as bus:
+    with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, keys)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES)
         bus.subscribe(keys.feature, inbox.offer, process.counts)

@@ -23,12 +23,12 @@ _LIVE_FRAMES = 2  # of a live stream, that may wait: older ones are dropped
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
     keys = Keys(config.run)
-    with open_bus(config.bus) as bus:
+    with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, keys)
-        process.refuse_second()
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         bus.subscribe(keys.frame, inbox.offer, process.counts)
         featurizer = Featurizer(placemap.model, bus.publisher(keys.feature), process.counts)
+        process.refuse_second()
         process.declare_ready()
         process.serve(inbox, featurizer.handle, stop)
 

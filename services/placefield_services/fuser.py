@@ -23,9 +23,8 @@ SERVICE = "fuser"
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over."""
     keys = Keys(config.run)
-    with open_bus(config.bus) as bus:
+    with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, keys)
-        process.refuse_second()
         inbox = Inbox(process.counts)
         bus.subscribe(keys.feature, inbox.offer, process.counts)
         bus.subscribe(keys.all_candidates, inbox.offer, process.counts)
@@ -40,6 +39,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             process.counts,
         )
         channels.wait_for_all(config.bus.connect_timeout_s, stop)
+        process.refuse_second()
         process.declare_ready()
         process.serve(inbox, fuser.handle, stop, idle=fuser.release)
 

@@ -159,6 +159,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
     [
         (("config", "--set", "scales.chanels=9"), "scales.chanels"),
         (("config", "--set", "scales"), "write it as KEY=VALUE"),
+        (("config", "--set", "_cli_parse_args=true"), "write it as KEY=VALUE"),
         (("config", "--config", "no.toml"), "no.toml: no such configuration file"),
         (("build", "{ref}", "-o", "route"), "route: a map's name ends in .pfmap"),
         (("build", "{ref}", "-o", "x.pfmap", "--min-scale", "4ft"), "--min-scale '4ft'"),
@@ -175,6 +176,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("evaluate", "{map}", "{empty}"), "{empty}: no image files"),
         (("evaluate", "{map}", "{unreadable}"), "no frame that can be read"),
         (("evaluate", "{map}", "{query}", "--feature", "grayscale"), "holds gist features, not"),
+        (("evaluate", "{map}", "{query}", "--channels", "2"), "{map} is built already"),
         (("evaluate", "{map}", "{query}", "--truth", "no.csv"), "no.csv"),
         (("evaluate", "{map}", "{query}", "--truth", "{truth}"), "{truth}:3"),
         (

@@ -250,8 +250,9 @@ def test_a_second_replay_on_a_run_is_refused_while_the_first_is_on(
             replay(MadeUp(5), other, config, threading.Event())
 
 
-def test_a_source_that_fails_on_the_way_says_so(
+def test_a_source_that_fails_on_the_way_says_so_and_its_stream_ends(
     services: Services, bus: Bus, config: Config
 ) -> None:
     with pytest.raises(SourceError, match="made-up: gone"):
         replay(MadeUp(5, fails=True), bus, config, threading.Event())
+    assert [header.end for header in services.headers] == [False] * 5 + [True]

@@ -13,7 +13,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, Header
 from placefield.bus.session import Bus
 from placefield.config import Config
-from placefield.errors import BusError
+from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
 from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
@@ -54,9 +54,13 @@ def replay(
     bus.declare_alive(keys.alive("replay", uuid.uuid4().hex[:8]))
     stream = _Stream(bus, keys, live=source.live)
     total = None if loop else source.count
-    for frame in tracked(_paced(_frames(source, loop), rate, stop), "replaying", total):
-        if not stream.send(frame, stop):
-            break
+    try:
+        for frame in tracked(_paced(_frames(source, loop), rate, stop), "replaying", total):
+            if not stream.send(frame, stop):
+                break
+    except SourceError:
+        stream.end(stop)
+        raise
     stream.end(stop)
     return stream.sent
 

@@ -97,7 +97,7 @@ class Message(BaseModel):
         if len(data) > MAX_BYTES:
             raise MessageError(f"{cls.__name__}: {len(data)} bytes, more than {MAX_BYTES}")
         try:
-            return cls.model_validate(msgpack.unpackb(data, use_list=False))
+            message = cls.model_validate(msgpack.unpackb(data, use_list=False))
         except ValidationError as error:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = ".".join(str(part) for part in first["loc"])
@@ -105,6 +105,9 @@ class Message(BaseModel):
             raise MessageError(f"{cls.__name__}: {where!r:.80}: {first['msg']}") from None
         except Exception as error:  # msgpack raises a dozen kinds, RecursionError among them
             raise MessageError(f"{cls.__name__}: no msgpack: {error}") from None
+        if "version" not in message.model_fields_set:
+            raise MessageError(f"{cls.__name__}: has no version")
+        return message
 
 
 class Header(Message):

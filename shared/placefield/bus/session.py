@@ -2,6 +2,7 @@
 
 import json
 import logging
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from placefield.errors import BusError, MessageError
 log = logging.getLogger(__name__)
 
 _LOG_EVERY_S = 10.0
+_ATTEMPT_S = 0.5
 
 
 class Publisher:
@@ -110,20 +112,36 @@ class Bus:
 
 
 @contextmanager
-def open_bus(config: BusConfig) -> Iterator[Bus]:
+def open_bus(config: BusConfig, stop: threading.Event | None = None) -> Iterator[Bus]:
     """Open a client session; it is closed at the end of the block.
 
+    Args:
+        config: where the router is, and how long to wait for it.
+        stop: ends the wait.
+
     Raises:
-        BusError: the endpoint is malformed, or no router answers there in time.
+        BusError: the endpoint is malformed, or no router answered before the wait ended.
     """
-    milliseconds = round(config.connect_timeout_s * 1000)
     settings = _settings(config, "client", "connect") | {
-        "connect/timeout_ms": milliseconds,
+        "connect/timeout_ms": round(_ATTEMPT_S * 1000),
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000},
     }
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
-    with _open(settings, config, f"no router at {config.endpoint}: {hint}") as session:
-        yield Bus(session)
+    with _open(_attempts(config, settings, stop), f"no router at {config.endpoint}: {hint}") as bus:
+        yield bus
+
+
+def _attempts(
+    config: BusConfig, settings: dict[str, Any], stop: threading.Event | None
+) -> Iterator[zenoh.Config]:
+    """Yield what to open a session with until the wait is over, at least once.
+
+    Each attempt is short, for no signal is heard inside it.
+    """
+    end = time.monotonic() + config.connect_timeout_s
+    yield _zenoh_config(config, settings)
+    while time.monotonic() < end and not (stop and stop.is_set()):
+        yield _zenoh_config(config, settings)
 
 
 @contextmanager
@@ -135,8 +153,9 @@ def open_router(config: BusConfig) -> Iterator[Bus]:
     """
     settings = _settings(config, "router", "listen") | {"scouting/delay": 0}
     hint = "is another router running there? Name another with --endpoint"
-    with _open(settings, config, f"cannot listen at {config.endpoint}: {hint}") as session:
-        yield Bus(session)
+    once = iter([_zenoh_config(config, settings)])
+    with _open(once, f"cannot listen at {config.endpoint}: {hint}") as bus:
+        yield bus
 
 
 def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
@@ -150,20 +169,27 @@ def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def _open(settings: dict[str, Any], config: BusConfig, failure: str) -> Iterator[zenoh.Session]:
-    zenoh_config = zenoh.Config()
+def _zenoh_config(config: BusConfig, settings: dict[str, Any]) -> zenoh.Config:
+    made = zenoh.Config()
     try:
         for key, value in settings.items():
-            zenoh_config.insert_json5(key, json.dumps(value))
+            made.insert_json5(key, json.dumps(value))
     except zenoh.ZError:
         raise BusError(
             f"bus.endpoint {config.endpoint!r} is malformed: write it as tcp/HOST:PORT"
         ) from None
-    try:
-        session = zenoh.open(zenoh_config)
-    except zenoh.ZError as error:
-        log.debug("zenoh: %s", error)
-        raise BusError(failure) from None
-    with session:
-        yield session
+    return made
+
+
+@contextmanager
+def _open(attempts: Iterator[zenoh.Config], failure: str) -> Iterator[Bus]:
+    for attempt in attempts:
+        try:
+            session = zenoh.open(attempt)
+        except zenoh.ZError as error:
+            log.debug("zenoh: %s", error)
+            continue
+        with session:
+            yield Bus(session)
+        return
+    raise BusError(failure)

@@ -33,7 +33,7 @@ def _lowest_score(candidates: Sequence[Candidate]) -> tuple[int, float]:
 
 def _mean_evidence(candidates: Sequence[Candidate], neighbourhood: int) -> tuple[int, float]:
     """Pick the place of lowest mean evidence; its score is the margin to the best one elsewhere."""
-    evidence = np.mean([candidate.evidence for candidate in candidates], axis=0)
+    evidence = np.stack([c.evidence for c in candidates]).mean(axis=0, dtype=np.float64)
     place = int(np.argmin(evidence))
     before = evidence[: max(place - neighbourhood, 0)]
     after = evidence[place + neighbourhood + 1 :]

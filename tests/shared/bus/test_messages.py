@@ -115,6 +115,13 @@ def test_a_message_comes_back_as_it_was(message: Message) -> None:
         assert same(getattr(message, name), getattr(decoded, name)), name
 
 
+@given(all_messages)
+def test_a_message_that_names_no_version_is_refused(message: Message) -> None:
+    fields = msgpack.unpackb(message.encode(), use_list=False)
+    del fields["version"]
+    assert decode_or_refuse(type(message), msgpack.packb(fields)) is None
+
+
 @given(st.sampled_from(KINDS), st.binary(max_size=300))
 def test_random_bytes_are_refused(kind: type[Message], data: bytes) -> None:
     assert decode_or_refuse(kind, data) is None

@@ -5,6 +5,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 import zenoh
@@ -157,6 +158,30 @@ def test_without_a_router_a_client_gives_up_in_time_and_says_where_it_looked(
     hurried = config.model_copy(update={"connect_timeout_s": 0.3})
     with pytest.raises(BusError, match=f"no router at {config.endpoint}.*placefield up"):
         open_bus(hurried).__enter__()
+
+
+def test_a_client_that_is_stopped_no_longer_waits(config: BusConfig) -> None:
+    patient = config.model_copy(update={"connect_timeout_s": 3600})
+    stop = threading.Event()
+    stop.set()
+    with pytest.raises(BusError, match="no router"):
+        open_bus(patient, stop).__enter__()
+
+
+def test_a_client_finds_a_router_that_was_started_again(config: BusConfig) -> None:
+    heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    with ExitStack() as stack:
+        with open_router(config):
+            client = stack.enter_context(open_bus(config))
+            client.subscribe_raw(KEYS.all_stats, lambda _, payload: heard.put(payload))
+        restarted = stack.enter_context(open_router(config))
+        stats = StatsMessage(service="fuser", counts={})
+
+        def is_heard() -> bool:
+            restarted.put(KEYS.stats("fuser", "ab12"), stats)
+            return not heard.empty()
+
+        wait_until(is_heard)
 
 
 def test_a_client_waits_for_a_router_that_starts_later(config: BusConfig) -> None:

@@ -40,6 +40,13 @@ def test_evidence_is_averaged_and_its_margin_is_to_the_best_place_elsewhere(
     assert fuse([evidence_of(channel) for channel in evidence], config) == Match(best, margin)
 
 
+def test_the_mean_of_huge_evidence_is_finite() -> None:
+    huge = evidence_of([3e38, -3e38, 3e38])
+    match = fuse([huge, huge], MatchingConfig(neighbourhood=0))
+    assert match.place == 1
+    assert np.isfinite(match.score)
+
+
 def test_of_equally_good_places_the_first_is_taken_and_the_other_takes_the_margin() -> None:
     values = [0.0, -2, 0, 0, -2, -1]
     match = fuse([evidence_of(values)], MatchingConfig(neighbourhood=1))

@@ -8,6 +8,7 @@ import typer
 
 from placefield.errors import ConfigError
 from placefield.evaluation.truth import Truth, read_truth
+from placefield.maps.store import SUFFIX
 from placefield_tools.cli import options
 from placefield_tools.reporting import figures, print_table
 
@@ -64,6 +65,11 @@ def _evaluate(
     )
     if truth is not None and tolerance is not None:
         raise ConfigError("--tolerance and --truth: give one of them")
+    if Path(reference).suffix == SUFFIX and (channels, min_scale, metric) != (None, None, None):
+        raise ConfigError(
+            f"--channels, --min-scale and --metric: {reference} is built already; leave them out, "
+            "or give the frames to build from"
+        )
     within = None if truth is not None else DEFAULT_TOLERANCE if tolerance is None else tolerance
 
     def truth_of(queries: int, places: int) -> Truth:

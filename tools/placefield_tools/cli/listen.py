@@ -30,7 +30,7 @@ def _listen(
 
     effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
     stop = stop_event()
-    with open_bus(effective.bus) as bus:
+    with open_bus(effective.bus, stop) as bus:
         matches = MatchQueue(bus, Keys(effective.run))
         while not stop.is_set():
             try:

@@ -117,7 +117,7 @@ def min_scale_flags(text: str | None) -> dict[str, Any]:
 
 def _setting(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
-    if not equals:
+    if not equals or key.lstrip().startswith("_"):
         raise ConfigError(f"--set {text!r}: write it as KEY=VALUE")
     try:
         parsed = tomllib.loads(f"value = {value}")["value"]

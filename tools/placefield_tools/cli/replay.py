@@ -41,6 +41,10 @@ def _replay(
     from placefield_tools.sources import open_source
 
     effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
-    with open_source(source, start=start, stride=stride) as frames, open_bus(effective.bus) as bus:
-        sent = replay(frames, bus, effective, stop_event(), rate=rate, loop=loop)
+    stop = stop_event()
+    with (
+        open_source(source, start=start, stride=stride) as frames,
+        open_bus(effective.bus, stop) as bus,
+    ):
+        sent = replay(frames, bus, effective, stop, rate=rate, loop=loop)
     print(f"{sent} frames replayed")
