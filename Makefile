@@ -5,7 +5,7 @@ INSTALLED := .venv/.installed
 .PHONY: demo test lint
 
 demo: $(INSTALLED)
-	$(BIN)/placefield demo $(REF) $(QUERY)
+	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
 
 test: $(INSTALLED)
 	$(BIN)/pytest

@@ -28,9 +28,8 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         bus.subscribe(keys.frame, inbox.offer, process.counts)
         featurizer = Featurizer(placemap.model, bus.publisher(keys.feature), process.counts)
-        process.refuse_second()
-        process.declare_ready()
-        process.serve(inbox, featurizer.handle, stop)
+        with process.sole():
+            process.serve(inbox, featurizer.handle, stop)
 
 
 class Featurizer:

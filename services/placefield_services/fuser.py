@@ -1,5 +1,6 @@
 """The fuser: candidates in, one match per frame out."""
 
+import math
 import threading
 import time
 from collections import Counter
@@ -13,7 +14,7 @@ from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.rules import fuse
-from placefield.maps.map import Map
+from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.process import ServiceProcess
 
@@ -39,9 +40,8 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             process.counts,
         )
         channels.wait_for_all(config.bus.connect_timeout_s, stop)
-        process.refuse_second()
-        process.declare_ready()
-        process.serve(inbox, fuser.handle, stop, idle=fuser.release)
+        with process.sole():
+            process.serve(inbox, fuser.handle, stop, idle=fuser.release)
 
 
 class LiveChannels:
@@ -100,6 +100,7 @@ class Fuser:
         self._matches = matches
         self._acks = acks
         self._counts = counts
+        self._model = fingerprint(placemap.model)
         self._feature_key = Keys(config.run).feature
         self._switch = StreamSwitch(counts)
         self._begin(live=False)
@@ -119,6 +120,7 @@ class Fuser:
         if arrival is Arrival.DROPPED:
             return
         if arrival is Arrival.NEW_STREAM:
+            self._release(math.inf)  # what the stream before it still owes
             self._begin(live=header.live)
         now = time.monotonic()
         if isinstance(message, FeatureMessage):
@@ -133,7 +135,10 @@ class Fuser:
 
     def _decode(self, received: Received) -> FeatureMessage | CandidateMessage:
         if received.key == self._feature_key:
-            return FeatureMessage.decode(received.payload)
+            feature = FeatureMessage.decode(received.payload)
+            if feature.model != self._model:
+                raise MessageError(f"descriptor of model {feature.model}, not this map's")
+            return feature
         message = CandidateMessage.decode(received.payload)
         rule, places = self._config.matching.rule, self._map.places.count
         if message.rule != rule:
@@ -148,7 +153,10 @@ class Fuser:
     def release(self) -> None:
         """Publish the matches of frames that are complete or due, and their credits."""
         self._joiner.set_alive(self._channels.alive)
-        for joined in self._joiner.release(time.monotonic()):
+        self._release(time.monotonic())
+
+    def _release(self, now: float) -> None:
+        for joined in self._joiner.release(now):
             self._publish(self._headers.pop(joined.sequence), joined)
         if self._end is not None and not self._joiner.pending:
             self._matches.put(self._end)

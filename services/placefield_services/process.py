@@ -9,12 +9,13 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.bus.session import Bus
-from placefield.errors import BusError, MessageError
+from placefield.errors import MessageError
 
 log = logging.getLogger(__name__)
 
@@ -37,21 +38,13 @@ class ServiceProcess:
         self._stats_key = keys.stats(service, self.identity)
         self._stats_due = 0.0
 
-    def refuse_second(self) -> None:
-        """End if another process of this service serves the run.
+    def sole(self) -> AbstractContextManager[None]:
+        """Hold the token of a service of which a run has one; see ``Bus.sole``."""
+        return self._bus.sole(self._keys, self._service, self.identity)
 
-        Raises:
-            BusError: there is one.
-        """
-        if self._bus.alive(self._keys.all_alive(self._service)):
-            raise BusError(
-                f"run {self._keys.run!r} has a {self._service} already; "
-                "stop that one, or take another name with --run"
-            )
-
-    def declare_ready(self, identity: str | None = None) -> None:
+    def declare_ready(self, identity: str) -> None:
         """Declare the liveliness token; do so after subscribing, for it says that all is ready."""
-        self._bus.declare_alive(self._keys.alive(self._service, identity or self.identity))
+        self._bus.declare_alive(self._keys.alive(self._service, identity))
 
     def serve(
         self,

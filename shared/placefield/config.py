@@ -55,8 +55,8 @@ class ScaleConfig(_Section):
         1.0, ge=0, description="weight of the position in the route when clustering; 0: the paper"
     )
     min_scale: int = Field(4, ge=2, description="shortest active segment, frames")
-    min_scale_metres: float | None = Field(
-        None, gt=0, description="the same in metres, where the reference has poses"
+    min_scale_metres: float = Field(
+        0.0, ge=0, description="the same in metres, where the reference has poses; 0: in frames"
     )
 
 

@@ -13,7 +13,7 @@ from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.maps.map import Map
+from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield_services import fuser as fuser_module
 from placefield_services.fuser import Fuser, LiveChannels
@@ -38,6 +38,7 @@ class Stage:
 
     def __init__(self, placemap: Map, clock: Clock) -> None:
         self.places = placemap.places.count
+        self.model = fingerprint(placemap.model)
         self.config = Config.model_validate({"run": "test", "fusion": {"deadline_s": DEADLINE_S}})
         self.channels = LiveChannels(CHANNELS)
         for channel in range(CHANNELS):
@@ -58,7 +59,7 @@ class Stage:
         self._fuser.release()
 
     def announce(self, about: Header) -> None:
-        self.handle(KEYS.feature, about, FeatureMessage(model="m", descriptor=None))
+        self.handle(KEYS.feature, about, FeatureMessage(model=self.model, descriptor=None))
 
     def evidence(self, channel: int, sequence: int) -> np.ndarray:
         rng = np.random.default_rng([channel, sequence])
@@ -187,13 +188,14 @@ def test_second_answers_of_replicas_are_dropped_and_counted(stage: Stage) -> Non
     assert stage.counts["duplicate"] == 1
 
 
-def test_a_new_stream_begins_afresh_and_the_old_one_is_stale(stage: Stage) -> None:
+def test_a_new_stream_begins_afresh_once_the_old_one_has_its_answers(stage: Stage) -> None:
     stage.announce(header(0))
     stage.answer(0, header(0))
     for channel in range(CHANNELS):
         stage.answer(channel, header(0, stream="next"))
     stage.answer(1, header(0))
-    assert [about.stream for about, _ in stage.matches.sent] == ["next"]
+    assert [about.stream for about, _ in stage.matches.sent] == ["s", "next"]
+    assert stage.counts["partial"] == 1
     assert stage.counts["stale"] == 1
 
 
@@ -232,6 +234,7 @@ def garbage(stage: Stage) -> list[tuple[str, Message | bytes, str]]:
         (KEYS.feature, b"\xc1", "no msgpack"),
         (KEYS.feature, b"", "no msgpack"),
         (KEYS.feature, stage.message(0, 0), "FeatureMessage"),
+        (KEYS.feature, feature, "descriptor of model m"),
         (candidate, b"", "no msgpack"),
         (candidate, feature, "CandidateMessage"),
         (candidate, stage.message(0, 0, rule="lowest-score", evidence=nothing), "--rule"),

@@ -12,17 +12,16 @@ from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Message, StatsMessage
 from placefield.bus.session import Bus
-from placefield.errors import BusError, MessageError
+from placefield.errors import MessageError
 from placefield_services.process import SUPERVISED, ServiceProcess
 
 KEYS = Keys("test")
 
 
 class QuietBus(Bus):
-    """A bus with nobody on it but one process and whom it is told of."""
+    """A bus with nobody on it but one process."""
 
-    def __init__(self, *tokens: str) -> None:
-        self.tokens = set(tokens)
+    def __init__(self) -> None:
         self.published: list[tuple[str, Message]] = []
         self.dropped: list[str] = []
 
@@ -31,13 +30,6 @@ class QuietBus(Bus):
 
     def log_dropped(self, key: str, error: Exception) -> None:
         self.dropped.append(str(error))
-
-    def alive(self, key: str) -> set[str]:
-        service = key.removesuffix("/*")
-        return {token for token in self.tokens if token.startswith(service)}
-
-    def declare_alive(self, key: str) -> None:
-        self.tokens.add(key)
 
 
 def serve(
@@ -101,16 +93,6 @@ def test_counts_are_published_under_the_process_own_name(
     serve(process, lambda _: None, 1)
     stats = StatsMessage(service="fuser", counts={"received": 1})
     assert bus.published == [(KEYS.stats("fuser", process.identity), stats)]
-
-
-def test_a_second_process_of_a_service_is_refused_and_one_of_another_is_not(
-    bus: QuietBus, process: ServiceProcess
-) -> None:
-    process.refuse_second()
-    process.declare_ready()
-    ServiceProcess("featurizer", bus, KEYS).refuse_second()
-    with pytest.raises(BusError, match=r"run 'test' has a fuser already.*--run"):
-        ServiceProcess("fuser", bus, KEYS).refuse_second()
 
 
 _WAITS_FOR_STOP = """

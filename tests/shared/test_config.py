@@ -100,7 +100,12 @@ def test_a_missing_or_unreadable_file_is_named(tmp_path: Path) -> None:
 def test_toml_shows_every_setting_that_has_a_value() -> None:
     shown = tomllib.loads(Config().to_toml())
     assert shown["run"] == "default"
-    assert shown["scales"] == {"channels": 4, "position_weight": 1.0, "min_scale": 4}
+    assert shown["scales"] == {
+        "channels": 4,
+        "position_weight": 1.0,
+        "min_scale": 4,
+        "min_scale_metres": 0.0,
+    }
 
 
 positive = st.floats(1e-6, 1e6)
@@ -119,7 +124,7 @@ configs = st.fixed_dictionaries(
         "scales": st.fixed_dictionaries(
             {
                 "clusters": st.none() | st.integers(2, 99),
-                "min_scale_metres": st.none() | positive,
+                "min_scale_metres": st.just(0.0) | positive,
                 "position_weight": st.just(0) | positive,
             }
         ),

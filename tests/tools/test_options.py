@@ -81,7 +81,7 @@ def test_whatever_is_set_a_configuration_or_a_config_error_comes_out(settings: l
 
 def test_the_smallest_scale_is_in_frames_or_in_metres() -> None:
     assert min_scale_flags(None) == {}
-    assert min_scale_flags("6") == {"scales__min_scale": 6}
+    assert min_scale_flags("6") == {"scales__min_scale": 6, "scales__min_scale_metres": 0}
     for metres in ("2.5m", "2.5 m"):
         assert min_scale_flags(metres) == {"scales__min_scale_metres": 2.5}
 

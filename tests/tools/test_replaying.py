@@ -177,6 +177,12 @@ def test_a_live_source_waits_for_no_credit(services: Services, bus: Bus, config:
     assert all(header.live for header in services.headers)
 
 
+def test_a_live_source_is_stopped_too(services: Services, bus: Bus, config: Config) -> None:
+    stop = threading.Event()
+    stop.set()
+    assert replay(LiveMadeUp(10**9), bus, config, stop) == 0
+
+
 def test_a_loop_goes_on_in_the_same_stream_until_it_is_stopped(
     services: Services, bus: Bus, config: Config
 ) -> None:

@@ -5,7 +5,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
@@ -49,20 +49,19 @@ def replay(
         SourceError: the source fails.
     """
     keys = Keys(config.run)
-    _refuse_second(bus, keys)
-    _await_services(bus, keys, config.bus.connect_timeout_s, stop)
-    bus.declare_alive(keys.alive("replay", uuid.uuid4().hex[:8]))
-    stream = _Stream(bus, keys, live=source.live)
-    total = None if loop else source.count
-    try:
-        for frame in tracked(_paced(_frames(source, loop), rate, stop), "replaying", total):
-            if not stream.send(frame, stop):
-                break
-    except SourceError:
+    with bus.sole(keys, "replay", uuid.uuid4().hex[:8]):
+        _await_services(bus, keys, config.bus.connect_timeout_s, stop)
+        stream = _Stream(bus, keys, live=source.live)
+        frames = _paced(_frames(source, loop), rate, stop)
+        try:
+            for frame in tracked(frames, "replaying", None if loop else source.count):
+                if not stream.send(frame, stop):
+                    break
+        except SourceError:
+            stream.end(stop)
+            raise
         stream.end(stop)
-        raise
-    stream.end(stop)
-    return stream.sent
+        return stream.sent
 
 
 class _Stream:
@@ -84,7 +83,7 @@ class _Stream:
 
     def send(self, frame: Frame, stop: threading.Event) -> bool:
         """Publish a frame when there is a credit for it; False if stopped before."""
-        if not self._live and not self._wait(stop):
+        if stop.is_set() or not (self._live or self._await(self._take_credit, stop)):
             return False
         self._stamp_ns = frame.stamp_ns
         self._publisher.put(self._header(), FrameMessage(image=frame.image))
@@ -94,10 +93,10 @@ class _Stream:
     def end(self, stop: threading.Event) -> None:
         """Publish the end of the stream and wait until it is answered."""
         self._publisher.put(self._header(end=True))
-        end = time.monotonic() + _STALLED_S
-        while not stop.is_set() and not self._credits.wait_until_answered(self.sent, _POLL_S):
-            if time.monotonic() > end:
-                raise self._stalled()
+        self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
+
+    def _take_credit(self) -> bool:
+        return self._credits.take(_POLL_S)
 
     def _header(self, *, end: bool = False) -> Header:
         return Header(
@@ -108,12 +107,19 @@ class _Stream:
             end=end,
         )
 
-    def _wait(self, stop: threading.Event) -> bool:
-        end = time.monotonic() + _STALLED_S
+    def _await(self, is_over: Callable[[], bool], stop: threading.Event) -> bool:
+        """Poll until it is over or stopped; False if stopped.
+
+        Raises:
+            BusError: the services have answered nothing for a long time.
+        """
+        answered, since = self._credits.answered, time.monotonic()
         while not stop.is_set():
-            if self._credits.take(_POLL_S):
+            if is_over():
                 return True
-            if time.monotonic() > end:
+            if self._credits.answered != answered:
+                answered, since = self._credits.answered, time.monotonic()
+            elif time.monotonic() > since + _STALLED_S:
                 raise self._stalled()
         return False
 
@@ -121,13 +127,6 @@ class _Stream:
         return BusError(
             f"run {self._run!r}: {self.sent} frames sent, {self._credits.answered} answered, and "
             f"none for {_STALLED_S:g} s: see what 'placefield status' says of the services"
-        )
-
-
-def _refuse_second(bus: Bus, keys: Keys) -> None:
-    if bus.alive(keys.all_alive("replay")):
-        raise BusError(
-            f"run {keys.run!r} has a replay already; wait for its end or take another --run"
         )
 
 

@@ -32,11 +32,14 @@ def match_through_services(map_path: Path, source: Source, config: Config) -> li
     )
     with _host(map_path, alone), open_bus(alone.bus) as bus:
         matches = MatchQueue(bus, Keys(alone.run))
-        replay(source, bus, alone, threading.Event())
-        return [
+        sent = replay(source, bus, alone, threading.Event())
+        answered = [
             Match(message.place, message.score, message.missing)
             for _, message in stream_matches(matches, _LAST_MATCH_S)
         ]
+    if len(answered) != sent:
+        raise BusError(f"{sent} frames were sent through the services, {len(answered)} matched")
+    return answered
 
 
 @contextmanager

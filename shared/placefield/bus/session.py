@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 
 from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
 from placefield.bus.messages import MAX_BYTES, Header, Message
 from placefield.config import BusConfig
 from placefield.errors import BusError, MessageError
@@ -93,6 +94,28 @@ class Bus:
     def declare_alive(self, key: str) -> None:
         """Declare a liveliness token: it lives as long as this session."""
         self._keep(self._session.liveliness().declare_token(key))
+
+    @contextmanager
+    def sole(self, keys: Keys, service: str, identity: str) -> Iterator[None]:
+        """Hold the token of a service of which a run has one, for the length of the block.
+
+        It is declared first and others are looked for then, so that of two that start together
+        none is overlooked; both give up.
+
+        Raises:
+            BusError: there is another.
+        """
+        own = keys.alive(service, identity)
+        token = self._session.liveliness().declare_token(own)
+        try:
+            if self.alive(keys.all_alive(service)) - {own}:
+                raise BusError(
+                    f"run {keys.run!r} has a {service} already; "
+                    "stop that one, or take another name with --run"
+                )
+            yield
+        finally:
+            token.undeclare()  # type: ignore[no-untyped-call]
 
     def alive(self, key: str) -> set[str]:
         """Return the liveliness tokens of a key that are there now."""

@@ -1,9 +1,10 @@
 """Joins the candidates of a frame by its sequence number, with a deadline.
 
 Pure: it is told the time. Frames are released in the order of their numbers, each exactly once:
-when all awaited channels have answered, or when its deadline has passed. A channel is awaited while
-it is alive and kept its last deadline; one that has missed a deadline is awaited again when it next
-answers. So a dead or stopped channel holds up the stream for one deadline at most.
+when all awaited channels have answered, or when their deadlines have passed. A channel is awaited
+while it is alive and kept its last deadline; one that has missed a deadline is awaited again when
+it next answers. So a dead or stopped channel holds up the stream for one deadline at most, and one
+that is slow but answers is waited for.
 """
 
 from collections import Counter
@@ -28,6 +29,12 @@ class _Pending:
     candidates: dict[int, Candidate] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Answer:
+    sequence: int
+    at: float
+
+
 class Joiner:
     """Joins one stream. Counts ``duplicate``, ``late``, ``unknown_channel`` and ``partial``."""
 
@@ -41,6 +48,8 @@ class Joiner:
     ) -> None:
         """Expect these channels' candidates, each at most ``deadline_s`` after its frame.
 
+        A channel that has others of the frames to answer first has as long after each of these.
+
         With ``gaps_expected``, as in a live stream that drops old frames, a frame is not held back
         for frames before it that have not been heard of.
         """
@@ -50,6 +59,7 @@ class Joiner:
         self._gaps_expected = gaps_expected
         self._alive = self._channels
         self._tardy: set[int] = set()
+        self._latest: dict[int, _Answer] = {}
         self._pending: dict[int, _Pending] = {}
         self._next = 0
 
@@ -76,6 +86,7 @@ class Joiner:
             self._counts["duplicate"] += 1
             return
         candidates[channel] = candidate
+        self._latest[channel] = _Answer(sequence, now)
 
     def release(self, now: float) -> list[Joined]:
         """Return the frames that are complete or due, in order."""
@@ -83,13 +94,25 @@ class Joiner:
         for sequence in sorted(self._pending):
             pending = self._pending[sequence]
             absent = self._channels - pending.candidates.keys()
-            awaited = (absent & self._alive) - self._tardy
+            awaited = self._awaited(sequence, absent)
+            answers = [self._latest[c].at for c in awaited if c in self._latest]
+            since = max([pending.since, *answers])
             in_turn = sequence == self._next or self._gaps_expected
-            if (awaited or not in_turn) and now < pending.since + self._deadline_s:
+            if (awaited or not in_turn) and now < since + self._deadline_s:
                 break
             self._tardy |= awaited
             released.append(self._release(sequence, absent))
         return released
+
+    def _awaited(self, sequence: int, absent: frozenset[int]) -> frozenset[int]:
+        """Which of the absent channels may still answer a frame.
+
+        One that has dropped the frame in a live stream, and gone on, will not.
+        """
+        awaited = (absent & self._alive) - self._tardy
+        if not self._gaps_expected:
+            return awaited
+        return awaited - {c for c, latest in self._latest.items() if latest.sequence > sequence}
 
     def _release(self, sequence: int, missing: frozenset[int]) -> Joined:
         self._next = sequence + 1

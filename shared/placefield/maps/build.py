@@ -94,7 +94,7 @@ def _check_aligned(traverses: Sequence[Traverse]) -> None:
 
 def _channels(descriptors: Array, traverse: Traverse, config: Config) -> tuple[Channel, ...]:
     scales = config.scales
-    in_metres = scales.min_scale_metres is not None
+    in_metres = scales.min_scale_metres > 0
     if in_metres and not len(traverse.poses):
         raise MapError(
             f"--min-scale {scales.min_scale_metres:g}m: {traverse.name} has no poses; give the "

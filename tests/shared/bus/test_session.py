@@ -152,6 +152,17 @@ def test_a_token_lives_as_long_as_its_session(router: Bus, config: BusConfig) ->
     assert not router.alive(KEYS.all_alive())
 
 
+def test_of_a_service_that_a_run_has_once_a_second_is_refused(sender: Bus, receiver: Bus) -> None:
+    with sender.sole(KEYS, "fuser", "one"), receiver.sole(KEYS, "featurizer", "two"):
+        with (
+            pytest.raises(BusError, match=r"run 'test' has a fuser already.*--run"),
+            receiver.sole(KEYS, "fuser", "three"),
+        ):
+            pytest.fail("the second was let in")
+        assert sender.alive(KEYS.all_alive("fuser")) == {KEYS.alive("fuser", "one")}
+    wait_until(lambda: not sender.alive(KEYS.all_alive("fuser")))
+
+
 def test_without_a_router_a_client_gives_up_in_time_and_says_where_it_looked(
     config: BusConfig,
 ) -> None:

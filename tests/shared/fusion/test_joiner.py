@@ -94,6 +94,27 @@ def test_a_tardy_channel_holds_up_the_stream_once_and_is_awaited_again_when_it_a
     assert joined.missing == frozenset()
 
 
+def test_a_channel_that_is_slow_but_answers_is_waited_for() -> None:
+    joiner, counts = joiner_of((0,))
+    for sequence in range(8):
+        joiner.announce(sequence, now=0)
+    for sequence in range(8):
+        now = (sequence + 1) * 0.9 * DEADLINE_S
+        assert joiner.release(now) == []
+        joiner.add(sequence, 0, candidate(), now)
+        assert sequences(joiner.release(now)) == [sequence]
+    assert counts["partial"] == 0
+
+
+def test_in_a_live_stream_a_channel_that_has_gone_on_is_not_awaited_for_what_it_dropped() -> None:
+    joiner, counts = joiner_of((0,), gaps_expected=True)
+    for sequence in range(3):
+        joiner.announce(sequence, now=0)
+    joiner.add(2, 0, candidate(), now=0.1)
+    assert sequences(joiner.release(now=0.1)) == [0, 1, 2]
+    assert counts["partial"] == 2
+
+
 def test_a_frame_not_heard_of_is_waited_for() -> None:
     joiner, counts = joiner_of((0,))
     joiner.add(1, 0, candidate(), now=0)
@@ -138,6 +159,7 @@ class Account:
     candidates: dict[int, dict[int, Candidate]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     last: int = -1
+    answered: float = 0.0
 
     def hear(self, sequence: int, now: float) -> None:
         if sequence > self.last:
@@ -154,6 +176,7 @@ class Account:
         else:
             self.hear(sequence, now)
             known[channel] = given
+            self.answered = now
 
     def settle(self, released: list[Joined], now: float) -> None:
         for joined in released:
@@ -164,7 +187,7 @@ class Account:
             assert joined.missing == self.channels - joined.candidates.keys()
             self.counts["partial"] += bool(joined.missing)
         if self.since:
-            assert now < self.since[min(self.since)] + DEADLINE_S
+            assert now < max(self.since[min(self.since)], self.answered) + DEADLINE_S
 
 
 frames = st.integers(0, 9)

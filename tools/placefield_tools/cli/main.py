@@ -3,7 +3,9 @@
 import logging
 import sys
 
+import numpy as np  # noqa: F401 - its BLAS must be there to be limited
 import typer
+from threadpoolctl import threadpool_limits
 
 from placefield.errors import PlacefieldError
 from placefield_tools.cli import (
@@ -30,10 +32,14 @@ for module in (build, inspect, up, services, replay, listen, status, evaluate, c
 
 
 def main() -> None:
-    """Run a command; a known error, or one of the disk, is one line on stderr and exit code 1."""
+    """Run a command; a known error, or one of the disk, is one line on stderr and exit code 1.
+
+    One BLAS thread: how many there are changes the last bits of products, and with them the map.
+    """
     logging.basicConfig(format="placefield: %(message)s", level=logging.INFO)
     try:
-        app()
+        with threadpool_limits(1):
+            app()
     except (PlacefieldError, OSError) as error:
         print(f"placefield: {error}", file=sys.stderr)
         sys.exit(1)

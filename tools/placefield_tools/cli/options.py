@@ -111,7 +111,7 @@ def min_scale_flags(text: str | None) -> dict[str, Any]:
     if metres := _METRES.fullmatch(text):
         return {"scales__min_scale_metres": float(metres[1])}
     if text.isdecimal():
-        return {"scales__min_scale": int(text)}
+        return {"scales__min_scale": int(text), "scales__min_scale_metres": 0}
     raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
 
 
