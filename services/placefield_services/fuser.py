@@ -14,7 +14,7 @@ from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.rules import fuse
-from placefield.maps.map import Map, fingerprint
+from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.process import ServiceProcess
 
@@ -100,7 +100,6 @@ class Fuser:
         self._matches = matches
         self._acks = acks
         self._counts = counts
-        self._model = fingerprint(placemap.model)
         self._feature_key = Keys(config.run).feature
         self._switch = StreamSwitch(counts)
         self._begin(live=False)
@@ -135,10 +134,7 @@ class Fuser:
 
     def _decode(self, received: Received) -> FeatureMessage | CandidateMessage:
         if received.key == self._feature_key:
-            feature = FeatureMessage.decode(received.payload)
-            if feature.model != self._model:
-                raise MessageError(f"descriptor of model {feature.model}, not this map's")
-            return feature
+            return FeatureMessage.decode(received.payload)
         message = CandidateMessage.decode(received.payload)
         rule, places = self._config.matching.rule, self._map.places.count
         if message.rule != rule:
