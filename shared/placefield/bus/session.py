@@ -40,7 +40,7 @@ class Bus:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._undeclare: list[Any] = []
+        self._declared: list[Any] = []  # Zenoh undeclares what nobody holds
         self._last_logged = -_LOG_EVERY_S
 
     def publisher(self, key: str) -> Publisher:
@@ -74,7 +74,7 @@ class Bus:
                 counts["malformed"] += 1
                 self.log_dropped(str(sample.key_expr), error)
 
-        self._keep(self._session.declare_subscriber(key, call))
+        self._declared.append(self._session.declare_subscriber(key, call))
 
     def subscribe_raw(self, key: str, receive: Callable[[str, bytes], None]) -> None:
         """Call ``receive(key, payload)`` for what comes on a key, on the bus's thread."""
@@ -82,7 +82,7 @@ class Bus:
         def call(sample: zenoh.Sample) -> None:
             receive(str(sample.key_expr), sample.payload.to_bytes())
 
-        self._keep(self._session.declare_subscriber(key, call))
+        self._declared.append(self._session.declare_subscriber(key, call))
 
     def log_dropped(self, key: str, error: Exception) -> None:
         """Log a message that was dropped; once in a while only, for there may be many."""
@@ -93,7 +93,7 @@ class Bus:
 
     def declare_alive(self, key: str) -> None:
         """Declare a liveliness token: it lives as long as this session."""
-        self._keep(self._session.liveliness().declare_token(key))
+        self._declared.append(self._session.liveliness().declare_token(key))
 
     @contextmanager
     def sole(self, keys: Keys, service: str, identity: str) -> Iterator[None]:
@@ -128,10 +128,9 @@ class Bus:
         def call(sample: zenoh.Sample) -> None:
             change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._keep(self._session.liveliness().declare_subscriber(key, call, history=True))
-
-    def _keep(self, declared: Any) -> None:
-        self._undeclare.append(declared)
+        self._declared.append(
+            self._session.liveliness().declare_subscriber(key, call, history=True)
+        )
 
 
 @contextmanager
