@@ -28,6 +28,19 @@ def data_dir() -> Path:
     return _DATA
 
 
+_MODELS = Path(
+    os.environ.get("PLACEFIELD_MODELS") or Path(__file__).resolve().parents[2] / "shared" / "models"
+)
+
+
+@pytest.fixture(scope="session")
+def models_dir() -> Path:
+    """The folder of real networks, which are not part of the project."""
+    if not _MODELS.is_dir():
+        pytest.skip(f"no networks at {_MODELS}; say where they are with PLACEFIELD_MODELS")
+    return _MODELS
+
+
 FRAMES = 60
 _HEIGHT, _WIDTH, _STEP = 72, 96, 16  # pixels
 

@@ -11,7 +11,7 @@ from placefield.bus.streams import Arrival, StreamFollower
 from placefield.config import Config
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel, DescriptorStream
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield_services.process import ServiceProcess
 
@@ -40,6 +40,7 @@ class Featurizer:
 
     def __init__(self, model: DescriptorModel, publisher: Publisher, counts: Counter[str]) -> None:
         self._model = model
+        self._feature = feature_of_model(model)
         self._fingerprint = fingerprint(model)
         self._publisher = publisher
         self._counts = counts
@@ -59,7 +60,7 @@ class Featurizer:
 
     def _describe(self, frame: FrameMessage) -> FeatureMessage:
         try:
-            raw = raw_feature(frame.image, self._model.kind)
+            raw = self._feature.describe(frame.image)
         except FrameError:
             self._counts["unreadable"] += 1
             return FeatureMessage(model=self._fingerprint, descriptor=None)

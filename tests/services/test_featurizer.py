@@ -10,7 +10,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FeatureMessage, FrameMessage, Header
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield_services.featurizer import Featurizer
 
@@ -60,15 +60,16 @@ def test_each_frame_becomes_its_descriptor(
     stage: Stage, route_map: Map, images: list[bytes]
 ) -> None:
     offline = DescriptorStream(route_map.model)
+    feature = feature_of_model(route_map.model)
     for sequence, image in enumerate(images):
         stage.send(header(sequence), image)
     assert [about for about, _ in stage.publisher.sent] == [header(s) for s in range(len(images))]
-    for feature, image in zip(stage.features, images, strict=True):
-        assert feature is not None
-        assert feature.descriptor is not None
-        assert feature.model == fingerprint(route_map.model)
-        expected = offline.push(raw_feature(image, route_map.model.kind))
-        assert np.array_equal(feature.descriptor, expected)
+    for message, image in zip(stage.features, images, strict=True):
+        assert message is not None
+        assert message.descriptor is not None
+        assert message.model == fingerprint(route_map.model)
+        expected = offline.push(feature.describe(image))
+        assert np.array_equal(message.descriptor, expected)
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])

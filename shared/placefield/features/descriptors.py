@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import FeatureKind
+from placefield.features.network import Network
 
 PRIOR_FRAMES = 20
 """Weight of the reference's mean and deviation in a young query's, frames."""
@@ -32,6 +33,7 @@ class DescriptorModel:
         mean: (D,) float32, of the reference's raw features at unit length.
         deviation: (D,) float32, likewise.
         components: (N, D) float32, orthonormal rows: the principal axes.
+        network: that the raw features are the output of, if so.
     """
 
     kind: FeatureKind
@@ -39,6 +41,7 @@ class DescriptorModel:
     mean: Array
     deviation: Array
     components: Array
+    network: Network | None = None
 
     def reduce(self, standardised: Array) -> Array:
         """Project standardised features (..., D) on the principal axes; unit length, (..., N)."""
@@ -52,7 +55,12 @@ def unit_length(vectors: Array) -> Array:
 
 
 def fit_descriptors(
-    traverses: Sequence[Array], kind: FeatureKind, *, dimensions: int, standardise: bool
+    traverses: Sequence[Array],
+    kind: FeatureKind,
+    *,
+    dimensions: int,
+    standardise: bool,
+    network: Network | None = None,
 ) -> tuple[DescriptorModel, list[Array]]:
     """Fit the model on reference traverses, and return it with their descriptors.
 
@@ -62,6 +70,7 @@ def fit_descriptors(
         dimensions: N at most; fewer where there are fewer frames than that.
         standardise: whether every traverse after the first is standardised by its own mean and
             deviation, as a query will be.
+        network: that the features are the output of, if so.
 
     Returns:
         The model, and for each traverse its descriptors, (K, N) float32.
@@ -73,7 +82,7 @@ def fit_descriptors(
         for unit in units
     ]
     components = _principal_axes(np.concatenate(standardised), dimensions)
-    model = DescriptorModel(kind, standardise, mean, deviation, components)
+    model = DescriptorModel(kind, standardise, mean, deviation, components, network)
     return model, [model.reduce(vectors) for vectors in standardised]
 
 

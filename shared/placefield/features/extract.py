@@ -3,46 +3,79 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
-from placefield.features.gist import DIMENSIONS as GIST_DIMENSIONS
+from placefield.config import ONNX, FeatureKind
+from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
-from placefield.features.grayscale import DIMENSIONS as GRAYSCALE_DIMENSIONS
 from placefield.features.grayscale import grayscale
 from placefield.features.images import decode, grey
+from placefield.features.inference import NetworkFeature
+from placefield.features.network import Network, read_network
 
 GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer
 
+Array = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of feature.
+class Feature:
+    """A way to describe images; threads may share it.
 
     Attributes:
-        describe: grey image (H, W) float32, 0 to 255, to its feature (raw_dimensions,) float32.
-        raw_dimensions: before PCA.
-        dimensions: after PCA, where the configuration gives none; as in the paper.
+        network: that it runs; None for the features that need none.
     """
 
-    describe: Callable[[NDArray[np.float32]], NDArray[np.float32]]
-    raw_dimensions: int
-    dimensions: int
+    network: Network | None
+    _describe: Callable[[Pixels], Array]
+
+    def describe(self, image: bytes | Pixels) -> Array:
+        """Return the raw feature of an encoded image or of pixels, (D,) float32.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+        return self._describe(decode(image) if isinstance(image, bytes) else image)
 
 
-KINDS: dict[FeatureKind, Kind] = {
-    "grayscale": Kind(grayscale, GRAYSCALE_DIMENSIONS, 500),
-    "gist": Kind(partial(gist, size=GIST_SIZE), GIST_DIMENSIONS, 300),
-}
-
-
-def raw_feature(image: bytes | NDArray[np.uint8], kind: FeatureKind) -> NDArray[np.float32]:
-    """Return the feature of an encoded image or of pixels, (raw_dimensions,) float32.
+def feature_of(kind: FeatureKind) -> Feature:
+    """Return the feature of a kind; ``onnx:FILE`` reads the network and its TOML.
 
     Raises:
-        FrameError: the image cannot be read.
+        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it.
     """
-    pixels = decode(image) if isinstance(image, bytes) else image
-    return KINDS[kind].describe(grey(pixels))
+    return _feature(kind, network_of(kind))
+
+
+def feature_of_model(model: DescriptorModel) -> Feature:
+    """Return the feature that a descriptor model was fitted on; a network is the model's own.
+
+    Raises:
+        ConfigError: OpenCV cannot run the network.
+    """
+    return _feature(model.kind, model.network)
+
+
+def network_of(kind: FeatureKind) -> Network | None:
+    """Read the network that a kind names; None for the kinds that need none.
+
+    Raises:
+        ConfigError: a file of the network is missing or malformed.
+    """
+    return read_network(Path(kind.removeprefix(ONNX))) if kind.startswith(ONNX) else None
+
+
+def _feature(kind: FeatureKind, network: Network | None) -> Feature:
+    if network is not None:
+        return Feature(network, NetworkFeature(kind, network).describe)
+    of_grey = grayscale if kind == "grayscale" else partial(gist, size=GIST_SIZE)
+    return Feature(None, lambda pixels: of_grey(grey(pixels)))
+
+
+def default_dimensions(kind: FeatureKind) -> int:
+    """Return how many dimensions PCA leaves of a feature, where the configuration does not say."""
+    return 500 if kind == "grayscale" else 300

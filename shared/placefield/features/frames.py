@@ -22,7 +22,8 @@ class Frame:
     ``index`` is the frame's position in its source, ``stamp_ns`` the time it was taken in
     nanoseconds, ``name`` what to call it in a message for a person (a file's name, say).
     ``image`` is an encoded image as it lies in its file, or pixels: uint8, (H, W) grey or
-    (H, W, 3) BGR.
+    (H, W, 3) BGR. ``odometry_m`` is how far the vehicle had travelled, in metres since any fixed
+    start; it never goes down.
     """
 
     index: int
@@ -30,3 +31,4 @@ class Frame:
     name: str
     image: bytes | NDArray[np.uint8]
     pose: Pose | None = None
+    odometry_m: float | None = None

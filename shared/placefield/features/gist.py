@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from placefield.features.grid import grid_means
+
 SCALES = 4
 ORIENTATIONS = 8
 GRID = 4
@@ -40,7 +42,7 @@ def gist(image: Image, size: int) -> NDArray[np.float32]:
     responses = fft.ifft2(fft.fft2(padded) * _gabor_filters(size + 2 * _BORDER))
     inner = slice(_BORDER, _BORDER + size)
     magnitudes = np.abs(responses[:, inner, inner])
-    return _grid_means(magnitudes).ravel().astype(np.float32)
+    return grid_means(magnitudes, GRID, GRID).transpose(0, 2, 1).ravel()
 
 
 def _resize(image: Image, size: int) -> Image:
@@ -98,12 +100,3 @@ def _frequencies(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     cycles = fft.fftfreq(size, 1 / size)
     x, y = np.meshgrid(cycles, cycles)
     return x, y
-
-
-def _grid_means(magnitudes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Mean over the cells of a 4 x 4 grid: (F, size, size) to (F, 16), column-major."""
-    edges = (np.arange(GRID) * magnitudes.shape[1]) // GRID
-    counts = np.diff([*edges, magnitudes.shape[1]])
-    sums = np.add.reduceat(np.add.reduceat(magnitudes, edges, axis=1), edges, axis=2)
-    means = sums / np.outer(counts, counts)
-    return np.asarray(means.transpose(0, 2, 1).reshape(len(magnitudes), GRID * GRID), np.float32)

@@ -55,15 +55,20 @@ def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     The plain mean is GIST's convention, not the weighted luma of JPEG.
     Raises FrameError for any other shape or dtype.
     """
-    if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
-        raise FrameError(
-            f"pixels are {image.dtype} of shape {image.shape}; give uint8, (H, W) or (H, W, 3)"
-        )
+    check_pixels(image)
     if image.ndim == 2:
         return image.astype(np.float32)
     # Three bytes sum exactly in float32; as a product it is several times faster than np.mean.
     total = image.astype(np.float32) @ np.ones(3, np.float32)
     return np.divide(total, 3, dtype=np.float32)
+
+
+def check_pixels(image: NDArray[np.uint8]) -> None:
+    """Raise FrameError where pixels are not uint8 of shape (H, W) or (H, W, 3)."""
+    if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
+        raise FrameError(
+            f"pixels are {image.dtype} of shape {image.shape}; give uint8, (H, W) or (H, W, 3)"
+        )
 
 
 def _declared_size(data: bytes) -> tuple[int, int] | None:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
+from placefield.features.network import NetworkInput
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -35,6 +36,7 @@ class Manifest(_Record):
         format: version of the map format.
         placefield: version of the program that built it.
         model: fingerprint of the descriptor model.
+        network: what the network takes that the features are of; none if they are of none.
         pose_frame: name of the frame that the poses are in; none if there are none.
         files: SHA-256 of each file, by its path in the map.
     """
@@ -46,6 +48,7 @@ class Manifest(_Record):
     scales: ScaleConfig
     metric: MetricConfig
     model: str
+    network: NetworkInput | None = None
     places: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]

@@ -95,4 +95,6 @@ def fingerprint(model: DescriptorModel) -> str:
     for array in (model.mean, model.deviation, model.components):
         digest.update(repr(array.shape).encode())
         digest.update(np.ascontiguousarray(array).data)
+    if model.network is not None:
+        digest.update(model.network.digest)
     return digest.hexdigest()[:16]

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from placefield import __version__
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
+from placefield.features.network import Network
 from placefield.maps.manifest import ChannelRecord, Manifest
 from placefield.maps.map import Map, MapChannel, Places, fingerprint
 
@@ -35,6 +36,7 @@ _MODEL_FILES: _Layout = {
     "deviation": ("float32", "D"),
     "components": ("float32", "ND"),
 }
+_NETWORK_FILES: _Layout = {"onnx": ("uint8", "o")}
 _PLACE_FILES: _Layout = {
     "stamps": ("int64", "K"),
     "poses": ("float64", "P3"),
@@ -116,6 +118,7 @@ def _write(built: Map, folder: Path) -> None:
         scales=built.scales,
         metric=built.metric,
         model=fingerprint(built.model),
+        network=built.model.network.input if built.model.network else None,
         places=built.places.count,
         pose_frame=built.pose_frame,
         traverses=built.traverses,
@@ -136,6 +139,8 @@ def _arrays(built: Map) -> dict[str, NDArray[Any]]:
         ("features", built.model, _MODEL_FILES),
         ("places", built.places, _PLACE_FILES),
     ]
+    if built.model.network is not None:
+        parts.append(("features", built.model.network, _NETWORK_FILES))
     for number, channel in enumerate(built.channels):
         parts.append((f"channels/{number}", channel, _CHANNEL_FILES))
     return {
@@ -155,10 +160,14 @@ def open_map(path: Path) -> Map:
     manifest = read_manifest(path)
     places = manifest.places
     sizes = {"K": places, "P": places if manifest.pose_frame else 0, "2": 2, "3": 3}
+    mean, deviation, components = _load(path, manifest, "features", _MODEL_FILES, sizes)
     model = DescriptorModel(
         manifest.features.kind,
         manifest.features.standardise,
-        *_load(path, manifest, "features", _MODEL_FILES, sizes),
+        mean,
+        deviation,
+        components,
+        _open_network(path, manifest),
     )
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {_REBUILD}")
@@ -176,6 +185,12 @@ def open_map(path: Path) -> Map:
             for number in range(len(manifest.channels))
         ),
     )
+
+
+def _open_network(path: Path, manifest: Manifest) -> Network | None:
+    if manifest.network is None:
+        return None
+    return Network(manifest.network, *_load(path, manifest, "features", _NETWORK_FILES, {}))
 
 
 def _open_channel(path: Path, manifest: Manifest, number: int, sizes: dict[str, int]) -> MapChannel:

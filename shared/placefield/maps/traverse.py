@@ -7,12 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
 from placefield.errors import FrameError, MapError, SourceError
-from placefield.features.extract import raw_feature
+from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode
-from placefield.features.perturbations import KINDS, perturb
 
 _THUMBNAIL_WIDTH = 160  # pixels
 _THUMBNAIL_QUALITY = 80
@@ -47,7 +45,7 @@ class Traverse:
     thumbnails: tuple[bytes, ...]
 
 
-def describe_frame(frame: Frame, kind: FeatureKind) -> DescribedFrame:
+def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """Describe a reference frame.
 
     Raises:
@@ -55,14 +53,8 @@ def describe_frame(frame: Frame, kind: FeatureKind) -> DescribedFrame:
             would shift every place behind it, so that the build ends here.
     """
     pixels = _pixels(frame)
-    return DescribedFrame(raw_feature(pixels, kind), frame.stamp_ns, frame.pose, _thumbnail(pixels))
-
-
-def describe_perturbed(frame: Frame, kind: FeatureKind, seed: int) -> NDArray[np.float32]:
-    """Return the raw features of a frame seen under each of ``KINDS`` of perturbation, (P, D)."""
-    pixels = _pixels(frame)
-    rng = np.random.default_rng([seed, frame.index])
-    return np.stack([raw_feature(perturb(pixels, name, rng), kind) for name in KINDS])
+    raw = feature.describe(pixels)
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, _thumbnail(pixels))
 
 
 def traverse_of(name: str, described: Iterable[DescribedFrame]) -> Traverse:

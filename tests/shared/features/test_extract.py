@@ -1,15 +1,13 @@
-from typing import get_args
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from networks import write_network
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
-from placefield.errors import FrameError
-from placefield.features.extract import KINDS, raw_feature
-
-EVERY_KIND = get_args(FeatureKind)
+from placefield.errors import ConfigError, FrameError
+from placefield.features.extract import Feature, feature_of
 
 
 @pytest.fixture
@@ -17,27 +15,39 @@ def image() -> NDArray[np.uint8]:
     return np.random.default_rng(5).integers(0, 256, (96, 128, 3), np.uint8)
 
 
+@pytest.fixture(params=["grayscale", "gist", "onnx"])
+def feature(request: pytest.FixtureRequest, tmp_path: Path) -> Feature:
+    if request.param != "onnx":
+        return feature_of(request.param)
+    write_network(tmp_path / "net.onnx")
+    return feature_of(f"onnx:{tmp_path / 'net.onnx'}")
+
+
 def png(pixels: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".png", pixels)[1].tobytes()
 
 
-@pytest.mark.parametrize("kind", EVERY_KIND)
 def test_an_encoded_image_and_its_pixels_have_one_feature(
-    image: NDArray[np.uint8], kind: FeatureKind
+    image: NDArray[np.uint8], feature: Feature
 ) -> None:
-    feature = raw_feature(image, kind)
-    assert feature.shape == (KINDS[kind].raw_dimensions,)
-    assert feature.dtype == np.float32
-    assert np.isfinite(feature).all()
-    np.testing.assert_array_equal(feature, raw_feature(png(image), kind))
+    described = feature.describe(image)
+    assert described.ndim == 1
+    assert described.dtype == np.float32
+    assert np.isfinite(described).all()
+    np.testing.assert_array_equal(described, feature.describe(png(image)))
 
 
 def test_grayscale_is_the_mean_of_blocks_row_by_row(image: NDArray[np.uint8]) -> None:
     blocks = image.reshape(48, 2, 64, 2, 3).mean(axis=(1, 3, 4))
-    np.testing.assert_allclose(raw_feature(image, "grayscale"), blocks.ravel(), rtol=1e-5)
+    described = feature_of("grayscale").describe(image)
+    np.testing.assert_allclose(described, blocks.ravel(), rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", EVERY_KIND)
-def test_a_damaged_image_is_refused(image: NDArray[np.uint8], kind: FeatureKind) -> None:
+def test_a_damaged_image_is_refused(image: NDArray[np.uint8], feature: Feature) -> None:
     with pytest.raises(FrameError):
-        raw_feature(png(image)[:500], kind)
+        feature.describe(png(image)[:500])
+
+
+def test_a_network_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=rf"^{tmp_path}/no\.onnx: no such network"):
+        feature_of(f"onnx:{tmp_path}/no.onnx")

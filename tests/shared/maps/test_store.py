@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from networks import write_network
 from numpy.typing import NDArray
 
 from placefield.errors import MapError
-from placefield.maps.map import Map
+from placefield.features.network import read_network
+from placefield.maps.map import Map, fingerprint
 from placefield.maps.store import check_map_path, open_map, save_map
 from placefield.maps.traverse import Traverse
 
@@ -72,6 +74,28 @@ def test_a_map_without_poses_comes_back(small_map: Map, tmp_path: Path) -> None:
     opened = open_map(tmp_path / "route.pfmap")
     assert_same(small_map, opened)
     assert isinstance(opened.places.poses, np.memmap)
+
+
+def test_a_map_keeps_its_network_and_is_another_under_another(
+    small_map: Map, tmp_path: Path
+) -> None:
+    path = tmp_path / "route.pfmap"
+    fingerprints = {fingerprint(small_map.model)}
+    for declared in ({}, {"grid": 2}):
+        write_network(tmp_path / "net.onnx", **declared)
+        network = read_network(tmp_path / "net.onnx")
+        features = small_map.features.model_copy(update={"kind": "onnx:net.onnx"})
+        model = replace(small_map.model, kind=features.kind, network=network)
+        save_map(replace(small_map, features=features, model=model), path)
+        (tmp_path / "net.onnx").unlink()
+        (tmp_path / "net.toml").unlink()
+        opened = open_map(path).model
+        assert opened.network is not None
+        assert opened.network.input == network.input
+        assert opened.network.onnx.tobytes() == network.onnx.tobytes()
+        assert isinstance(opened.network.onnx, np.memmap)
+        fingerprints.add(fingerprint(opened))
+    assert len(fingerprints) == 3
 
 
 def test_the_same_frames_make_the_same_bytes(

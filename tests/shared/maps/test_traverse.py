@@ -4,11 +4,12 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.errors import MapError, SourceError
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode
-from placefield.features.perturbations import KINDS
-from placefield.maps.traverse import describe_frame, describe_perturbed, traverse_of
+from placefield.maps.traverse import describe_frame, traverse_of
+
+GIST = feature_of("gist")
 
 
 def pixels(height: int = 90, width: int = 320) -> NDArray[np.uint8]:
@@ -29,9 +30,9 @@ def jpeg() -> bytes:
 def test_a_traverse_keeps_what_its_frames_have_in_their_order() -> None:
     poses = [Pose(1, 2, 3), Pose(4, 5, 6)]
     frames = [frame(0, pose=poses[0]), frame(1, pixels()[:, ::-1].copy(), poses[1])]
-    traverse = traverse_of("drive", (describe_frame(each, "gist") for each in frames))
+    traverse = traverse_of("drive", (describe_frame(each, GIST) for each in frames))
     assert traverse.name == "drive"
-    expected = [raw_feature(each.image, "gist") for each in frames]
+    expected = [GIST.describe(each.image) for each in frames]
     np.testing.assert_array_equal(traverse.raw, expected)
     assert traverse.stamps.tolist() == [100, 101]
     assert traverse.poses.tolist() == [[1, 2, 3], [4, 5, 6]]
@@ -39,7 +40,7 @@ def test_a_traverse_keeps_what_its_frames_have_in_their_order() -> None:
 
 def test_where_one_frame_has_no_pose_the_traverse_has_none() -> None:
     frames = [frame(0, pose=Pose(1, 2, 3)), frame(1)]
-    traverse = traverse_of("drive", (describe_frame(each, "gist") for each in frames))
+    traverse = traverse_of("drive", (describe_frame(each, GIST) for each in frames))
     assert traverse.poses.shape == (0, 3)
 
 
@@ -49,30 +50,17 @@ def test_no_frames_are_no_traverse() -> None:
 
 
 def test_a_thumbnail_is_the_frame_small() -> None:
-    thumbnail = decode(describe_frame(frame(), "gist").thumbnail)
+    thumbnail = decode(describe_frame(frame(), GIST).thumbnail)
     assert thumbnail.shape == (45, 160, 3)
     halved = pixels().reshape(45, 2, 160, 2, 3).mean(axis=(1, 3))
     assert np.abs(thumbnail - halved).mean() < 4
-    narrow = describe_frame(frame(image=pixels(100, 40)), "gist").thumbnail
+    narrow = describe_frame(frame(image=pixels(100, 40)), GIST).thumbnail
     assert decode(narrow).shape == (100, 40, 3)
 
 
 @pytest.mark.parametrize("share", [0, 0.3, 0.95])
 def test_a_truncated_image_is_refused_by_its_name(share: float) -> None:
     broken = frame(7, jpeg()[: int(share * len(jpeg()))])
-    for describe in (
-        lambda: describe_frame(broken, "gist"),
-        lambda: describe_perturbed(broken, "gist", seed=0),
-    ):
-        with pytest.raises(SourceError, match=r"^007\.jpg: ") as refused:
-            describe()
-        assert "\n" not in str(refused.value)
-
-
-def test_perturbed_features_depend_on_the_seed_and_the_frame_alone() -> None:
-    first = describe_perturbed(frame(3), "gist", seed=1)
-    assert first.shape == (len(KINDS), 512)
-    np.testing.assert_array_equal(first, describe_perturbed(frame(3), "gist", seed=1))
-    for other in (describe_perturbed(frame(4), "gist", 1), describe_perturbed(frame(3), "gist", 2)):
-        assert (first != other).any(axis=1).all()
-    assert (first != raw_feature(pixels(), "gist")).any(axis=1).all()
+    with pytest.raises(SourceError, match=r"^007\.jpg: ") as refused:
+        describe_frame(broken, GIST)
+    assert "\n" not in str(refused.value)

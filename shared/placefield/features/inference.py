@@ -1,0 +1,156 @@
+"""Networks at work, by OpenCV."""
+
+import re
+import threading
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import ConfigError, FrameError
+from placefield.features.grid import grid_means
+from placefield.features.images import check_pixels
+from placefield.features.network import Network, NetworkInput
+
+Array = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+
+# As OpenCV's dump of a network, which alone tells, shows an input: its type, and its axes by their
+# lengths or, where these are free, by names.
+_DUMPED_INPUT = re.compile(r"<Input> (\w+) \[([^]]*)\]")
+
+
+class NetworkFeature:
+    """The output of a network for an image.
+
+    Threads may share one: they take turns, for OpenCV's networks are not thread-safe, and OpenCV
+    uses all cores for each. The values do not depend on how many there are.
+    """
+
+    def __init__(self, name: str, network: Network) -> None:
+        """Load a network.
+
+        Args:
+            name: of the network, for a message.
+            network: to load.
+
+        Raises:
+            ConfigError: OpenCV cannot run it, or its input or output is another than it should be.
+        """
+        self._input = network.input
+        self._lock = threading.Lock()
+        self._net = _load(name, network)
+        self._output = _output_name(name, self._net, network.input.output)
+        _check_input(name, self._net, network.input)
+        self._try_out(name)
+
+    def describe(self, pixels: Pixels) -> Array:
+        """Return the output for an image (H, W) or (H, W, 3) BGR, as one row: (D,) float32.
+
+        Raises:
+            FrameError: the pixels are of another shape or dtype, or the output is not finite.
+        """
+        output = self._forward(network_input(pixels, self._input))
+        if not np.isfinite(output).all():
+            raise FrameError(f"the network's output {self._output!r} for it is not finite")
+        grid = self._input.grid
+        return (output if grid is None else grid_means(output[0], grid, grid)).ravel()
+
+    def _forward(self, blob: Array) -> Array:
+        with self._lock:
+            self._net.setInput(blob)
+            # a copy: the network writes its next output into the same memory
+            return np.array(self._net.forward(self._output), np.float32)
+
+    def _try_out(self, name: str) -> None:
+        """Describe a black image: what cannot work is to fail at the start."""
+        wanted = self._input
+        black = np.zeros((1, wanted.channels, wanted.height, wanted.width), np.float32)
+        try:
+            shape = self._forward(black).shape
+        except cv2.error as error:
+            raise ConfigError(
+                f"{name}: does not run on {wanted.width}×{wanted.height} pixels: {_reason(error)}"
+            ) from None
+        if wanted.grid is not None and (len(shape) != 4 or min(shape[2:]) < wanted.grid):
+            raise ConfigError(
+                f"{name}: output {self._output!r} of shape {shape} has no {wanted.grid}×"
+                f"{wanted.grid} cells; leave grid out, or make it smaller"
+            )
+
+
+def network_input(pixels: Pixels, wanted: NetworkInput) -> Array:
+    """Make an image (H, W) or (H, W, 3) BGR into (1, C, height, width) float32.
+
+    Grey is Rec. 601 luma, as networks are trained on.
+
+    Raises:
+        FrameError: the pixels are of another shape or dtype.
+    """
+    check_pixels(pixels)
+    coloured = _coloured(pixels, wanted)
+    size = (wanted.width, wanted.height)
+    resized = cv2.resize(coloured, size, interpolation=cv2.INTER_AREA)
+    rows = resized.reshape(wanted.height, wanted.width, wanted.channels).astype(np.float32)
+    mean, deviation = (np.asarray(of, np.float32) for of in (wanted.mean, wanted.deviation))
+    normal = (rows * np.float32(wanted.scale) - mean) / deviation
+    return np.ascontiguousarray(normal.transpose(2, 0, 1)[None], np.float32)
+
+
+def _coloured(pixels: Pixels, wanted: NetworkInput) -> Pixels:
+    if wanted.colour == "grey":
+        luma = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+        return np.asarray(cv2.equalizeHist(luma) if wanted.equalise else luma, np.uint8)
+    bgr = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR) if pixels.ndim == 2 else pixels
+    return np.asarray(bgr if wanted.colour == "bgr" else bgr[..., ::-1], np.uint8)
+
+
+def _load(name: str, network: Network) -> cv2.dnn.Net:
+    try:
+        return cv2.dnn.readNetFromONNX(network.onnx)
+    except cv2.error as error:
+        raise ConfigError(f"{name}: no network that OpenCV can run: {_reason(error)}") from None
+
+
+def _output_name(name: str, net: cv2.dnn.Net, wanted: str | None) -> str:
+    names = list(net.getUnconnectedOutLayersNames())
+    if wanted is None and len(names) == 1:
+        return names[0]
+    if wanted not in names:
+        asked = "output is not given" if wanted is None else f"there is no output {wanted!r}"
+        raise ConfigError(f"{name}: {asked}; the network has {', '.join(map(repr, names))}")
+    return wanted
+
+
+def _check_input(name: str, net: cv2.dnn.Net, wanted: NetworkInput) -> None:
+    """Refuse an input that the network did not declare: OpenCV would run on it, and misread it."""
+    shape = ["1", str(wanted.channels), str(wanted.height), str(wanted.width)]
+    declared = _declared_inputs(net)
+    if len(declared) != 1 or not _takes(*declared[0], shape):
+        takes = " and ".join(f"{kind} {' x '.join(axes)}" for kind, axes in declared)
+        raise ConfigError(
+            f"{name}: takes {takes or 'nothing'}, not CV_32F {' x '.join(shape)} as its TOML says "
+            "(image, channel, row, column)"
+        )
+
+
+def _declared_inputs(net: cv2.dnn.Net) -> list[tuple[str, list[str]]]:
+    """Return the type and the lengths of the axes of each input; a free length is a ``?``."""
+    inputs = _DUMPED_INPUT.findall(net.dump().split("outputs:")[0])
+    return [
+        (kind, [length if length.isdecimal() else "?" for length in axes.split(" x ")])
+        for kind, axes in inputs
+    ]
+
+
+def _takes(kind: str, axes: list[str], shape: list[str]) -> bool:
+    return (
+        kind.startswith("CV_32F")
+        and len(axes) == len(shape)
+        and all(axis in ("?", length) for axis, length in zip(axes, shape, strict=True))
+    )
+
+
+def _reason(error: cv2.error) -> str:
+    """Return OpenCV's reason on one line, without where in OpenCV it was found."""
+    return (error.err or str(error)).lstrip("> ").partition("\n")[0]

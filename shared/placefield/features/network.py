@@ -1,0 +1,106 @@
+"""An image network in ONNX, and what its pictures are to look like.
+
+Beside ``net.onnx`` lies ``net.toml``, which says how an image becomes the network's input.
+"""
+
+import hashlib
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from placefield.errors import ConfigError
+
+
+class NetworkInput(BaseModel):
+    """How an image becomes the input of a network, and which of its outputs is the feature.
+
+    An image is resized to ``width`` × ``height``; each value v, 0 to 255, becomes
+    (``scale`` · v − ``mean``) / ``deviation``, the latter two one number or one a channel.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    width: int = Field(ge=1, le=4096, description="pixels")
+    height: int = Field(ge=1, le=4096, description="pixels")
+    colour: Literal["rgb", "bgr", "grey"] = Field("rgb", description="order of the channels")
+    equalise: bool = Field(False, description="equalise the histogram of a grey image first")
+    scale: float = Field(1 / 255, gt=0, description="of a pixel's value, 0 to 255")
+    mean: float | tuple[float, ...] = Field(0.0, description="taken from a scaled value")
+    deviation: float | tuple[float, ...] = Field(1.0, description="that it is divided by then")
+    output: str | None = Field(None, description="its name; not needed where there is but one")
+    grid: int | None = Field(
+        None, ge=1, description="take the mean of each channel over a grid of so many cells a side"
+    )
+
+    @property
+    def channels(self) -> int:
+        """1 for grey, else 3."""
+        return 1 if self.colour == "grey" else 3
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for name, value in (("mean", self.mean), ("deviation", self.deviation)):
+            if isinstance(value, tuple) and len(value) != self.channels:
+                raise ValueError(f"{name} has {len(value)} values for {self.channels} channels")
+        if np.any(np.asarray(self.deviation) <= 0):
+            raise ValueError("deviation must be above 0")
+        if self.equalise and self.colour != "grey":
+            raise ValueError('equalise is for colour = "grey"')
+        return self
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network as it lies in its file.
+
+    Attributes:
+        input: what it takes.
+        onnx: (bytes,) uint8, its file.
+    """
+
+    input: NetworkInput
+    onnx: NDArray[np.uint8]
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 of the network and its input: two of one digest give the same features."""
+        digest = hashlib.sha256(self.input.model_dump_json().encode())
+        digest.update(self.onnx.data)
+        return digest.digest()
+
+
+def read_network(path: Path) -> Network:
+    """Read ``net.onnx``, and ``net.toml`` beside it.
+
+    Raises:
+        ConfigError: either is missing or unreadable, or the TOML is malformed.
+    """
+    # The network first: where both are missing, it is the one that was asked for.
+    onnx = np.frombuffer(_read(path, "network"), np.uint8)
+    return Network(_read_input(path.with_suffix(".toml")), onnx)
+
+
+def _read(path: Path, what: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such {what}") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _read_input(path: Path) -> NetworkInput:
+    text = _read(path, "file; it says what the network beside it takes: width, height, …")
+    try:
+        return NetworkInput.model_validate(tomllib.loads(text.decode()))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the whole"
+        raise ConfigError(f"{path}: {key}: {first['msg']}") from None
