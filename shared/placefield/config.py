@@ -3,10 +3,11 @@
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticCustomError
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
@@ -17,8 +18,20 @@ from pydantic_settings import (
 
 from placefield.errors import ConfigError
 
-FeatureKind = Literal["grayscale", "gist"]
-Rule = Literal["evidence", "lowest-score"]
+ONNX = "onnx:"
+"""What stands before the file of a network in a feature's kind."""
+
+
+def _check_kind(kind: str) -> str:
+    is_network = kind.startswith(ONNX) and len(kind) > len(ONNX)
+    if kind not in ("grayscale", "gist") and not is_network:
+        raise PydanticCustomError("feature_kind", "give grayscale, gist or onnx:FILE")
+    return kind
+
+
+FeatureKind = Annotated[str, AfterValidator(_check_kind)]
+MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
+Rule = Literal["filter", "evidence", "lowest-score"]
 
 ENV_PREFIX = "PLACEFIELD_"
 
@@ -37,9 +50,11 @@ class BusConfig(_Section):
 class FeatureConfig(_Section):
     """How a frame becomes a descriptor."""
 
-    kind: FeatureKind = Field("gist", description="what is taken from the image")
+    kind: FeatureKind = Field("gist", description="grayscale, gist or onnx:FILE, a network")
     dimensions: int | None = Field(
-        None, ge=1, description="of the descriptor, after PCA; 300 for gist, 500 for grayscale"
+        None,
+        ge=1,
+        description="of the descriptor, after PCA; 300 where not given, 500 for grayscale",
     )
     standardise: bool = Field(
         True, description="take the query's running mean and deviation out of its features"
@@ -63,21 +78,34 @@ class ScaleConfig(_Section):
 class MetricConfig(_Section):
     """How a channel's metric is learned."""
 
-    kind: Literal["lmnn", "identity"] = Field("lmnn", description="the metric of a channel")
-    neighbours: int = Field(3, ge=1, description="target neighbours of a frame (k)")
-    push: float = Field(
-        0.5, ge=0, le=1, description="share of the push term; the paper's λ is push / (1 - push)"
+    kind: MetricKind = Field("lmnn", description="lmnn, rca, lfda, nca or identity")
+    neighbours: int = Field(
+        3, ge=1, description="target neighbours of a frame (k), of lmnn; of lfda, its k"
     )
-    steps: int = Field(30, ge=1, description="at most")
+    push: float = Field(
+        0.5, ge=0, le=1, description="share of lmnn's push term; the paper's λ: push / (1 - push)"
+    )
+    steps: int = Field(30, ge=1, description="of lmnn or nca, at most")
+    gate: bool = Field(
+        True,
+        description="keep it only where it recognises another traverse better; false: the paper",
+    )
 
 
 class MatchingConfig(_Section):
     """How candidates are made and fused."""
 
-    rule: Rule = Field("evidence", description="how candidates are made and fused")
-    neighbourhood: int = Field(
-        10, ge=0, description="places on either side that a match's margin disregards"
+    rule: Rule = Field("filter", description="how candidates are made and fused")
+    tolerance: int = Field(
+        3, ge=0, description="a match is right within so many places; filter: its score is of that"
     )
+    precision: float = Field(
+        0.99, gt=0, lt=1, description="filter: a match this likely to be right is known"
+    )
+    neighbourhood: int = Field(
+        10, ge=0, description="evidence: places on either side that a margin disregards"
+    )
+    reverse: bool = Field(False, description="the route is driven the other way")
 
 
 class FusionConfig(_Section):

@@ -53,7 +53,7 @@ def make_map() -> Callable[[Traverse], Map]:
 
     def make(traverse: Traverse) -> Map:
         config = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
-        return build_map([traverse], np.empty((0, 0, 30), np.float32), config)
+        return build_map([traverse], config)
 
     return make
 

@@ -2,13 +2,13 @@ import os
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield.config import ENV_PREFIX, Config, load_config
+from placefield.config import ENV_PREFIX, Config, Rule, load_config
 from placefield.errors import ConfigError
 
 
@@ -54,6 +54,8 @@ def test_flags_win_over_the_environment_over_the_file_over_the_defaults(
         ("scales = 3\n", "scales"),
         ("[matching]\nrule = 'lowest_score'\n", "matching.rule"),
         ("run = 'two words'\n", "run"),
+        ("[features]\nkind = 'surf'\n", "features.kind"),
+        ("[features]\nkind = 'onnx:'\n", "features.kind"),
     ],
 )
 def test_an_unknown_key_or_a_malformed_value_is_named(tmp_path: Path, text: str, key: str) -> None:
@@ -116,7 +118,7 @@ configs = st.fixed_dictionaries(
         "bus": st.fixed_dictionaries({"endpoint": st.text(), "connect_timeout_s": positive}),
         "features": st.fixed_dictionaries(
             {
-                "kind": st.sampled_from(["gist", "grayscale"]),
+                "kind": st.sampled_from(["gist", "grayscale", "onnx:a folder/net.onnx"]),
                 "dimensions": st.none() | st.integers(1, 999),
                 "standardise": st.booleans(),
             }
@@ -128,7 +130,7 @@ configs = st.fixed_dictionaries(
                 "position_weight": st.just(0) | positive,
             }
         ),
-        "matching": st.fixed_dictionaries({"rule": st.sampled_from(["evidence", "lowest-score"])}),
+        "matching": st.fixed_dictionaries({"rule": st.sampled_from(get_args(Rule))}),
     }
 ).map(Config.model_validate)
 

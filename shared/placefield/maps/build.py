@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config, FeatureConfig
+from placefield.config import Config
 from placefield.errors import MapError
-from placefield.features.descriptors import DescriptorModel, DescriptorStream, fit_descriptors
-from placefield.features.extract import KINDS
+from placefield.features.descriptors import fit_descriptors
+from placefield.features.extract import default_dimensions
+from placefield.features.network import Network
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, Places
 from placefield.maps.traverse import Traverse
@@ -21,78 +22,29 @@ Array = NDArray[np.float32]
 Progress = Callable[[int, int], None]
 """Called with how many channels are done, and of how many."""
 
+Cut = Callable[[Array, Traverse, Config], tuple[Channel, ...]]
+"""Called with the reference traverse's descriptors (K, N), the traverse itself and the settings."""
+
 
 def held_back_places(count: int, seed: int) -> NDArray[np.bool_]:
     """Return which places are held back from learning a metric, (count,) bool."""
     return held_back_frames(count, HELD_BACK, seed)
 
 
-def build_map(
-    traverses: Sequence[Traverse],
-    perturbed: NDArray[np.float32],
-    config: Config,
-    progress: Progress = lambda done, total: None,
-) -> Map:
-    """Build a map from one or more traverses of one route, aligned by index.
-
-    PCA and metrics learn from all traverses; the places are the first's.
+def adaptive_channels(
+    descriptors: Array, traverse: Traverse, config: Config
+) -> tuple[Channel, ...]:
+    """Cut the reference traverse as AMS does, by fuzzy clustering.
 
     Args:
-        traverses: of equal length.
-        perturbed: (H, P, D) float32, the raw features of the H held-back frames of the first
-            traverse under P perturbations; asked by the gate. Empty for the identity metric.
-        config: its features, scales, metric and seed describe the map.
-        progress: told of every channel that is done.
+        descriptors: (K, N) float32, of the reference traverse.
+        traverse: the reference traverse.
+        config: its scales and seed say how.
 
     Raises:
-        MapError: the traverses differ in length, or are too short for the channels asked for; the
-            smallest scale is in metres, but the reference has no poses.
+        MapError: the reference is too short for the channels asked for; the smallest scale is in
+            metres, but the reference has no poses.
     """
-    _check_aligned(traverses)
-    features = _resolved(config.features)
-    model, descriptors = fit_descriptors(
-        [traverse.raw for traverse in traverses],
-        features.kind,
-        dimensions=features.dimensions or KINDS[features.kind].dimensions,
-        standardise=features.standardise,
-    )
-    first = traverses[0]
-    probes = _probes(model, descriptors, perturbed, config)
-    channels = []
-    cut = _channels(descriptors[0], first, config)
-    for number, channel in enumerate(cut):
-        progress(number, len(cut))
-        channels.append(_learn(channel, descriptors, probes, config))
-    progress(len(cut), len(cut))
-    return Map(
-        seed=config.seed,
-        features=features,
-        scales=config.scales,
-        metric=config.metric,
-        traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
-        pose_frame="route" if len(first.poses) else None,
-        model=model,
-        places=_places(first),
-        channels=tuple(channels),
-    )
-
-
-def _resolved(features: FeatureConfig) -> FeatureConfig:
-    dimensions = features.dimensions or KINDS[features.kind].dimensions
-    return features.model_copy(update={"dimensions": dimensions})
-
-
-def _check_aligned(traverses: Sequence[Traverse]) -> None:
-    first = traverses[0]
-    for other in traverses[1:]:
-        if len(other.raw) != len(first.raw):
-            raise MapError(
-                f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
-                "traverses of one map are aligned by index and need as many frames each"
-            )
-
-
-def _channels(descriptors: Array, traverse: Traverse, config: Config) -> tuple[Channel, ...]:
     scales = config.scales
     in_metres = scales.min_scale_metres > 0
     if in_metres and not len(traverse.poses):
@@ -111,25 +63,82 @@ def _channels(descriptors: Array, traverse: Traverse, config: Config) -> tuple[C
     )
 
 
+def build_map(
+    traverses: Sequence[Traverse],
+    config: Config,
+    progress: Progress = lambda done, total: None,
+    cut: Cut = adaptive_channels,
+    network: Network | None = None,
+) -> Map:
+    """Build a map from one or more traverses of one route, aligned by index.
+
+    PCA and metrics learn from all traverses; the places are the first's.
+
+    Args:
+        traverses: of equal length.
+        config: its features, scales, metric and seed describe the map.
+        progress: told of every channel that is done.
+        cut: how the reference becomes segments.
+        network: that the raw features are the output of, if so; the map keeps it.
+
+    Raises:
+        MapError: the traverses differ in length, or ``cut`` refuses the reference.
+    """
+    _check_aligned(traverses)
+    dimensions = config.features.dimensions or default_dimensions(config.features.kind)
+    features = config.features.model_copy(update={"dimensions": dimensions})
+    model, descriptors = fit_descriptors(
+        [traverse.raw for traverse in traverses],
+        features.kind,
+        dimensions=dimensions,
+        standardise=features.standardise,
+        network=network,
+    )
+    first = traverses[0]
+    probes = _probes(descriptors, config)
+    channels = []
+    encoded = cut(descriptors[0], first, config)
+    for number, channel in enumerate(encoded):
+        progress(number, len(encoded))
+        channels.append(_learn(channel, descriptors, probes, config))
+    progress(len(encoded), len(encoded))
+    return Map(
+        seed=config.seed,
+        features=features,
+        scales=config.scales,
+        metric=config.metric,
+        traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
+        pose_frame="route" if len(first.poses) else None,
+        model=model,
+        places=_places(first),
+        channels=tuple(channels),
+    )
+
+
+def _check_aligned(traverses: Sequence[Traverse]) -> None:
+    first = traverses[0]
+    for other in traverses[1:]:
+        if len(other.raw) != len(first.raw):
+            raise MapError(
+                f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
+                "traverses of one map are aligned by index and need as many frames each"
+            )
+
+
 def _travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Metres travelled up to each pose, (K,)."""
     steps = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _probes(
-    model: DescriptorModel, descriptors: Sequence[Array], perturbed: Array, config: Config
-) -> Probes | None:
-    """Make the gate's questions: held-back places, perturbed, and in the other traverses."""
-    if config.metric.kind == "identity":
+def _probes(descriptors: Sequence[Array], config: Config) -> Probes | None:
+    """Make the gate's questions: the held-back places as the other traverses saw them, if any."""
+    first, *others = descriptors
+    if not others:
         return None
-    truth = np.flatnonzero(held_back_places(len(descriptors[0]), config.seed))
-    asked = []
-    for condition in range(perturbed.shape[1]):
-        stream = DescriptorStream(model)
-        asked.append(np.stack([stream.push(raw) for raw in perturbed[:, condition]]))
-    asked += [other[truth] for other in descriptors[1:]]
-    return Probes(descriptors[0], np.concatenate(asked), np.tile(truth, len(asked)))
+    truth = np.flatnonzero(held_back_places(len(first), config.seed))
+    asked = np.concatenate([other[truth] for other in others])
+    return Probes(first, asked, np.tile(truth, len(others)))
 
 
 def _learn(
@@ -155,17 +164,16 @@ def _metric(
     labels: NDArray[np.int32], descriptors: Sequence[Array], probes: Probes | None, config: Config
 ) -> LearnedMetric:
     count, dimensions = descriptors[0].shape
-    if probes is None:
-        return LearnedMetric(np.eye(dimensions, dtype=np.float32), False, np.empty((0, 2)))
+    if config.metric.kind == "identity":
+        identity = np.eye(dimensions, dtype=np.float32)
+        return LearnedMetric(identity, "none was asked for", np.empty((0, 2)))
     return learn_projection(
         np.concatenate(descriptors),
         np.tile(labels, len(descriptors)),
         np.tile(held_back_places(count, config.seed), len(descriptors)),
         probes,
-        neighbours=config.metric.neighbours,
-        push=config.metric.push,
-        steps=config.metric.steps,
-        tolerance=config.scales.min_scale,
+        config.metric,
+        config.seed,
     )
 
 

@@ -1,7 +1,11 @@
 """The gate: does a learned metric recognise places better than the identity does?
 
-It is asked on probes, frames of known place seen under a change of the kind that a query brings. A
-metric that only fits the weather of its own traverse does not pass.
+It is asked on held-back frames, as another traverse saw them and as the reference itself did. A
+metric may be fitted to what differs between two traverses, or to one of them, and recognise a third
+worse; on the sample routes only those that gain in every margin below did not.
+
+Rendering the held-back frames in other light, focus or position cannot stand in for another
+traverse: metrics that gained on those recognised real queries worse.
 """
 
 from dataclasses import dataclass
@@ -12,66 +16,104 @@ from numpy.typing import NDArray
 
 from placefield.metric.distances import squared_distances
 
+TOLERANCE = 4
+"""How far from the truth a place is still right: traverses are aligned that well, frames."""
+
 Array = NDArray[np.float32]
+Truth = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
 class Probes:
-    """Frames of known place under other conditions, and the places to look them up among.
+    """Held-back frames as other traverses saw them, and the places to look them up among.
 
     Attributes:
         places: (K, N) float32, descriptors of one reference traverse.
-        descriptors: (P, N) float32, of the probes: held-back frames of that traverse, perturbed, or
-            of another traverse, as they are.
+        descriptors: (P, N) float32, of the probes.
         truth: (P,) int, the place of each probe.
 
     """
 
     places: Array
     descriptors: Array
-    truth: NDArray[np.integer[Any]]
+    truth: Truth
 
 
-def passes_gate(projection: Array, probes: Probes, tolerance: int) -> bool:
-    """Tell whether a projection, (M, N) float32, finds the probes' places better than the identity.
+@dataclass(frozen=True)
+class Margins:
+    """How clearly frames find their places; positive exactly where the nearest one is right.
 
-    The mean gain in `probe_margins` must be above twice its standard error: on the sample routes
-    the metrics that gained less did worse on the real query more often than not.
+    For distances t to the nearest place within `TOLERANCE` of the truth and f to the nearest place
+    further off, the contrast is (f − t) / (f + t) and the standardised margin (f − t) / σ, with σ
+    the deviation of the frame's distances over all places. Evidence is in such deviations, so that
+    the second is what a frame adds to a match. Both are 0 where all distances are equal or no place
+    is further off, and neither changes with the projection's scale.
+
+    Attributes:
+        contrast: (P,) float32 in [-1, 1], of the probes.
+        standardised: (P,) float32, of the probes.
+        own_contrast: (H,) float32, of the H distinct places asked for, as the reference saw them,
+            looked up without themselves.
+
     """
-    margins = probe_margins(projection, probes, tolerance)
-    gains = margins - probe_margins(None, probes, tolerance)
-    if len(gains) < 2:
-        return False
-    return bool(gains.mean() > 2 * gains.std(ddof=1) / np.sqrt(len(gains)))
+
+    contrast: Array
+    standardised: Array
+    own_contrast: Array
 
 
-def probe_score(projection: Array | None, probes: Probes, tolerance: int) -> float:
-    """Score a metric by the mean of `probe_margins`, in [-1, 1]; 0 where there are no probes."""
-    return float(probe_margins(projection, probes, tolerance).sum()) / max(len(probes.truth), 1)
+def passes_gate(projection: Array, probes: Probes) -> bool:
+    """Tell whether a projection, (M, N) float32, recognises places better than the identity.
 
-
-def probe_margins(projection: Array | None, probes: Probes, tolerance: int) -> Array:
-    """Compute how clearly each probe finds its place, (P,) float32 in [-1, 1].
-
-    A probe's margin is (f − t) / (f + t), where t is its distance to the nearest place within
-    `tolerance` places of the truth and f that to the nearest place further off; positive exactly
-    where the nearest place of all is right, and 0 where both distances are 0.
-
-    Recall and the area under a precision-recall curve are often the same under two metrics, or 1
-    under both; a margin tells them apart at every probe. Being a ratio, it does not change with the
-    projection's scale. Of the scores compared on the sample routes (also recall, reciprocal rank,
-    areas) its mean ranked metrics most like one-frame recall of the real query did.
-
-    projection (M, N) float32 is the paper's v, None the identity.
+    Each of the margins must gain, by a mean above twice its standard error.
     """
+    learned, identity = margins(projection, probes), margins(None, probes)
+    return (
+        _is_gain(learned.contrast - identity.contrast)
+        and _is_gain(learned.standardised - identity.standardised)
+        and _is_gain(learned.own_contrast - identity.own_contrast)
+    )
+
+
+def probe_score(projection: Array | None, probes: Probes) -> float:
+    """Score a metric by the probes' mean standardised margin; 0 where there are no probes."""
+    return float(margins(projection, probes).standardised.sum()) / max(len(probes.truth), 1)
+
+
+def margins(projection: Array | None, probes: Probes) -> Margins:
+    """Compute all margins under a projection, (M, N) float32; None is the identity."""
     centre = probes.places.mean(axis=0)
     places, descriptors = probes.places - centre, probes.descriptors - centre
     if projection is not None:
         places, descriptors = places @ projection.T, descriptors @ projection.T
     distances = squared_distances(descriptors, places)
-    is_right = np.abs(np.arange(len(places)) - probes.truth[:, None]) <= tolerance
+    right, wrong = _nearest(distances, probes.truth)
+    own = np.unique(probes.truth)
+    own_distances = squared_distances(places[own], places)
+    own_distances[np.arange(len(own)), own] = np.inf
+    own_right, own_wrong = _nearest(own_distances, own)
+    return Margins(
+        _ratio(wrong - right, wrong + right),
+        _ratio(wrong - right, distances.std(axis=1)),
+        _ratio(own_wrong - own_right, own_wrong + own_right),
+    )
+
+
+def _nearest(distances: Array, truth: Truth) -> tuple[Array, Array]:
+    """Distances to the nearest right and the nearest wrong place, 0 and 0 if there is no wrong."""
+    is_right = np.abs(np.arange(distances.shape[1]) - truth[:, None]) <= TOLERANCE
     right = distances.min(axis=1, where=is_right, initial=np.inf)
     wrong = distances.min(axis=1, where=~is_right, initial=np.inf)
-    total = right + wrong
-    margins = np.divide(wrong - right, total, out=np.zeros_like(total), where=total > 0)
-    return np.asarray(margins, np.float32)
+    exist = np.isfinite(right) & np.isfinite(wrong)
+    return np.where(exist, right, 0), np.where(exist, wrong, 0)
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    ratio = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
+    return np.asarray(ratio, np.float32)
+
+
+def _is_gain(gains: Array) -> bool:
+    if len(gains) < 2:
+        return False
+    return bool(gains.mean() > 2 * gains.std(ddof=1) / np.sqrt(len(gains)))

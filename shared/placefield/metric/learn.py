@@ -1,4 +1,4 @@
-"""A channel's labels to its projection: LMNN with early stopping, behind the gate."""
+"""A channel's labels to its projection: a learner, behind the gate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,15 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import MetricConfig
 from placefield.metric.gate import Probes, passes_gate, probe_score
+from placefield.metric.learners import NothingLearnedError, fit_reference_learner
 from placefield.metric.lmnn import fit_lmnn, loss, target_neighbours
 
 __all__ = ["LearnedMetric", "Probes", "held_back_frames", "learn_projection"]
 
 _BLOCK_FRAMES = 3
 _PATIENCE = 5  # steps without a better validation loss before learning stops
+_NO_PROBES = "there is no other traverse that could show that a metric helps"
+_REFUSAL = "it does not recognise places better than the identity"
 
 Array = NDArray[np.float32]
+Labels = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
@@ -24,87 +29,84 @@ class LearnedMetric:
 
     Attributes:
         projection: (N, N) float32, the paper's v; the identity where nothing better was learned.
-        learned: whether the projection passed the gate.
-        curve: (steps taken + 1, 2) float64, validation loss and gate score, of the identity and
-            after each step.
+        refusal: why it is the identity; empty where it was learned and passed the gate.
+        curve: (n, 2) float64, validation loss and gate score, of the identity, and of what was
+            learned: by LMNN after each step, by the others at the end.
 
     """
 
     projection: Array
-    learned: bool
+    refusal: str
     curve: NDArray[np.float64]
+
+    @property
+    def learned(self) -> bool:
+        """Whether the projection was learned and passed the gate."""
+        return not self.refusal
 
 
 def learn_projection(
     descriptors: Array,
-    labels: NDArray[np.integer[Any]],
+    labels: Labels,
     held_back: NDArray[np.bool_],
-    probes: Probes,
+    probes: Probes | None,
+    config: MetricConfig,
+    seed: int,
     *,
-    neighbours: int,
-    push: float,
-    steps: int,
-    tolerance: int,
     on_step: Callable[[int, float, float], None] | None = None,
 ) -> LearnedMetric:
-    """Learn a projection that passes the gate, or return the identity.
+    """Learn a projection that passes the gate, if there is to be one, or return the identity.
 
-    LMNN learns on the frames that are not held back. The validation loss is the LMNN objective of
-    the held-back frames, with their targets among the others; when it has not improved for
-    5 steps, learning stops. The projection with the lowest one is returned if it passes the gate.
+    It is learned on the frames that are not held back. The validation loss is the LMNN objective of
+    the held-back frames, with their targets among the others. LMNN stops when it has not improved
+    for 5 steps, and gives the projection with the lowest one.
 
     Args:
         descriptors: (K, N) float32 of the reference, several traverses one below the other.
         labels: (K,) int, equal for frames of one segment, whatever their traverse.
         held_back: (K,) bool, as `held_back_frames` makes it, the same places in every traverse.
-        probes: what the gate asks.
-        neighbours: target neighbours of each frame, k.
-        push: weight of the push term, in [0, 1].
-        steps: of gradient descent, at most.
-        tolerance: how far from the truth a place is still right, in places.
-        on_step: called after each step with its number, validation loss and gate score.
+        probes: what the gate asks; None where there is no other traverse to ask.
+        config: the learner and its settings; not the identity.
+        seed: of what is random in a learner.
+        on_step: called after each measurement of the curve but the first, with its number,
+            validation loss and gate score.
 
     The margin of 1 is measured in mean squared distances of training frames to their targets, so
     that what is learned does not depend on the descriptors' unit. The projection is scaled so that
     the mean squared distance between reference descriptors stays what it is: distances of channels
     with other metrics are then of one magnitude.
     """
+    identity = np.eye(descriptors.shape[1], dtype=np.float32)
+    if probes is None and config.gate:
+        return LearnedMetric(identity, _NO_PROBES, np.empty((0, 2)))
     centred = descriptors - descriptors.mean(axis=0)
-    targets = target_neighbours(centred, labels, neighbours, eligible=~held_back)
+    targets = target_neighbours(centred, labels, config.neighbours, eligible=~held_back)
     held_back_targets = np.where(held_back[:, None], targets, -1)
     training_targets = np.where(held_back[:, None], -1, targets)
     points = centred / _target_distance(centred, training_targets)
+    curve: list[tuple[float, float]] = []
 
-    def measure(projection: Array) -> tuple[float, float]:
-        return (
-            loss(projection, points, labels, held_back_targets, push),
-            probe_score(projection, probes, tolerance),
-        )
+    def validate(projection: Array) -> float:
+        validation_loss = loss(projection, points, labels, held_back_targets, config.push)
+        gate_score = 0.0 if probes is None else probe_score(projection, probes)
+        curve.append((validation_loss, gate_score))
+        if on_step is not None and len(curve) > 1:
+            on_step(len(curve) - 1, *curve[-1])
+        return validation_loss
 
-    identity = np.eye(descriptors.shape[1], dtype=np.float32)
-    best, best_step = identity, 0
-    curve = [measure(identity)]
-
-    def validate(step: int, projection: Array) -> bool:
-        nonlocal best, best_step
-        curve.append(measure(projection))
-        if curve[step][0] < curve[best_step][0]:
-            best, best_step = projection, step
-        if on_step is not None:
-            on_step(step, *curve[step])
-        return step - best_step >= _PATIENCE
-
-    fit_lmnn(
-        points[~held_back],
-        labels[~held_back],
-        neighbours=neighbours,
-        push=push,
-        steps=steps,
-        on_step=validate,
-    )
-    learned = passes_gate(best, probes, tolerance)
-    projection = _rescale(best, centred) if learned else identity
-    return LearnedMetric(projection, learned, np.array(curve))
+    training = points[~held_back], labels[~held_back]
+    validate(identity)
+    try:
+        if config.kind == "lmnn":
+            best = _learn_lmnn(*training, config, validate, curve[0][0])
+        else:
+            best = fit_reference_learner(*training, config, seed)
+            validate(best)
+    except NothingLearnedError as nothing:
+        return LearnedMetric(identity, str(nothing), np.array(curve))
+    if config.gate and probes is not None and not passes_gate(best, probes):
+        return LearnedMetric(identity, _REFUSAL, np.array(curve))
+    return LearnedMetric(_rescale(best, centred), "", np.array(curve))
 
 
 def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_]:
@@ -117,6 +119,36 @@ def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_
     rng = np.random.default_rng(seed)
     chosen = rng.choice(blocks, size=round(fraction * blocks), replace=False)
     return np.isin(np.arange(count) // _BLOCK_FRAMES, chosen)
+
+
+def _learn_lmnn(
+    points: Array,
+    labels: Labels,
+    config: MetricConfig,
+    validate: Callable[[Array], float],
+    identity_loss: float,
+) -> Array:
+    """Learn by LMNN until the validation loss no longer improves; the projection of the lowest."""
+    best: Array = np.eye(points.shape[1], dtype=np.float32)
+    losses = [identity_loss]
+
+    def is_over(step: int, projection: Array) -> bool:
+        nonlocal best
+        losses.append(validate(projection))
+        best_step = int(np.argmin(losses))
+        if best_step == step:
+            best = projection
+        return step - best_step >= _PATIENCE
+
+    fit_lmnn(
+        points,
+        labels,
+        neighbours=config.neighbours,
+        push=config.push,
+        steps=config.steps,
+        on_step=is_over,
+    )
+    return best
 
 
 def _target_distance(descriptors: Array, targets: NDArray[np.intp]) -> np.float32:

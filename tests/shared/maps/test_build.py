@@ -3,45 +3,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from sklearn.preprocessing import normalize, scale
 
-from placefield.config import Config
+from placefield.config import Config, MetricConfig
 from placefield.errors import MapError
-from placefield.maps.build import build_map, held_back_places
+from placefield.maps.build import build_map
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 
 MakeTraverse = Callable[..., Traverse]
 
-NOT_ASKED = np.empty((0, 0, 30), np.float32)
-WEATHER = np.repeat([3.0, 0.0], [10, 20])
-"""Deviation of each raw dimension from traverse to traverse: a metric can learn to disregard it."""
-
 
 def config_of(metric: str = "identity", **scales: Any) -> Config:
-    return Config.model_validate(
-        {"metric": {"kind": metric, "steps": 10}, "scales": {"channels": 2, **scales}}
-    )
-
-
-def perturbed(traverse: Traverse) -> NDArray[np.float32]:
-    """The held-back frames twice, in other weather."""
-    chosen = traverse.raw[held_back_places(len(traverse.raw), seed=0)]
-    weather = np.random.default_rng(5).normal(scale=WEATHER, size=(2, *chosen.shape))
-    return (chosen + weather).swapaxes(0, 1).astype(np.float32)
+    return Config.model_validate({"metric": {"kind": metric}, "scales": {"channels": 2, **scales}})
 
 
 def refusal(traverses: list[Traverse], config: Config) -> str:
     with pytest.raises(MapError) as refused:
-        build_map(traverses, NOT_ASKED, config)
+        build_map(traverses, config)
     assert "\n" not in str(refused.value)
     return str(refused.value)
 
 
 def test_places_are_the_frames_of_the_first_traverse(make_traverse: MakeTraverse) -> None:
     first = make_traverse(name="day", spacing=0.5)
-    built = build_map([first, make_traverse(name="night", noise=1)], NOT_ASKED, config_of())
+    built = build_map([first, make_traverse(name="night", noise=1)], config_of())
     assert [(record.name, record.frames) for record in built.traverses] == [
         ("day", 90),
         ("night", 90),
@@ -68,7 +55,7 @@ def test_the_number_of_dimensions_is_recorded_as_it_was_used(make_traverse: Make
     for asked, used in ((None, 300), (7, 7)):
         features = config.features.model_copy(update={"dimensions": asked})
         asked_for = config.model_copy(update={"features": features})
-        built = build_map([make_traverse()], NOT_ASKED, asked_for)
+        built = build_map([make_traverse()], asked_for)
         assert built.features.dimensions == used
     assert built.model.components.shape == (7, 30)
 
@@ -92,11 +79,21 @@ def test_a_channel_is_described_by_its_segments(small_map: Map) -> None:
         assert channel.scales[0] >= 4
 
 
-def test_a_learned_metric_projects_the_places(make_traverse: MakeTraverse) -> None:
-    traverse = make_traverse()
-    traverses = [traverse, make_traverse(noise=WEATHER)]
-    plain = build_map(traverses, NOT_ASKED, config_of())
-    learned = build_map(traverses, perturbed(traverse), config_of("lmnn"))
+def weathered(seed: int, frames: int = 200) -> Traverse:
+    """A route in weather of its own: 12 dimensions tell its places and 18 are other each time."""
+    place = gaussian_filter1d(np.random.default_rng(0).normal(size=(frames, 12)), 2, axis=0)
+    rng = np.random.default_rng(seed)
+    raw = np.hstack([place / place.std(), rng.normal(size=(frames, 18))])
+    raw += 0.1 * rng.normal(size=raw.shape)
+    stamps = np.arange(frames, dtype=np.int64)
+    return Traverse("weathered", raw.astype(np.float32), stamps, np.empty((0, 3)), (b"",) * frames)
+
+
+@pytest.mark.parametrize("kind", ["lmnn", "rca"])
+def test_a_learned_metric_projects_the_places(kind: str) -> None:
+    traverses = [weathered(seed=1), weathered(seed=2)]
+    plain = build_map(traverses, config_of())
+    learned = build_map(traverses, config_of(kind))
     assert any(channel.learned for channel in learned.channels)
     for channel, unprojected in zip(learned.channels, plain.channels, strict=True):
         assert channel.learned == (not np.array_equal(channel.projection, np.eye(30)))
@@ -105,17 +102,24 @@ def test_a_learned_metric_projects_the_places(make_traverse: MakeTraverse) -> No
         assert len(channel.curve) > 1
 
 
-def test_the_gate_asks_the_other_traverses_too(make_traverse: MakeTraverse) -> None:
-    traverses = [make_traverse(), make_traverse(noise=WEATHER)]
-    nothing_perturbed = perturbed(traverses[0])[:, :0]
-    built = build_map(traverses, nothing_perturbed, config_of("lmnn"))
+@pytest.mark.parametrize("kind", ["lmnn", "rca", "lfda", "nca"])
+def test_of_one_traverse_no_metric_is_learned(make_traverse: MakeTraverse, kind: str) -> None:
+    built = build_map([make_traverse()], config_of(kind))
     for channel in built.channels:
-        assert channel.curve[0, 1] > 0
+        assert not channel.learned
+        assert channel.curve.shape == (0, 2)
+
+
+def test_without_the_gate_a_metric_is_learned_of_one_traverse_too() -> None:
+    config = config_of("lmnn")
+    ungated = config.model_copy(update={"metric": MetricConfig(kind="lmnn", gate=False)})
+    built = build_map([weathered(seed=1)], ungated)
+    assert all(channel.learned for channel in built.channels)
 
 
 def test_progress_counts_the_channels(make_traverse: MakeTraverse) -> None:
     told: list[tuple[int, int]] = []
-    build_map([make_traverse()], NOT_ASKED, config_of(), lambda *step: told.append(step))
+    build_map([make_traverse()], config_of(), lambda *step: told.append(step))
     assert told == [(0, 2), (1, 2), (2, 2)]
 
 
@@ -128,7 +132,7 @@ def test_traverses_of_other_lengths_are_refused_by_their_names(
 
 
 def test_a_smallest_scale_in_metres_holds_for_the_segments(make_traverse: MakeTraverse) -> None:
-    built = build_map([make_traverse(spacing=0.1)], NOT_ASKED, config_of(min_scale_metres=1))
+    built = build_map([make_traverse(spacing=0.1)], config_of(min_scale_metres=1))
     for channel in built.channels:
         assert channel.scales[0] >= 10
 
