@@ -9,7 +9,7 @@ from placefield.bus.keys import Keys, channel_identity
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamFollower
-from placefield.config import Config, Rule
+from placefield.config import Config, MatchingConfig
 from placefield.errors import ConfigError, MessageError
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_matcher import ChannelMatcher, matcher_of
@@ -39,7 +39,7 @@ def run_channels(
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES)
         bus.subscribe(keys.feature, inbox.offer, process.counts)
         publishers = {number: bus.publisher(keys.candidate(number)) for number in channels}
-        worker = ChannelWorker(placemap, publishers, config.matching.rule, process.counts)
+        worker = ChannelWorker(placemap, publishers, config.matching, process.counts)
         for channel in channels:
             process.declare_ready(channel_identity(channel, process.identity))
         process.serve(inbox, worker.handle, stop)
@@ -55,12 +55,12 @@ class ChannelWorker:
         self,
         placemap: Map,
         publishers: Mapping[int, Publisher],
-        rule: Rule,
+        matching: MatchingConfig,
         counts: Counter[str],
     ) -> None:
         self._map = placemap
         self._publishers = publishers
-        self._rule = rule
+        self._matching = matching
         self._model = fingerprint(placemap.model)
         self._follower = StreamFollower(counts)
         self._matchers: dict[int, ChannelMatcher] = {}
@@ -74,7 +74,11 @@ class ChannelWorker:
             return
         if arrival is Arrival.NEW_STREAM:
             self._matchers = {
-                number: matcher_of(self._map.channels[number], self._rule)
+                number: matcher_of(
+                    self._map.channels[number],
+                    self._matching.rule,
+                    reverse=self._matching.reverse,
+                )
                 for number in self._publishers
             }
         for number, matcher in self._matchers.items():
@@ -98,11 +102,11 @@ class ChannelWorker:
     def _match(
         self, number: int, matcher: ChannelMatcher, header: Header, feature: FeatureMessage
     ) -> None:
-        for _ in range(min(self._follower.gap, matcher.longest_scale)):
+        for _ in range(min(self._follower.gap, matcher.memory)):
             matcher.push(None)
         candidate = matcher.push(feature.descriptor)
         message = CandidateMessage(
-            rule=self._rule,
+            rule=self._matching.rule,
             channel=number,
             place=candidate.place,
             score=candidate.score,

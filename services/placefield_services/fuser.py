@@ -141,7 +141,7 @@ class Fuser:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        has_evidence = rule == "evidence" and message.place != UNANSWERED
+        has_evidence = rule != "lowest-score" and message.place != UNANSWERED
         if message.place >= places or len(message.evidence) != (places if has_evidence else 0):
             raise MessageError(f"candidate of another map: this fuser's has {places} places")
         return message
@@ -168,6 +168,8 @@ class Fuser:
             place=match.place,
             score=match.score,
             missing=match.missing,
+            probability=match.probability,
+            known=match.known,
             pose=self._map.places.pose(match.place) if answered else None,
         )
         self._matches.put(header, message)

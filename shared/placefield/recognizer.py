@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of_model
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
@@ -21,10 +21,13 @@ class Recognizer:
     """
 
     def __init__(self, placemap: Map, config: MatchingConfig) -> None:
-        self._kind = placemap.model.kind
+        self._feature = feature_of_model(placemap.model)
         self._config = config
         self._descriptors = DescriptorStream(placemap.model)
-        self._matchers = [matcher_of(channel, config.rule) for channel in placemap.channels]
+        self._matchers = [
+            matcher_of(channel, config.rule, reverse=config.reverse)
+            for channel in placemap.channels
+        ]
 
     def push(self, image: bytes | NDArray[np.uint8]) -> Match:
         """Match the next frame: an encoded image, or pixels (H, W) or (H, W, 3) BGR uint8.
@@ -32,7 +35,7 @@ class Recognizer:
         An image that cannot be read is matched as a frame that was not seen.
         """
         try:
-            return self.push_raw(raw_feature(image, self._kind))
+            return self.push_raw(self._feature.describe(image))
         except FrameError:
             return self.push_raw(None)
 

@@ -1,6 +1,7 @@
 import threading
 from collections import Counter
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,33 +10,43 @@ from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
-from placefield.config import Config, Rule
+from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import ConfigError, MessageError
 from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_matcher import matcher_of
 from placefield_services.channel import ChannelWorker, run_channels
 
 KEY = Keys("test").feature
+RULES: tuple[Rule, ...] = get_args(Rule)
 Descriptor = NDArray[np.float32]
 
 
 @pytest.fixture(scope="module")
 def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
     stream = DescriptorStream(route_map.model)
+    feature = feature_of_model(route_map.model)
     files = sorted(query_dir.iterdir())[:20]
-    return [stream.push(raw_feature(file.read_bytes(), route_map.model.kind)) for file in files]
+    return [stream.push(feature.describe(file.read_bytes())) for file in files]
 
 
 class Stage:
     """A channel worker, what it published and what it counted."""
 
-    def __init__(self, placemap: Map, rule: Rule, channels: tuple[int, ...] = (0, 2)) -> None:
+    def __init__(
+        self,
+        placemap: Map,
+        rule: Rule,
+        channels: tuple[int, ...] = (0, 2),
+        *,
+        reverse: bool = False,
+    ) -> None:
         self.model = fingerprint(placemap.model)
         self.publishers = {channel: RecordingPublisher() for channel in channels}
         self.counts: Counter[str] = Counter()
-        self._worker = ChannelWorker(placemap, self.publishers, rule, self.counts)
+        matching = MatchingConfig(rule=rule, reverse=reverse)
+        self._worker = ChannelWorker(placemap, self.publishers, matching, self.counts)
 
     def handle(self, about: Header, message: FeatureMessage | bytes = b"") -> None:
         self._worker.handle(received(KEY, about, message))
@@ -60,7 +71,7 @@ def offline(
     return [(s, c.place, c.score, c.evidence.tobytes()) for s, c in enumerate(candidates)]
 
 
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", RULES)
 def test_each_channel_answers_each_frame_as_its_matcher_does(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
@@ -75,41 +86,44 @@ def test_each_channel_answers_each_frame_as_its_matcher_does(
     assert any(place >= 0 for _, place, _, _ in stage.candidates(0))
 
 
+@pytest.mark.parametrize("rule", RULES)
 def test_frames_that_did_not_come_are_matched_as_frames_not_seen(
-    route_map: Map, descriptors: list[Descriptor]
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
-    stage = Stage(route_map, "evidence")
+    stage = Stage(route_map, rule)
     missing = {4, 5, 6, 11}
     for sequence, descriptor in enumerate(descriptors):
         if sequence not in missing:
             stage.send(header(sequence), descriptor)
     seen = [None if s in missing else descriptor for s, descriptor in enumerate(descriptors)]
-    expected = [c for c in offline(route_map, 0, "evidence", seen) if c[0] not in missing]
+    expected = [c for c in offline(route_map, 0, rule, seen) if c[0] not in missing]
     assert stage.candidates(0) == expected
     assert stage.counts["gaps"] == len(missing)
 
 
+@pytest.mark.parametrize("rule", RULES)
 def test_after_any_gap_an_answer_is_as_quick_as_ever(
-    route_map: Map, descriptors: list[Descriptor]
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
-    stage = Stage(route_map, "evidence")
+    stage = Stage(route_map, rule)
     stage.send(header(0), descriptors[0])
     stage.send(header(2**40), descriptors[1])  # frame by frame, the gap would take for ever
     assert [sequence for sequence, *_ in stage.candidates(0)] == [0, 2**40]
 
 
+@pytest.mark.parametrize("rule", RULES)
 def test_a_frame_that_could_not_be_read_is_answered(
-    route_map: Map, descriptors: list[Descriptor]
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
-    stage = Stage(route_map, "evidence")
+    stage = Stage(route_map, rule)
     seen: list[Descriptor | None] = [*descriptors]
     seen[0] = seen[7] = None
     for sequence, descriptor in enumerate(seen):
         stage.send(header(sequence), descriptor)
-    assert stage.candidates(2) == offline(route_map, 2, "evidence", seen)
+    assert stage.candidates(2) == offline(route_map, 2, rule, seen)
 
 
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", RULES)
 def test_a_new_stream_begins_afresh(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:

@@ -9,7 +9,7 @@ from bus_doubles import RecordingPublisher, header, received
 
 from placefield.bus.keys import Keys, channel_identity
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage, Message
-from placefield.config import Config
+from placefield.config import Config, Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
@@ -34,11 +34,13 @@ class Clock:
 
 
 class Stage:
-    """A fuser of the rule ``evidence``, what it published and what it counted."""
+    """A fuser, what it published and what it counted."""
 
-    def __init__(self, placemap: Map, clock: Clock) -> None:
+    def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
         self.places = placemap.places.count
-        self.config = Config.model_validate({"run": "test", "fusion": {"deadline_s": DEADLINE_S}})
+        self.config = Config.model_validate(
+            {"run": "test", "matching": {"rule": rule}, "fusion": {"deadline_s": DEADLINE_S}}
+        )
         self.channels = LiveChannels(CHANNELS)
         for channel in range(CHANNELS):
             self.set_alive(channel, True)
@@ -62,15 +64,15 @@ class Stage:
 
     def evidence(self, channel: int, sequence: int) -> np.ndarray:
         rng = np.random.default_rng([channel, sequence])
-        return rng.standard_normal(self.places).astype(np.float32)
+        return rng.dirichlet(np.full(self.places, 0.1)).astype(np.float32)
 
     def message(self, channel: int, sequence: int, **changes: Any) -> CandidateMessage:
         evidence = self.evidence(channel, sequence)
         fields: dict[str, Any] = {
-            "rule": "evidence",
+            "rule": self.config.matching.rule,
             "channel": channel,
-            "place": int(np.argmin(evidence)),
-            "score": float(evidence.min()),
+            "place": int(np.argmax(evidence)),
+            "score": float(evidence.max()),
             "evidence": evidence,
         }
         return CandidateMessage(**(fields | changes))
@@ -87,14 +89,14 @@ class Stage:
         candidates = []
         for channel in sorted({*range(CHANNELS)} - {*missing}):
             evidence = self.evidence(channel, sequence)
-            place = int(np.argmin(evidence))
+            place = int(np.argmax(evidence))
             candidates.append(Candidate(place, float(evidence[place]), evidence))
         return fuse(candidates, self.config.matching, missing=missing)
 
     @property
     def published(self) -> list[tuple[int, Match]]:
         return [
-            (about.sequence, Match(message.place, message.score, message.missing))
+            (about.sequence, message.match)
             for about, message in self.matches.sent
             if isinstance(message, MatchMessage)
         ]
@@ -290,3 +292,20 @@ def test_waiting_for_all_channels_ends_with_the_last_or_with_the_time_or_when_st
     channels.change(last, False)
     stop.set()
     channels.wait_for_all(60, stop)
+
+
+@pytest.mark.parametrize(
+    ("rule", "holds"), [("filter", True), ("evidence", True), ("lowest-score", False)]
+)
+def test_candidates_hold_a_value_of_every_place_where_the_rule_has_it_and_none_else(
+    route_map: Map, rule: Rule, holds: bool
+) -> None:
+    stage = Stage(route_map, Clock(), rule)
+    every_place, nothing = stage.evidence(0, 0), np.empty(0, np.float32)
+    right, wrong = (every_place, nothing) if holds else (nothing, every_place)
+    with pytest.raises(MessageError, match="another map"):
+        stage.handle(KEYS.candidate(0), header(0), stage.message(0, 0, evidence=wrong))
+    for channel in range(CHANNELS):
+        message = stage.message(channel, 0, evidence=right)
+        stage.handle(KEYS.candidate(channel), header(0), message)
+    assert [sequence for sequence, _ in stage.published] == [0]

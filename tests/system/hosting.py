@@ -34,6 +34,8 @@ UNREADABLE = {0: 0, 25: 300, 26: 0}
 
 Answer = tuple[Header, MatchMessage]
 
+_DEFAULT_RULE = MatchingConfig().rule
+
 
 def free_endpoint() -> str:
     with socket.socket() as probe:
@@ -249,7 +251,7 @@ def answers_of(stream: Sequence[Answer]) -> list[tuple[int, float, tuple[int, ..
 
 
 def offline(
-    placemap: Map, images: Sequence[Path | NDArray[np.uint8]], rule: Rule = "evidence"
+    placemap: Map, images: Sequence[Path | NDArray[np.uint8]], rule: Rule = _DEFAULT_RULE
 ) -> list[tuple[int, float, tuple[int, ...]]]:
     """Return what the recognizer says of the same frames, with no bus."""
     recognizer = Recognizer(placemap, MatchingConfig(rule=rule))

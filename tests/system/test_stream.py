@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import psutil
+import pytest
 from hosting import (
     UNREADABLE,
     Host,
@@ -47,10 +48,10 @@ def test_the_stream_gives_what_is_given_offline_frame_for_frame(
     )
 
 
-def test_so_does_the_stream_under_the_published_rule(
-    logs: Path, map_path: Path, route_map: Map, damaged_dir: Path
+@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+def test_so_does_the_stream_under_the_rules_that_are_not_the_default(
+    logs: Path, map_path: Path, route_map: Map, damaged_dir: Path, rule: Rule
 ) -> None:
-    rule: Rule = "lowest-score"
     with Host(logs, map_path, "--rule", rule) as own, own.listener() as listener:
         own.replay(damaged_dir)
         answers = answers_of(listener.answers())

@@ -21,6 +21,7 @@ from pydantic import (
 
 from placefield.config import Rule
 from placefield.errors import MessageError
+from placefield.fusion.match import Match
 
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
@@ -159,13 +160,22 @@ class MatchMessage(Message):
         place: index of the place, or -1 where there is no answer.
         score: the higher the more certain.
         missing: channels that did not answer in time.
+        probability: that the vehicle is at the place; none where the rule does not tell.
+        known: whether that is at least the precision asked for.
         pose: of the place, x and y in metres and yaw in radians, where the map has poses.
     """
 
     place: int = Field(ge=-1, lt=2**31)
     score: FiniteFloat
     missing: tuple[int, ...] = ()
+    probability: float | None = Field(None, ge=0, le=1)
+    known: bool | None = None
     pose: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = None
+
+    @property
+    def match(self) -> Match:
+        """The match, without the pose."""
+        return Match(self.place, self.score, self.missing, self.probability, self.known)
 
 
 class StatsMessage(Message):

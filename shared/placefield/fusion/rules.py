@@ -3,12 +3,13 @@
 from collections.abc import Collection, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
 from placefield.matching.candidate import UNANSWERED, Candidate
 
-_NO_MATCH = (UNANSWERED, 0.0)
+_SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 
 
 def fuse(
@@ -16,13 +17,16 @@ def fuse(
 ) -> Match:
     """Make one match of the candidates that arrived, in the order of their channels."""
     answered = [candidate for candidate in candidates if candidate.place != UNANSWERED]
+    absent = tuple(sorted(missing))
     if not answered:
-        place, score = _NO_MATCH
-    elif config.rule == "evidence":
-        place, score = _mean_evidence(answered, config.neighbourhood)
-    else:
-        place, score = _lowest_score(answered)
-    return Match(place, score, tuple(sorted(missing)))
+        return Match(UNANSWERED, 0.0, absent)
+    if config.rule == "filter":
+        place, probability = _mean_belief(answered, config.tolerance)
+        score = float(np.log(probability) - np.log1p(-probability))
+        return Match(place, score, absent, probability, probability >= config.precision)
+    if config.rule == "evidence":
+        return Match(*_mean_evidence(answered, config.neighbourhood), absent)
+    return Match(*_lowest_score(answered), absent)
 
 
 def _lowest_score(candidates: Sequence[Candidate]) -> tuple[int, float]:
@@ -31,9 +35,27 @@ def _lowest_score(candidates: Sequence[Candidate]) -> tuple[int, float]:
     return best.place, -best.score
 
 
+def _mean_belief(candidates: Sequence[Candidate], tolerance: int) -> tuple[int, float]:
+    """Pick the middle of the places that are most believed in together.
+
+    These are the 2 tolerance + 1 consecutive places of the highest mean belief; the middle is their
+    mean, weighted by belief. With it comes the belief that the vehicle is within the tolerance of
+    the middle.
+    """
+    belief = np.clip(_mean(candidates), 0, 1)  # whatever came over the bus
+    width = 2 * tolerance + 1
+    beliefs = np.convolve(belief, np.ones(width))[tolerance : tolerance + len(belief)]
+    first = max(int(np.argmax(beliefs)) - tolerance, 0)
+    together = belief[first : first + width]
+    places = np.arange(first, first + len(together))
+    place = round(float(together @ places / max(together.sum(), np.finfo(float).tiny)))
+    around = float(belief[max(place - tolerance, 0) : place + tolerance + 1].sum())
+    return place, min(max(around, 1 - _SUREST), _SUREST)
+
+
 def _mean_evidence(candidates: Sequence[Candidate], neighbourhood: int) -> tuple[int, float]:
     """Pick the place of lowest mean evidence; its score is the margin to the best one elsewhere."""
-    evidence = np.stack([c.evidence for c in candidates]).mean(axis=0, dtype=np.float64)
+    evidence = _mean(candidates)
     place = int(np.argmin(evidence))
     before = evidence[: max(place - neighbourhood, 0)]
     after = evidence[place + neighbourhood + 1 :]
@@ -41,3 +63,7 @@ def _mean_evidence(candidates: Sequence[Candidate], neighbourhood: int) -> tuple
     if elsewhere == np.inf:
         return place, 0.0  # the map is one neighbourhood: nothing tells the match from chance
     return place, float(elsewhere - evidence[place])
+
+
+def _mean(candidates: Sequence[Candidate]) -> NDArray[np.float64]:
+    return np.asarray(np.stack([c.evidence for c in candidates]).mean(axis=0, dtype=np.float64))

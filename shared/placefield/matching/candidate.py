@@ -15,9 +15,10 @@ class Candidate:
 
     Attributes:
         place: index of the best place, or ``UNANSWERED``.
-        score: of that place; the lower the better; 0 where there is no answer.
-        evidence: (K,) float32, of every place under the rule ``evidence``; empty under
-            ``lowest-score``.
+        score: of that place; 0 where there is no answer. Under ``filter`` its belief, the higher
+            the better; under the other rules the lower the better.
+        evidence: (K,) float32, of every place: the belief under ``filter``, the evidence under
+            ``evidence``; empty under ``lowest-score``.
     """
 
     place: int

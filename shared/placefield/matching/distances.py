@@ -16,18 +16,21 @@ class PlaceDistances:
     def __init__(self, projection: Array, projected_places: Array) -> None:
         """Take the projection v, (M, N) float32, and the places under it, v r_j, (K, M) float32."""
         self._projection = projection
-        self._places = projected_places
+        self.places = projected_places
         self._squares = np.einsum("km,km->k", projected_places, projected_places)
 
     @property
     def count(self) -> int:
         """How many places there are."""
-        return len(self._places)
+        return len(self.places)
 
-    def to(self, descriptor: Array) -> Array:
-        """Return the distance of a descriptor (N,) to each place, (K,) float32 on the grid."""
-        projected = self._projection @ descriptor
-        squares = self._squares + projected @ projected - 2 * (self._places @ projected)
+    def project(self, descriptor: Array) -> Array:
+        """Return a descriptor (N,) under the metric, v x, (M,)."""
+        return self._projection @ descriptor
+
+    def to(self, projected: Array) -> Array:
+        """Return the distance of a projected descriptor (M,) to each place, (K,), on the grid."""
+        squares = self._squares + projected @ projected - 2 * (self.places @ projected)
         return on_grid(np.maximum(squares, 0))
 
 

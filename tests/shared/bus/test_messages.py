@@ -1,4 +1,4 @@
-from typing import Any
+from typing import Any, get_args
 
 import msgpack
 import numpy as np
@@ -17,6 +17,7 @@ from placefield.bus.messages import (
     Message,
     StatsMessage,
 )
+from placefield.config import Rule
 from placefield.errors import MessageError
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -44,7 +45,7 @@ all_messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
     st.builds(
         CandidateMessage,
-        rule=st.sampled_from(["evidence", "lowest-score"]),
+        rule=st.sampled_from(get_args(Rule)),
         channel=st.integers(0, 2**16 - 1),
         place=st.integers(-1, 2**31 - 1),
         score=finite,

@@ -1,3 +1,7 @@
+import math
+from fractions import Fraction
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +15,11 @@ from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, UNANSWERED,
 
 def evidence_of(values: list[float]) -> Candidate:
     place = int(np.argmin(values))
+    return Candidate(place, values[place], np.array(values, np.float32))
+
+
+def belief_of(values: list[float]) -> Candidate:
+    place = int(np.argmax(values))
     return Candidate(place, values[place], np.array(values, np.float32))
 
 
@@ -36,22 +45,102 @@ def test_evidence_is_averaged_and_its_margin_is_to_the_best_place_elsewhere(
     elsewhere = [mean[place] for place in places if abs(place - best) > neighbourhood]
     margin = min(elsewhere) - mean[best] if elsewhere else 0.0
 
-    config = MatchingConfig(neighbourhood=neighbourhood)
+    config = MatchingConfig(rule="evidence", neighbourhood=neighbourhood)
     assert fuse([evidence_of(channel) for channel in evidence], config) == Match(best, margin)
 
 
 def test_the_mean_of_huge_evidence_is_finite() -> None:
     huge = evidence_of([3e38, -3e38, 3e38])
-    match = fuse([huge, huge], MatchingConfig(neighbourhood=0))
+    match = fuse([huge, huge], MatchingConfig(rule="evidence", neighbourhood=0))
     assert match.place == 1
     assert np.isfinite(match.score)
 
 
 def test_of_equally_good_places_the_first_is_taken_and_the_other_takes_the_margin() -> None:
     values = [0.0, -2, 0, 0, -2, -1]
-    match = fuse([evidence_of(values)], MatchingConfig(neighbourhood=1))
+    match = fuse([evidence_of(values)], MatchingConfig(rule="evidence", neighbourhood=1))
     assert match == Match(1, 0.0)
-    assert fuse([evidence_of(values)], MatchingConfig(neighbourhood=3)) == Match(1, 1.0)
+    wide = MatchingConfig(rule="evidence", neighbourhood=3)
+    assert fuse([evidence_of(values)], wide) == Match(1, 1.0)
+
+
+@st.composite
+def beliefs(draw: st.DrawFn) -> list[list[float]]:
+    """Belief in eighths, so that ties come; of 1, 2 or 4 channels the mean is exact."""
+    places = draw(st.integers(1, 12))
+    one = st.lists(st.integers(0, 2).map(lambda n: n / 8), min_size=places, max_size=places)
+    return [draw(one) for _ in range(draw(st.sampled_from([1, 2, 4])))]
+
+
+def literal_place(belief: list[float], tolerance: int) -> int:
+    """Return the middle, by belief, of the first of the best 2 tolerance + 1 places in a row."""
+    best, middle = Fraction(-1), 0
+    width = min(2 * tolerance + 1, len(belief))
+    for first in range(len(belief) - width + 1):
+        total = moment = Fraction(0)
+        for place in range(first, first + width):
+            total += Fraction(belief[place])
+            moment += Fraction(belief[place]) * place
+        if total > best:
+            best, middle = total, round(moment / total) if total else 0
+    return middle
+
+
+def log_odds(probability: float) -> float:
+    kept = min(max(probability, 1e-12), 1 - 1e-12)
+    return math.log(kept / (1 - kept))
+
+
+@given(beliefs(), st.integers(0, 7))
+def test_belief_is_averaged_and_the_match_is_the_middle_of_the_places_believed_in_most(
+    channels: list[list[float]], tolerance: int
+) -> None:
+    """With maps smaller than the window, tolerance 0, and no belief in any place at all."""
+    mean = [sum(values) / len(channels) for values in zip(*channels, strict=True)]
+    place = literal_place(mean, tolerance)
+    within = sum(value for other, value in enumerate(mean) if abs(other - place) <= tolerance)
+
+    config = MatchingConfig(rule="filter", tolerance=tolerance)
+    match = fuse([belief_of(channel) for channel in channels], config)
+    assert match.place == place
+    assert match.score == pytest.approx(log_odds(within), rel=1e-3, abs=1e-9)
+
+
+def test_of_equally_believed_places_the_first_is_the_match() -> None:
+    values = [0.0, 0.25, 0, 0, 0, 0.25, 0]
+    for tolerance in (0, 1):
+        match = fuse([belief_of(values)], MatchingConfig(rule="filter", tolerance=tolerance))
+        assert match.place == 1
+        assert match.score == pytest.approx(math.log(1 / 3))
+
+
+def test_between_two_peaks_the_match_is_where_most_belief_is_around_it() -> None:
+    values = [0.0, 0.4, 0, 0, 0, 0.2, 0.2, 0.15, 0]
+    at_once = fuse([belief_of(values)], MatchingConfig(rule="filter", tolerance=0))
+    assert at_once.place == 1
+    within_one = fuse([belief_of(values)], MatchingConfig(rule="filter", tolerance=1))
+    assert within_one.place == 6
+    assert within_one.score == pytest.approx(math.log(0.55 / 0.45))
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False, width=32)
+
+
+@given(
+    st.integers(1, 9).flatmap(
+        lambda places: st.lists(
+            st.lists(finite, min_size=places, max_size=places), min_size=1, max_size=3
+        )
+    ),
+    st.integers(0, 5),
+)
+def test_belief_that_is_no_probability_does_no_harm(
+    channels: list[list[float]], tolerance: int
+) -> None:
+    config = MatchingConfig(rule="filter", tolerance=tolerance)
+    match = fuse([belief_of(channel) for channel in channels], config)
+    assert 0 <= match.place < len(channels[0])
+    assert abs(match.score) <= log_odds(1) + 1e-3
 
 
 def test_the_lowest_fine_score_wins_and_of_equal_ones_the_first_channels() -> None:
@@ -60,14 +149,19 @@ def test_the_lowest_fine_score_wins_and_of_equal_ones_the_first_channels() -> No
 
 
 @pytest.mark.parametrize(
-    ("rule", "answered"), [("evidence", evidence_of([0, -2, 1])), ("lowest-score", fine(1, 0.5))]
+    ("rule", "answered"),
+    [
+        ("filter", belief_of([0.1, 0.7, 0.1])),
+        ("evidence", evidence_of([0, -2, 1])),
+        ("lowest-score", fine(1, 0.5)),
+    ],
 )
 def test_channels_without_a_candidate_have_no_say(rule: Rule, answered: Candidate) -> None:
     config = MatchingConfig(rule=rule, neighbourhood=0)
     assert fuse([NO_CANDIDATE, answered, NO_CANDIDATE], config) == fuse([answered], config)
 
 
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", get_args(Rule))
 def test_without_any_candidate_there_is_no_match(rule: Rule) -> None:
     for candidates in ([], [NO_CANDIDATE, NO_CANDIDATE]):
         match = fuse(candidates, MatchingConfig(rule=rule), missing=[2, 0])
