@@ -1,0 +1,7 @@
+"""FAB-MAP 1.0: places recognised by the words that they show (Cummins and Newman, IJRR 2008)."""
+
+from placefield.baselines.fabmap.chow_liu import ChowLiuTree, learn_tree
+from placefield.baselines.fabmap.posterior import FabMap, fabmap
+from placefield.baselines.fabmap.words import Vocabulary, learn_words
+
+__all__ = ["ChowLiuTree", "FabMap", "Vocabulary", "fabmap", "learn_tree", "learn_words"]
