@@ -15,6 +15,9 @@ class PrecisionRecall:
     of query frames on the route, kept or not. The first point keeps nothing: threshold infinity,
     precision 1, recall 0.
 
+    Two conventions of recall are in use. The attributes are over the route: a place that was missed
+    costs recall. The properties `…_of_correct` are over the correct matches.
+
     Attributes:
         thresholds: (T + 1,) float64, descending, one for each of the T distinct scores.
         precision: (T + 1,) float64.
@@ -38,12 +41,21 @@ class PrecisionRecall:
 
     @property
     def auc_of_correct(self) -> float:
-        """The AUC with the correct answers as denominator of recall, as VPR-Bench computes it.
+        """The AUC with recall over the correct matches, as VPR-Bench and scikit-learn compute it.
 
         Recall then always reaches 1, so this only ranks the answers and never falls for a place
-        that was missed. Not to be compared with `auc`.
+        that was missed. Not to be compared with `auc`, whose recall is over the route.
         """
         return self.auc / self.recall_at_1 if self.recall_at_1 else 0.0
+
+    @property
+    def recall_at_100_precision_of_correct(self) -> float:
+        """The highest recall over the correct matches at precision exactly 1, or 0.
+
+        The share of the correct matches that score above every wrong one. Not to be compared with
+        `recall_at_100_precision`, whose recall is over the route.
+        """
+        return self.recall_at_100_precision / self.recall_at_1 if self.recall_at_1 else 0.0
 
 
 def precision_recall(

@@ -88,6 +88,32 @@ class Truth:
         correct[self.query[hit]] = True
         return correct
 
+    def along(self, frames: NDArray[np.int64], foreign: NDArray[np.bool_]) -> Self:
+        """Give the truth of a drive that takes the query's frames in another order.
+
+        A driven frame is right where its query frame is; a foreign one is off the route.
+
+        Args:
+            frames: query frame of each driven frame, (D,) int64; not looked at where foreign.
+            foreign: the driven frame is one of another route, (D,) bool.
+
+        Raises:
+            TruthError: a driven frame that is not foreign is not one of the query.
+
+        """
+        own = frames[~foreign]
+        if np.any((own < 0) | (own >= self.queries)):
+            raise TruthError(
+                f"the drive takes frames {own.min()} to {own.max()}, the ground truth is for "
+                f"{self.queries} query frames: give the truth of the query that is driven"
+            )
+        rows: list[list[int]] = [[] for _ in range(self.queries)]
+        for row, query in enumerate(self.query):
+            rows[query].append(row)
+        pairs = [(at, row) for at in np.flatnonzero(~foreign) for row in rows[frames[at]]]
+        driven, row_of = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        return type(self)(len(frames), driven, self.first[row_of], self.last[row_of])
+
 
 def read_truth(path: Path, queries: int, places: int) -> Truth:
     """Read a ground truth from a CSV file with the columns `query`, `first` and `last`.

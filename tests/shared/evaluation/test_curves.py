@@ -92,6 +92,31 @@ def test_scikit_learn_agrees_where_all_is_answered_and_on_route() -> None:
     assert curve.auc_of_correct == pytest.approx(sklearn_auc(recall, precision))
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_over_the_correct_matches_scikit_learn_agrees_whatever_was_missed(seed: int) -> None:
+    correct, _, score = everything_answered(seed)
+    generator = np.random.default_rng(seed)
+    answered = generator.random(400) < 0.8
+    on_route = correct | (generator.random(400) < 0.7)
+
+    curve = precision_recall(correct & answered, answered, on_route, score)
+
+    precision, recall, _ = precision_recall_curve(correct[answered], score[answered])
+    assert curve.auc_of_correct == pytest.approx(sklearn_auc(recall, precision))
+    assert curve.recall_at_100_precision_of_correct == pytest.approx(recall[precision == 1].max())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_over_the_route_scikit_learn_agrees_where_no_place_was_missed(seed: int) -> None:
+    on_route, all_true, score = everything_answered(seed)
+
+    curve = precision_recall(on_route, all_true, on_route, score)
+
+    precision, recall, _ = precision_recall_curve(on_route, score)
+    assert curve.auc == pytest.approx(sklearn_auc(recall, precision))
+    assert curve.recall_at_100_precision == pytest.approx(recall[precision == 1].max())
+
+
 @given(st.permutations(range(12)))
 def test_the_order_of_the_queries_does_not_matter(order: list[int]) -> None:
     queries = [Answer(i % 3 > 0, True, True, i // 2) for i in range(12)]
@@ -114,7 +139,7 @@ def test_nothing_on_the_route_gives_zeros() -> None:
     for queries in ([], [Answer(False, True, False, 1.0)]):
         curve = sweep(queries)
         assert (curve.auc, curve.recall_at_100_precision, curve.recall_at_1) == (0.0, 0.0, 0.0)
-        assert curve.auc_of_correct == 0.0
+        assert (curve.auc_of_correct, curve.recall_at_100_precision_of_correct) == (0.0, 0.0)
 
 
 def test_nan_is_refused_for_an_answer_and_ignored_for_none() -> None:

@@ -69,6 +69,46 @@ def test_a_file_gives_each_query_the_union_of_its_ranges(
     assert truth.on_route.tolist() == [bool(right[q]) for q in range(6)]
 
 
+@given(
+    rows=st.lists(
+        st.tuples(st.integers(0, 5), st.integers(0, 7), st.integers(0, 7)).map(
+            lambda row: (row[0], min(row[1:]), max(row[1:]))
+        ),
+        max_size=10,
+    ),
+    drive=st.lists(
+        st.tuples(st.integers(0, 5), st.booleans(), st.integers(-1, 7)),  # frame, foreign, match
+        max_size=12,
+    ),
+)
+def test_a_driven_frame_is_right_where_its_query_frame_is_and_a_foreign_one_nowhere(
+    rows: list[tuple[int, int, int]], drive: list[tuple[int, bool, int]]
+) -> None:
+    query, first, last = np.array(rows, np.int64).reshape(-1, 3).T
+    frames, foreign, matches = np.array(drive, np.int64).reshape(-1, 3).T
+
+    truth = Truth(6, query, first, last).along(frames, foreign.astype(bool))
+
+    assert truth.correct(matches).tolist() == [
+        not other and any(q == frame and a <= match <= b for q, a, b in rows)
+        for frame, other, match in drive
+    ]
+    assert truth.on_route.tolist() == [
+        not other and any(q == frame for q, _, _ in rows) for frame, other, _ in drive
+    ]
+
+
+@pytest.mark.parametrize("frame", [-1, 3])
+def test_a_drive_of_another_query_is_refused_but_foreign_frames_may_have_any_number(
+    frame: int,
+) -> None:
+    truth, frames = Truth.within(3, 3, 0), np.array([0, frame])
+
+    assert truth.along(frames, np.array([False, True])).on_route.tolist() == [True, False]
+    with pytest.raises(TruthError, match=f"{frame}.* 3 query frames"):
+        truth.along(frames, np.array([False, False]))
+
+
 def test_a_spreadsheets_export_is_read(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
     path.write_bytes("\ufefffirst, last, query, note\r\n 2, 3, 1, café\r\n".encode())

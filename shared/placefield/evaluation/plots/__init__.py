@@ -1,15 +1,25 @@
 """Pictures of how good the matches are, as PNG files."""
 
+from placefield.evaluation.plots.auc_bars import AucBar, plot_auc_bars
+from placefield.evaluation.plots.channel_counts import ChannelCount, plot_channel_counts
 from placefield.evaluation.plots.distance_matrix import plot_distance_matrix
 from placefield.evaluation.plots.match_pairs import MatchPair, plot_match_pairs
 from placefield.evaluation.plots.precision_recall import plot_precision_recall
+from placefield.evaluation.plots.precision_recall_panels import plot_precision_recall_panels
+from placefield.evaluation.plots.reliability import plot_reliability
 from placefield.evaluation.plots.segments import ChannelSegments, plot_segments
 
 __all__ = [
+    "AucBar",
+    "ChannelCount",
     "ChannelSegments",
     "MatchPair",
+    "plot_auc_bars",
+    "plot_channel_counts",
     "plot_distance_matrix",
     "plot_match_pairs",
     "plot_precision_recall",
+    "plot_precision_recall_panels",
+    "plot_reliability",
     "plot_segments",
 ]

@@ -1,0 +1,170 @@
+"""Protocols that put a query's frames in the order that another drive would have taken them in.
+
+Routes recorded frame by frame at the same places flatter a matcher that expects the reference's
+speed. The protocols say how matching fares when the vehicle drives unevenly, is carried elsewhere,
+leaves the route or drives it the other way.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Protocol = Literal["aligned", "speed", "kidnap", "off-route", "reverse"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """The frames that a drive takes, in order.
+
+    Attributes:
+        frames: (D,) int64, each a frame of the query, or of the other route where `foreign`.
+        foreign: (D,) bool, the frame is one of another route.
+        jumps: (J,) int64, ascending; the positions in the drive of the first frame after a jump.
+
+    """
+
+    frames: NDArray[np.int64]
+    foreign: NDArray[np.bool_]
+    jumps: NDArray[np.int64]
+
+
+def drive_of(protocol: Protocol, count: int, *, foreign_count: int, seed: int) -> Drive:
+    """Drive a query by a protocol.
+
+    Args:
+        protocol: how to drive.
+        count: number of the query's frames, 1 or more.
+        foreign_count: number of the other route's frames; only `off-route` takes any.
+        seed: of the protocol's random choices: the same seed, the same drive.
+
+    Raises:
+        ValueError: the query has no frames, or `off-route` is to take frames of a route that has
+            none.
+
+    """
+    if count < 1:
+        raise ValueError("the query has no frames to drive along")
+    match protocol:
+        case "aligned":
+            return aligned(count)
+        case "speed":
+            return speed(count, seed)
+        case "kidnap":
+            return kidnap(count, seed)
+        case "off-route":
+            return off_route(count, foreign_count, seed)
+        case "reverse":
+            return reverse(count)
+
+
+def aligned(count: int) -> Drive:
+    """Take each of the query's `count` frames once, in order."""
+    return _on_route(np.arange(count, dtype=np.int64))
+
+
+def speed(count: int, seed: int) -> Drive:
+    """Drive at a speed that changes, with stops, until the query ends.
+
+    Every 10 to 40 frames of the drive the speed is drawn anew, log-uniformly from half to double
+    the query's; before three in ten of these stretches the vehicle stops for 1 to 8 more frames.
+    The drive takes the frame of the query nearest to where the vehicle is.
+    """
+    rng = np.random.default_rng(seed)
+    stretches = [np.zeros(1)]
+    position = 0.0
+    while position < count:
+        stop = rng.integers(1, 8, endpoint=True) if rng.random() < 0.3 else 0
+        steps = np.full(rng.integers(10, 40, endpoint=True), 2 ** rng.uniform(-1, 1))
+        stretches += [np.zeros(stop), steps]
+        position += steps.sum()
+    nearest = np.rint(np.cumsum(np.concatenate(stretches))).astype(np.int64)
+    return _on_route(nearest[nearest < count])
+
+
+def kidnap(count: int, seed: int) -> Drive:
+    """Drive 60 to 120 frames, jump to a place drawn uniformly from the route, and so on.
+
+    A leg also ends with the route. No jump goes to the route's last 29 frames, and the drive ends
+    when fewer than 30 frames are left of the query's number, so that at least 30 follow each jump.
+    For a query below 180 frames these lengths shrink in proportion, so that one jump at least is
+    made from 3 frames on.
+    """
+    rng = np.random.default_rng(seed)
+    shortest, longest, reserve = (
+        int(np.ceil(length * min(1, count / 180))) for length in (60, 120, 30)
+    )
+    legs: list[NDArray[np.int64]] = []
+    start, left = 0, count
+    while left >= reserve > 0:
+        length = min(int(rng.integers(shortest, longest, endpoint=True)), count - start, left)
+        legs.append(np.arange(start, start + length))
+        left -= length
+        start = int(rng.integers(0, count - reserve, endpoint=True))
+    jumps = np.cumsum([len(leg) for leg in legs[:-1]], dtype=np.int64)
+    return _on_route(np.concatenate(legs), jumps)
+
+
+def off_route(count: int, foreign_count: int, seed: int) -> Drive:
+    """Leave the route for stretches of another one, a third of the drive in all.
+
+    Each stretch has 30 to 90 frames, or is the only one, and goes on in the other route where the
+    one before it ended, from a frame drawn uniformly; the end wraps around to the beginning. After
+    a stretch, the query goes on with the frame it was left at.
+
+    Raises:
+        ValueError: the other route has no frames.
+
+    """
+    if foreign_count < 1:
+        raise ValueError("the other route has no frames to leave the route for")
+    rng = np.random.default_rng(seed)
+    lengths = _stretches(count // 2, rng)
+    # One stretch per equal part of the query, near the part's middle: some route between any two.
+    leaves = (np.arange(len(lengths)) + rng.uniform(0.25, 0.75, len(lengths))) * count
+    at = np.rint(leaves / len(lengths)).astype(np.int64)
+
+    foreign = np.insert(np.zeros(count, np.bool_), np.repeat(at, lengths), True)
+    frames = np.empty(len(foreign), np.int64)
+    frames[~foreign] = np.arange(count)
+    start = rng.integers(foreign_count)
+    frames[foreign] = (start + np.arange(sum(lengths))) % foreign_count
+    return Drive(frames, foreign, jumps=np.empty(0, np.int64))
+
+
+def reverse(count: int) -> Drive:
+    """Take each of the query's `count` frames once, the last one first."""
+    return _on_route(np.arange(count, dtype=np.int64)[::-1])
+
+
+def frames_to_recover(jumps: NDArray[np.int64], correct: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Count the frames from each jump to the first right match after it.
+
+    0 where the very first frame after the jump is matched right; where no match is right before the
+    next jump or the drive's end, the number of frames until then.
+
+    Args:
+        jumps: see `Drive`, (J,) int64.
+        correct: the drive's frame is matched right, (D,) bool.
+
+    Returns:
+        (J,) int64.
+
+    """
+    legs = np.split(correct, jumps)[1:]
+    return np.array([int(leg.argmax()) if leg.any() else len(leg) for leg in legs], np.int64)
+
+
+def _on_route(frames: NDArray[np.int64], jumps: NDArray[np.int64] | None = None) -> Drive:
+    foreign = np.zeros(len(frames), np.bool_)
+    return Drive(frames, foreign, np.empty(0, np.int64) if jumps is None else jumps)
+
+
+def _stretches(total: int, rng: np.random.Generator) -> list[int]:
+    """Cut a total at random into lengths from 30 to 90; a smaller total stays whole."""
+    lengths = []
+    while total > 90:
+        lengths.append(int(rng.integers(30, min(90, total - 30), endpoint=True)))
+        total -= lengths[-1]
+    return [*lengths, total]
