@@ -1,16 +1,18 @@
 from pathlib import Path
-from shutil import copytree
+from shutil import copytree, ignore_patterns
 
 import numpy as np
 import pytest
-from frame_folders import first_frames
+from frame_folders import first_frames, uneven_drive
+from networks import write_network
 
 from placefield.config import Config
 from placefield.errors import MapError, PlacefieldError, SourceError
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of
 from placefield.features.images import decode
 from placefield.maps.map import Map
-from placefield.maps.store import open_map
+from placefield.maps.store import open_map, save_map
+from placefield.recognizer import Recognizer
 from placefield_tools.building import build_from, map_of
 
 IDENTITY = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
@@ -72,6 +74,17 @@ def test_frames_of_any_size_depth_and_alpha_build_a_map(mixed_dir: Path, kind: s
     assert built.model.kind == kind
 
 
+def test_an_uneven_drive_builds_the_even_drives_map_when_it_is_spaced(
+    reference_dir: Path, tmp_path: Path
+) -> None:
+    uneven = uneven_drive(reference_dir, tmp_path / "uneven")
+    even = build_from([str(reference_dir)], IDENTITY)
+    spaced = build_from([str(uneven)], IDENTITY, spacing_m=0.1)
+    for one, other in zip(even.channels, spaced.channels, strict=True):
+        assert np.array_equal(one.places, other.places)
+    assert build_from([str(uneven)], LEARNED, spacing_m=0.1).places.count == 60
+
+
 def test_a_camera_is_no_reference() -> None:
     with pytest.raises(PlacefieldError, match="camera:9"):
         build_from(["camera:9"], IDENTITY)
@@ -93,13 +106,66 @@ def test_a_map_of_another_feature_than_asked_for_is_refused(map_path: Path) -> N
         pass
 
 
+@pytest.fixture
+def network(tmp_path: Path) -> Path:
+    write_network(tmp_path / "net.onnx", grid=4)
+    return tmp_path / "net.onnx"
+
+
+def with_network(path: Path, metric: str = "identity") -> Config:
+    return Config.model_validate(
+        {
+            "features": {"kind": f"onnx:{path}"},
+            "scales": {"channels": 2},
+            "metric": {"kind": metric, "steps": 3},
+        }
+    )
+
+
+@pytest.mark.parametrize("metric", ["identity", "lmnn"])
+def test_a_map_of_a_network_recognises_without_the_networks_files(
+    reference_dir: Path, query_dir: Path, network: Path, tmp_path: Path, metric: str
+) -> None:
+    path = tmp_path / "route.pfmap"
+    save_map(build_from([str(reference_dir)], with_network(network, metric)), path)
+    network.unlink()
+    network.with_suffix(".toml").unlink()
+    recognizer = Recognizer(open_map(path), Config().matching)
+    places = [recognizer.push(file.read_bytes()).place for file in sorted(query_dir.iterdir())]
+    assert np.mean(np.abs(np.array(places) - range(60)) <= 2) > 0.95
+
+
+def test_a_map_of_another_network_than_asked_for_is_refused(
+    reference_dir: Path, network: Path, map_path: Path, tmp_path: Path
+) -> None:
+    built = tmp_path / "route.pfmap"
+    save_map(build_from([str(reference_dir)], with_network(network)), built)
+    moved = tmp_path / "elsewhere" / "same.onnx"
+    copytree(network.parent, moved.parent, ignore=ignore_patterns("*.pfmap"))
+    for file in sorted(moved.parent.iterdir()):
+        file.rename(file.with_stem("same"))
+    for path in (network, moved):
+        with map_of(str(built), with_network(path), feature_asked=True) as taken:
+            assert taken == built
+    write_network(network, grid=3)
+    for path, reason in [
+        (built, rf"holds onnx:{network} features, not onnx:{network} as it is now"),
+        (map_path, rf"holds gist features, not onnx:{network}: "),
+    ]:
+        with (
+            pytest.raises(MapError, match=f"{path}: {reason}"),
+            map_of(str(path), with_network(network), feature_asked=True),
+        ):
+            pass
+
+
 def test_a_map_made_for_the_time_being_is_gone_afterwards(
     reference_dir: Path, route_map: Map
 ) -> None:
     with map_of(str(reference_dir), IDENTITY, feature_asked=False) as path:
         built = open_map(path)
         image = (reference_dir / "0000.jpg").read_bytes()
-        assert len(built.model.mean) == len(raw_feature(image, "gist"))
+        assert len(built.model.mean) == len(feature_of("gist").describe(image))
         assert np.array_equal(built.model.mean, route_map.model.mean)
     assert not path.exists()
     assert not path.parent.exists()

@@ -7,12 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import copytree
+from typing import get_args
 
 import cv2
 import pytest
-from frame_folders import first_frames
+from frame_folders import first_frames, uneven_drive
 
-from placefield.config import ENV_PREFIX, Config
+from placefield.config import ENV_PREFIX, Config, Rule
 from placefield_tools.cli.main import main
 
 
@@ -36,6 +37,7 @@ class Ended:
 
 
 Run = Callable[..., Ended]
+RULES = get_args(Rule)
 
 
 @pytest.fixture
@@ -78,8 +80,7 @@ def test_build_inspect_and_evaluate_go_together(
 
     evaluated = placefield("evaluate", "maps/route.pfmap", query_dir)
     assert evaluated.code == 0, evaluated.err
-    assert "evidence" in evaluated.out
-    assert "lowest-score" in evaluated.out
+    assert all(rule in evaluated.out for rule in RULES)
     pictures = [line for line in evaluated.out.splitlines() if line.endswith(".png")]
     assert len(pictures) == 3
     assert all(is_picture(tmp_path / picture) for picture in pictures)
@@ -93,11 +94,12 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     figures = json.loads(evaluated.out)
     assert set(figures) == {"rules", "frames", "tolerance"}
     assert (figures["frames"], figures["tolerance"]) == (60, 2)
-    assert set(figures["rules"]) == {"evidence", "lowest-score"}
+    assert set(figures["rules"]) == {*RULES}
     for rule in figures["rules"].values():
         assert set(rule) == {"auc", "recall_at_100_precision", "recall_at_1"}
         assert all(0 <= value <= 1 for value in rule.values())
     assert figures["rules"]["evidence"]["recall_at_1"] == 1
+    assert figures["rules"]["filter"]["recall_at_1"] > 0.9
     assert "describing the query" in evaluated.err
 
 
@@ -110,6 +112,22 @@ def test_evaluate_builds_the_map_itself_where_it_is_given_frames(
     assert json.loads(built_now.out) == json.loads(built_before.out)
 
 
+def test_spacing_makes_an_uneven_drive_even(
+    placefield: Run, reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    flags = ("--json", "--channels", "2", "--metric", "identity", "-o")
+    even = placefield("evaluate", reference_dir, query_dir, *flags, "even")
+    drives = [uneven_drive(path, tmp_path / path.name) for path in (reference_dir, query_dir)]
+    spaced = placefield("evaluate", *drives, "--spacing", "0.1", *flags, "spaced")
+    assert spaced.code == 0, spaced.err
+    assert json.loads(spaced.out) == json.loads(even.out)
+    pairs = [tmp_path / folder / "matches.png" for folder in ("even", "spaced")]
+    assert pairs[0].read_bytes() == pairs[1].read_bytes()
+
+    build = ("build", drives[0], "-o", "route.pfmap", "--metric", "identity")
+    assert "60 places" in placefield(*build, "--spacing", "0.1").out
+
+
 def test_a_truth_file_decides_what_is_right(
     placefield: Run, map_path: Path, query_dir: Path, tmp_path: Path
 ) -> None:
@@ -118,7 +136,7 @@ def test_a_truth_file_decides_what_is_right(
     evaluated = placefield("evaluate", map_path, query_dir, "--truth", truth, "--json")
     figures = json.loads(evaluated.out)
     assert figures["tolerance"] is None
-    assert figures["rules"]["evidence"]["recall_at_1"] > 0.9
+    assert figures["rules"]["filter"]["recall_at_1"] > 0.9
 
 
 def test_a_path_with_brackets_is_printed_as_it_is(
@@ -165,10 +183,15 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("build", "{ref}", "-o", "x.pfmap", "--min-scale", "4ft"), "--min-scale '4ft'"),
         (("build", "{ref}", "-o", "x.pfmap", "--min-scale", "5m"), "has no poses"),
         (("build", "{ref}", "-o", "x.pfmap", "--metric", "cosine"), "metric.kind"),
+        (("build", "{ref}", "-o", "x.pfmap", "--feature", "surf"), "onnx:FILE (given: 'surf')"),
+        (("build", "{ref}", "-o", "x.pfmap", "--feature", "onnx:no.onnx"), "no.onnx: no such"),
         (("build", "{empty}", "-o", "x.pfmap"), "{empty}: no image files"),
         (("build", "no-folder", "-o", "x.pfmap"), "no-folder: no such folder or file"),
         (("build", "{short}", "-o", "x.pfmap"), "too short for 4 channels"),
         (("build", "{damaged}", "-o", "x.pfmap"), "0007.jpg"),
+        (("build", "{ref}", "-o", "x.pfmap", "--spacing", "1"), "0000.jpg: has no odometry"),
+        (("evaluate", "{map}", "{query}", "--spacing", "1"), "0000.jpg: has no odometry"),
+        (("replay", "{query}", "--spacing", "0"), "--spacing 0: must be a distance"),
         (("inspect", "no.pfmap"), "no.pfmap: no map there"),
         (("inspect", "{broken}"), "projection.npy: damaged: its checksum is wrong"),
         (("evaluate", "no.pfmap", "{query}"), "no.pfmap: no map there"),
@@ -229,7 +252,6 @@ def bad_input(
         ("channel", "x.pfmap"),
         ("up", "x.pfmap", "--workers", "0"),
         ("replay", "x", "--rate", "0"),
-        ("build", "ref", "-o", "x.pfmap", "--feature", "surf"),
     ],
 )
 def test_a_command_line_that_is_wrong_is_answered_with_its_usage(
@@ -242,7 +264,7 @@ def test_a_command_line_that_is_wrong_is_answered_with_its_usage(
     assert "Traceback" not in ended.err
 
 
-COMMANDS = ["build", "inspect", "evaluate", "demo", "config"]
+COMMANDS = ["build", "inspect", "evaluate", "study", "demo", "config"]
 COMMANDS += ["up", "featurizer", "channel", "fuser", "replay", "listen", "status"]
 
 

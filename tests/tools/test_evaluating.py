@@ -1,16 +1,20 @@
 from pathlib import Path
 from shutil import copytree
+from typing import get_args
 
 import numpy as np
 import pytest
+from frame_folders import uneven_drive
 
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import SourceError, TruthError
+from placefield.evaluation.protocols import drive_of
 from placefield.evaluation.truth import Truth
+from placefield.features.extract import feature_of_model
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluating import describe_query, evaluate, judge, match_here
+from placefield_tools.evaluating import Query, describe_query, evaluate, judge, match_here
 from placefield_tools.sources import open_source
 
 
@@ -28,7 +32,7 @@ def damaged_query(query_dir: Path, tmp_path: Path) -> Path:
     return damaged
 
 
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", get_args(Rule))
 def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     route_map: Map, damaged_query: Path, rule: Rule
 ) -> None:
@@ -36,7 +40,9 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     recognizer = Recognizer(route_map, config)
     files = sorted(damaged_query.iterdir())
     with open_source(str(damaged_query)) as source:
-        matches = match_here(route_map, describe_query(source, route_map), config)
+        matches = match_here(
+            route_map, describe_query(source, feature_of_model(route_map.model).describe), config
+        )
     assert matches == [recognizer.push(file.read_bytes()) for file in files]
 
 
@@ -44,7 +50,7 @@ def test_a_frame_that_cannot_be_read_is_named_and_has_no_feature(
     route_map: Map, damaged_query: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with open_source(str(damaged_query)) as source:
-        raws = describe_query(source, route_map)
+        raws = describe_query(source, feature_of_model(route_map.model).describe)
     assert [number for number, raw in enumerate(raws) if raw is None] == [20, 21]
     captured = capfd.readouterr()
     assert "0020.jpg" in captured.err
@@ -61,11 +67,11 @@ def test_a_query_without_a_frame_that_can_be_read_is_refused(
         open_source(str(tmp_path)) as source,
         pytest.raises(SourceError, match="no frame that can be read"),
     ):
-        describe_query(source, route_map)
+        describe_query(source, feature_of_model(route_map.model).describe)
 
 
 def test_the_route_is_recognised_by_every_rule(map_path: Path, query_dir: Path) -> None:
-    evaluation = evaluate(map_path, str(query_dir), within_3, Config(), services=False)
+    evaluation = evaluate(map_path, Query(str(query_dir)), within_3, Config(), services=False)
     for result in evaluation.results.values():
         answered = result.places >= 0
         assert answered.sum() > 50
@@ -73,11 +79,23 @@ def test_the_route_is_recognised_by_every_rule(map_path: Path, query_dir: Path) 
     assert evaluation.results["evidence"].curve.recall_at_1 == 1.0
 
 
+def test_an_uneven_drive_is_judged_as_the_even_one_when_it_is_spaced(
+    map_path: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    uneven = str(uneven_drive(query_dir, tmp_path / "uneven"))
+    config = Config()
+    even = evaluate(map_path, Query(str(query_dir)), within_3, config, services=False)
+    spaced = evaluate(map_path, Query(uneven, spacing_m=0.1), within_3, config, services=False)
+    for rule, result in even.results.items():
+        assert np.array_equal(result.scores, spaced.results[rule].scores)
+        assert np.array_equal(result.correct, spaced.results[rule].correct)
+
+
 def test_a_truth_for_another_query_is_refused(map_path: Path, query_dir: Path) -> None:
     with pytest.raises(TruthError):
         evaluate(
             map_path,
-            str(query_dir),
+            Query(str(query_dir)),
             lambda _, places: within_3(7, places),
             Config(),
             services=False,
@@ -95,9 +113,35 @@ def test_judging_keeps_places_and_scores_and_counts_no_answer_as_wrong() -> None
 
 def test_the_services_find_what_is_found_here(map_path: Path, damaged_query: Path) -> None:
     here, there = (
-        evaluate(map_path, str(damaged_query), within_3, Config(), services=services)
+        evaluate(map_path, Query(str(damaged_query)), within_3, Config(), services=services)
         for services in (False, True)
     )
     for rule, result in here.results.items():
         assert np.array_equal(result.places, there.results[rule].places)
         assert np.array_equal(result.scores, there.results[rule].scores)
+
+
+def test_a_route_that_is_driven_the_other_way_is_recognised_here_and_by_the_services(
+    map_path: Path, query_dir: Path
+) -> None:
+    query = Query(str(query_dir), protocol="reverse")
+    here, there = (
+        evaluate(map_path, query, within_3, Config(), services=services)
+        for services in (False, True)
+    )
+    for rule, result in here.results.items():
+        assert result.correct[-20:].all()
+        assert np.array_equal(result.places, there.results[rule].places)
+        assert np.array_equal(result.scores, there.results[rule].scores)
+
+
+def test_frames_off_the_route_are_those_of_the_other_and_never_right(
+    map_path: Path, query_dir: Path, reference_dir: Path
+) -> None:
+    query = Query(str(query_dir), protocol="off-route", other=str(reference_dir), seed=1)
+    evaluation = evaluate(map_path, query, within_3, Config(), services=False)
+    drive = drive_of("off-route", 60, foreign_count=60, seed=1)
+    assert len(evaluation.raws) == len(drive.frames)
+    for result in evaluation.results.values():
+        assert not result.correct[drive.foreign].any()
+        assert result.curve.on_route == 60

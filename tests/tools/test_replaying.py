@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frame_folders import uneven_drive
 
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
@@ -138,6 +139,16 @@ def test_start_and_stride_choose_the_frames_but_numbers_have_no_gaps(
     files = sorted(query_dir.iterdir())[10::7]
     assert services.images == [file.read_bytes() for file in files]
     assert services.sequences == list(range(8))
+
+
+def test_an_uneven_drive_is_sent_as_the_even_one_when_it_is_spaced(
+    services: Services, bus: Bus, config: Config, query_dir: Path, tmp_path: Path
+) -> None:
+    uneven = uneven_drive(query_dir, tmp_path / "uneven")
+    with open_source(str(uneven), spacing_m=0.1) as source:
+        assert replay(source, bus, config, threading.Event()) == 60
+    assert services.images == [file.read_bytes() for file in sorted(query_dir.iterdir())]
+    assert services.sequences == list(range(60))
 
 
 def test_each_frame_carries_its_stamp(services: Services, bus: Bus, config: Config) -> None:

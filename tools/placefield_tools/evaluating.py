@@ -1,18 +1,23 @@
 """A query against a map: matches, figures, pictures."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
+from placefield.evaluation.claims import Claims, claims
 from placefield.evaluation.curves import PrecisionRecall, precision_recall
+from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
-from placefield.features.extract import raw_feature
+from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
@@ -22,31 +27,78 @@ from placefield.recognizer import Recognizer
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import CONSOLE, tracked
 from placefield_tools.sources import Source, open_source
+from placefield_tools.sources.driven import Driven
 from placefield_tools.streaming import match_through_services
 
 RULES: tuple[Rule, ...] = get_args(Rule)
 
 TruthOf = Callable[[int, int], Truth]
 
+Description = TypeVar("Description")
+
 RawFeature = NDArray[np.float32] | None
 """A frame's raw feature, (D,); None if the frame cannot be read."""
 
 
 @dataclass(frozen=True)
-class RuleResult:
-    """What one rule made of a query of Q frames.
+class Judged:
+    """The matches of a query of Q frames, and how right they are.
 
     Attributes:
         places: (Q,) int64, the match of each frame, -1 where there is none.
         scores: (Q,) float64, the higher the more certain.
         correct: (Q,) bool.
         curve: precision and recall.
+        probability: (Q,) float64, of each match being right, where the method says so.
+        reliability: of the answers' probabilities, likewise.
+        claims: the matches that are known, likewise.
     """
 
     places: NDArray[np.int64]
     scores: NDArray[np.float64]
     correct: NDArray[np.bool_]
     curve: PrecisionRecall
+    probability: NDArray[np.float64] | None = None
+    reliability: Reliability | None = None
+    claims: Claims | None = None
+
+
+@dataclass(frozen=True)
+class Query:
+    """Where a query's frames are, and how they are driven.
+
+    Attributes:
+        where: source of the frames.
+        spacing_m: metres between them, by odometry; None: take every frame.
+        protocol: how they are driven.
+        other: source of the other route's frames, which only the protocol ``off-route`` takes.
+        seed: of the protocol.
+    """
+
+    where: str
+    spacing_m: float | None = None
+    protocol: Protocol = "aligned"
+    other: str | None = None
+    seed: int = 0
+
+    def open(self) -> Source:
+        """Open the frames, in the order in which they are driven.
+
+        Raises:
+            SourceError: a source cannot be read, or is live and is to be driven again.
+        """
+        if self.protocol == "aligned":
+            return open_source(self.where, spacing_m=self.spacing_m)
+        with ExitStack() as stack:
+            opened = partial(open_source, spacing_m=self.spacing_m)
+            query = stack.enter_context(opened(self.where))
+            other = stack.enter_context(opened(self.other)) if self.other else None
+            return Driven(query, self.protocol, other=other, seed=self.seed)
+
+    def matching(self, config: MatchingConfig) -> MatchingConfig:
+        """Return how to match the driven frames: the protocol ``reverse`` turns the way round."""
+        turned = config.reverse != (self.protocol == "reverse")
+        return config.model_copy(update={"reverse": turned})
 
 
 @dataclass(frozen=True)
@@ -54,13 +106,15 @@ class Evaluation:
     """A query that was matched and judged, and what it was matched against."""
 
     placemap: Map
-    query: str
+    query: Query
     raws: list[RawFeature]
-    results: dict[Rule, RuleResult]
+    results: dict[Rule, Judged]
 
 
-def describe_query(source: Source, placemap: Map) -> list[RawFeature]:
-    """Return the raw features of a query's frames.
+def describe_query(
+    source: Source, describe: Callable[[bytes | NDArray[np.uint8]], Description]
+) -> list[Description | None]:
+    """Describe the images of a query's frames; None stands for one that cannot be read.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -70,19 +124,20 @@ def describe_query(source: Source, placemap: Map) -> list[RawFeature]:
 
     unreadable: dict[int, str] = {}
 
-    def describe(frame: Frame) -> RawFeature:
+    def describe_frame(frame: Frame) -> Description | None:
         try:
-            return raw_feature(frame.image, placemap.model.kind)
+            return describe(frame.image)
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None
 
-    raws = list(map_in_order(describe, tracked(source, "describing the query", source.count)))
+    frames = tracked(source, "describing the query", source.count)
+    described = list(map_in_order(describe_frame, frames))
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
-    if all(raw is None for raw in raws):
+    if all(description is None for description in described):
         raise SourceError("the query has no frame that can be read")
-    return raws
+    return described
 
 
 def match_here(placemap: Map, raws: Sequence[RawFeature], config: MatchingConfig) -> list[Match]:
@@ -91,24 +146,37 @@ def match_here(placemap: Map, raws: Sequence[RawFeature], config: MatchingConfig
     return [recognizer.push_raw(raw) for raw in raws]
 
 
-def judge(matches: Sequence[Match], truth: Truth) -> RuleResult:
+def judge(matches: Sequence[Match], truth: Truth) -> Judged:
     """Compare matches with the truth."""
     places = np.array([match.place for match in matches], np.int64)
     scores = np.array([match.score for match in matches], np.float64)
     correct = truth.correct(places)
-    curve = precision_recall(correct, places != UNANSWERED, truth.on_route, scores)
-    return RuleResult(places, scores, correct, curve)
+    answered = places != UNANSWERED
+    curve = precision_recall(correct, answered, truth.on_route, scores)
+    if not any(match.known is not None for match in matches):
+        return Judged(places, scores, correct, curve)
+    probability = np.array([match.probability or 0.0 for match in matches])
+    known = np.array([bool(match.known) for match in matches])
+    return Judged(
+        places,
+        scores,
+        correct,
+        curve,
+        probability,
+        reliability(probability[answered], correct[answered]),
+        claims(known, correct, truth.on_route),
+    )
 
 
 def evaluate(
-    map_path: Path, query: str, truth_of: TruthOf, config: Config, *, services: bool
+    map_path: Path, query: Query, truth_of: TruthOf, config: Config, *, services: bool
 ) -> Evaluation:
     """Match a query against a map by every rule, and judge the matches.
 
     Args:
         map_path: the map.
-        query: source of the query's frames.
-        truth_of: gives the truth for so many query frames and places.
+        query: to match.
+        truth_of: gives the truth for so many query frames, in their own order, and places.
         config: its matching, fusion and bus.
         services: whether the frames are matched by the services, as processes on a bus of their
             own, and not in this process.
@@ -118,11 +186,11 @@ def evaluate(
     """
     placemap = open_map(map_path)
     results = {}
-    with open_source(query) as source:
-        raws = describe_query(source, placemap)
-        truth = truth_of(len(raws), placemap.places.count)
+    with query.open() as source:
+        raws = describe_query(source, feature_of_model(placemap.model).describe)
+        truth = _truth(source, len(raws), placemap.places.count, truth_of)
         for rule in RULES:
-            matching = config.matching.model_copy(update={"rule": rule})
+            matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
                 ruled = config.model_copy(update={"matching": matching})
                 matches = match_through_services(map_path, source, ruled)
@@ -130,3 +198,10 @@ def evaluate(
                 matches = match_here(placemap, raws, matching)
             results[rule] = judge(matches, truth)
     return Evaluation(placemap, query, raws, results)
+
+
+def _truth(source: Source, frames: int, places: int, truth_of: TruthOf) -> Truth:
+    if not isinstance(source, Driven):
+        return truth_of(frames, places)
+    drive = source.drive
+    return truth_of(source.undriven_count, places).along(drive.frames, drive.foreign)

@@ -16,8 +16,7 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.images import decode
 from placefield.maps.map import Map
 from placefield.matching.distances import PlaceDistances
-from placefield_tools.evaluating import Evaluation, RawFeature, RuleResult
-from placefield_tools.sources import open_source
+from placefield_tools.evaluating import Evaluation, Judged, RawFeature
 
 _MOST_CELLS = 1500  # of the distance matrix a side; more cannot be seen
 _PAIRS = 6
@@ -37,7 +36,7 @@ def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
     return [curves, matrix, *_draw_pairs(folder / "matches.png", evaluation, result)]
 
 
-def _draw_matrix(path: Path, evaluation: Evaluation, result: RuleResult, title: str) -> None:
+def _draw_matrix(path: Path, evaluation: Evaluation, result: Judged, title: str) -> None:
     distances = _distances(evaluation.placemap, evaluation.raws)
     stride = -(-max(distances.shape) // _MOST_CELLS)
     places = np.where(result.places >= 0, result.places // stride, -1)
@@ -56,15 +55,16 @@ def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]
     places = PlaceDistances(channel.projection, channel.places)
     stream = DescriptorStream(placemap.model)
     unseen = np.full(places.count, np.inf, np.float32)
-    return np.stack([unseen if raw is None else places.to(stream.push(raw)) for raw in raws])
+    projected = (None if raw is None else places.project(stream.push(raw)) for raw in raws)
+    return np.stack([unseen if vector is None else places.to(vector) for vector in projected])
 
 
-def _draw_pairs(path: Path, evaluation: Evaluation, result: RuleResult) -> list[Path]:
+def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:
     seen = np.array([raw is not None for raw in evaluation.raws])
     chosen = _chosen(result, seen)
     if not chosen:
         return []
-    with open_source(evaluation.query) as source:
+    with evaluation.query.open() as source:
         images = {number: f.image for number, f in enumerate(source) if number in set(chosen)}
     pairs = []
     for query in chosen:
@@ -83,7 +83,7 @@ def _draw_pairs(path: Path, evaluation: Evaluation, result: RuleResult) -> list[
     return [path]
 
 
-def _chosen(result: RuleResult, seen: NDArray[np.bool_]) -> list[int]:
+def _chosen(result: Judged, seen: NDArray[np.bool_]) -> list[int]:
     """Choose query frames to show: spread evenly, and the most confident mistake."""
     answered = np.flatnonzero((result.places >= 0) & seen)
     if not len(answered):

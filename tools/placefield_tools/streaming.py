@@ -33,10 +33,7 @@ def match_through_services(map_path: Path, source: Source, config: Config) -> li
     with _host(map_path, alone), open_bus(alone.bus) as bus:
         matches = MatchQueue(bus, Keys(alone.run))
         sent = replay(source, bus, alone, threading.Event())
-        answered = [
-            Match(message.place, message.score, message.missing)
-            for _, message in stream_matches(matches, _LAST_MATCH_S)
-        ]
+        answered = [message.match for _, message in stream_matches(matches, _LAST_MATCH_S)]
     if len(answered) != sent:
         raise BusError(f"{sent} frames were sent through the services, {len(answered)} matched")
     return answered
@@ -48,7 +45,10 @@ def _host(map_path: Path, config: Config) -> Iterator[None]:
     command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
     command += ["--endpoint", config.bus.endpoint, "--run", config.run]
     command += ["--rule", config.matching.rule]
+    command += ["--set", f"matching.tolerance={config.matching.tolerance}"]
+    command += ["--precision", str(config.matching.precision)]
     command += ["--set", f"matching.neighbourhood={config.matching.neighbourhood}"]
+    command += ["--set", f"matching.reverse={str(config.matching.reverse).lower()}"]
     command += ["--set", f"fusion.deadline_s={config.fusion.deadline_s}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:

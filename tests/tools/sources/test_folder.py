@@ -69,17 +69,17 @@ def test_without_stamps_the_rate_is_nominal(tmp_path):
     source = open_source(str(tmp_path), stride=2)
     assert [frame.stamp_ns for frame in source] == [0, 200_000_000, 400_000_000]
     assert source.frame_rate == NOMINAL_RATE / 2
-    assert {frame.pose for frame in source} == {None}
+    assert {(frame.pose, frame.odometry_m) for frame in source} == {(None, None)}
 
 
-def test_frames_csv_gives_order_stamps_and_poses(tmp_path):
+def test_frames_csv_gives_order_stamps_poses_and_odometry(tmp_path):
     fill(tmp_path, "a.png", "left/b.png", "c.png", "unlisted.png")
     (tmp_path / "frames.csv").write_text(
-        "\ufefffile, stamp, y, x, yaw\r\n"
-        "c.png, 1700000000.123456789, 2, 1, 0.5\r\n"
+        "\ufefffile, stamp, y, x, yaw, odometry\r\n"
+        "c.png, 1700000000.123456789, 2, 1, 0.5, -2.5\r\n"
         "\r\n"
-        "a.png, 1700000000.623456789, , ,\r\n"
-        "left/b.png, 1700000001.123456789, -4, 3e0, -1\r\n",
+        "a.png, 1700000000.623456789, , , , -2.5\r\n"
+        "left/b.png, 1700000001.123456789, -4, 3e0, -1, 1e1\r\n",
         encoding="utf-8",
     )
     source = open_source(str(tmp_path))
@@ -88,6 +88,7 @@ def test_frames_csv_gives_order_stamps_and_poses(tmp_path):
     assert [frame.index for frame in frames] == [0, 1, 2]
     assert frames[0].stamp_ns == 1_700_000_000_123_456_789
     assert [frame.pose for frame in frames] == [Pose(1, 2, 0.5), None, Pose(3, -4, -1)]
+    assert [frame.odometry_m for frame in frames] == [-2.5, -2.5, 10]
     assert decode(frames[2].image).mean() == 10
     assert source.frame_rate == pytest.approx(2)
 
@@ -130,6 +131,10 @@ def test_frames_that_share_one_stamp_have_no_rate(tmp_path):
         ("file,stamp\na.png,1e999999\n", "line 2: the stamp"),
         ("file,stamp\na.png,1700000000123456789\n", "line 2: the stamp"),
         ("file,stamp\na.png,2\na.png,1\n", "line 3: the stamp is earlier"),
+        ("file,odometry\na.png,far\n", "line 2: odometry is 'far'"),
+        ("file,odometry\na.png,\n", "line 2: odometry is ''"),
+        ("file,odometry\na.png,nan\n", "line 2: odometry is 'nan'"),
+        ("file,odometry\na.png,0\na.png,-1\n", "line 3: the odometry is less"),
         ("file,x,y,yaw\na.png,1,2,\n", "line 2: yaw is ''"),
         ("file,x,y\na.png,1,east\n", "line 2: y is 'east'"),
         ("file,x,y\na.png,nan,1\n", "line 2: x is 'nan'"),

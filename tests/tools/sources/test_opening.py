@@ -39,3 +39,9 @@ def test_a_stride_below_one_is_refused(tmp_path, stride):
 def test_a_negative_start_is_refused(tmp_path):
     with pytest.raises(SourceError, match="--start -1"):
         open_source(str(tmp_path), start=-1)
+
+
+@pytest.mark.parametrize("spacing", [0, -1, float("nan"), float("inf")])
+def test_a_spacing_that_is_no_distance_is_refused(tmp_path, spacing):
+    with pytest.raises(SourceError, match=f"--spacing {spacing}"):
+        open_source(str(tmp_path), spacing_m=spacing)

@@ -22,6 +22,7 @@ def _build(
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
+    spacing: options.Spacing = None,
     feature: options.Feature = None,
     standardise: options.Standardise = None,
     channels: options.Channels = None,
@@ -53,6 +54,6 @@ def _build(
         seed=seed,
     )
     check_map_path(output)
-    built = build_from(references, effective)
+    built = build_from(references, effective, spacing_m=spacing)
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")

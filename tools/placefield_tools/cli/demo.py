@@ -8,7 +8,6 @@ import typer
 from placefield.config import Config
 from placefield.evaluation.truth import Truth
 from placefield_tools.cli import options
-from placefield_tools.cli.evaluate import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
     from placefield_tools.demo.light import Light
@@ -61,7 +60,7 @@ def _render(folder: Path, light: "Light") -> str:
 def _run(reference: str, query: str, output: Path, config: Config) -> None:
     from placefield.maps.store import save_map
     from placefield_tools.building import build_from
-    from placefield_tools.evaluating import evaluate
+    from placefield_tools.evaluating import Query, evaluate
     from placefield_tools.inspecting import draw_segments
     from placefield_tools.pictures import draw
     from placefield_tools.progress import CONSOLE
@@ -75,8 +74,8 @@ def _run(reference: str, query: str, output: Path, config: Config) -> None:
     CONSOLE.print("starting the services and streaming the query through them, once per rule")
 
     def truth_of(queries: int, places: int) -> Truth:
-        return Truth.within(queries, places, DEFAULT_TOLERANCE)
+        return Truth.within(queries, places, options.DEFAULT_TOLERANCE)
 
-    evaluation = evaluate(map_path, query, truth_of, config, services=True)
+    evaluation = evaluate(map_path, Query(query), truth_of, config, services=True)
     title = f"{Path(reference).name} → {Path(query).name}"
     print_table(evaluation, [segments, *draw(output, evaluation, title)])

@@ -47,6 +47,9 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
     place = "no place" if match.place < 0 else f"place {match.place}"
     parts = [f"frame {header.sequence}: {place}, score {match.score:.2f}"]
+    if match.probability is not None:
+        known = "known" if match.known else "unknown"
+        parts.append(f"{known}, right with probability {match.probability:.3f}")
     if match.pose is not None:
         x, y, yaw = match.pose
         parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")

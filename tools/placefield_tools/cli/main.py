@@ -18,6 +18,7 @@ from placefield_tools.cli import (
     replay,
     services,
     status,
+    study,
     up,
 )
 
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (build, inspect, up, services, replay, listen, status, evaluate, config, demo):
+for module in (build, inspect, up, services, replay, listen, status, evaluate, study, config, demo):
     module.add_to(app)
 
 

@@ -8,8 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from placefield.config import Config, FeatureKind, Rule, load_config
+from placefield.config import Config, Rule, load_config
 from placefield.errors import ConfigError
+from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.truth import Truth, read_truth
+
+DEFAULT_TOLERANCE = 3  # frames
 
 _DEFAULTS = Config()
 
@@ -32,10 +36,22 @@ RuleOption = Annotated[
     Rule | None,
     typer.Option("--rule", help="how places are matched", show_default=_DEFAULTS.matching.rule),
 ]
+Precision = Annotated[
+    float | None,
+    typer.Option(
+        metavar="P",
+        help="a match that is right with at least this probability is known",
+        show_default=f"{_DEFAULTS.matching.precision:g}",
+    ),
+]
 
 Feature = Annotated[
-    FeatureKind | None,
-    typer.Option(help="what is taken from the image", show_default=_DEFAULTS.features.kind),
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        help="grayscale, gist, or onnx:FILE for a network",
+        show_default=_DEFAULTS.features.kind,
+    ),
 ]
 Standardise = Annotated[
     bool | None,
@@ -66,10 +82,43 @@ MinScale = Annotated[
     ),
 ]
 Metric = Annotated[
-    str | None, typer.Option(help="lmnn or identity", show_default=_DEFAULTS.metric.kind)
+    str | None,
+    typer.Option(
+        help="lmnn, rca, lfda, nca or identity; a learned one is kept where it helps",
+        show_default=_DEFAULTS.metric.kind,
+    ),
 ]
 Seed = Annotated[
     int | None, typer.Option(help="of everything random", show_default=str(_DEFAULTS.seed))
+]
+Tolerance = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="query frame i is right at places i ± so many",
+        show_default=str(DEFAULT_TOLERANCE),
+    ),
+]
+TruthFile = Annotated[
+    Path | None, typer.Option("--truth", help="ground truth as CSV: query,first,last")
+]
+ProtocolOption = Annotated[
+    Protocol, typer.Option("--protocol", help="how the query's frames are driven")
+]
+Other = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SOURCE", help="frames of another route, that --protocol off-route leaves for"
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+Spacing = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        help="take a frame every so many metres, by odometry",
+        show_default="every frame",
+    ),
 ]
 
 _METRES = re.compile(r"(\d+(?:\.\d+)?)\s*m")
@@ -113,6 +162,42 @@ def min_scale_flags(text: str | None) -> dict[str, Any]:
     if text.isdecimal():
         return {"scales__min_scale": int(text), "scales__min_scale_metres": 0}
     raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
+
+
+def tolerance_within(tolerance: int | None, truth: Path | None) -> int | None:
+    """Return the tolerance in frames, None where a file says what is right.
+
+    Raises:
+        ConfigError: both are given.
+    """
+    if truth is None:
+        return DEFAULT_TOLERANCE if tolerance is None else tolerance
+    if tolerance is not None:
+        raise ConfigError("--tolerance and --truth: give one of them")
+    return None
+
+
+def truth_of(queries: int, places: int, *, tolerance: int | None, truth: Path | None) -> Truth:
+    """Return what is right, by the file or else within the tolerance.
+
+    Raises:
+        TruthError: the file is not the truth of so many query frames and places.
+    """
+    if truth is not None:
+        return read_truth(truth, queries, places)
+    return Truth.within(queries, places, tolerance or 0)
+
+
+def check_other(protocol: Protocol, other: str | None) -> None:
+    """Check that another route's frames are given where the protocol takes any.
+
+    Raises:
+        ConfigError: they are missing, or of no use.
+    """
+    if protocol == "off-route" and other is None:
+        raise ConfigError("--protocol off-route: give the other route's frames with --other")
+    if protocol != "off-route" and other is not None:
+        raise ConfigError(f"--other {other}: only --protocol off-route leaves the route")
 
 
 def _setting(text: str) -> tuple[str, Any]:

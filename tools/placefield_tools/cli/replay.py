@@ -25,6 +25,7 @@ def _replay(
     loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
     start: Annotated[int, typer.Option(help="first frame")] = 0,
     stride: Annotated[int, typer.Option(help="take every n-th frame")] = 1,
+    spacing: options.Spacing = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     config: options.ConfigFile = None,
@@ -43,7 +44,7 @@ def _replay(
     effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
     stop = stop_event()
     with (
-        open_source(source, start=start, stride=stride) as frames,
+        open_source(source, start=start, stride=stride, spacing_m=spacing) as frames,
         open_bus(effective.bus, stop) as bus,
     ):
         sent = replay(frames, bus, effective, stop, rate=rate, loop=loop)

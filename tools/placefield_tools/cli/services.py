@@ -58,6 +58,7 @@ def _fuser(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
+    precision: options.Precision = None,
     deadline: Annotated[
         float | None,
         typer.Option(
@@ -79,6 +80,7 @@ def _fuser(
         run=run,
         bus__endpoint=endpoint,
         matching__rule=rule,
+        matching__precision=precision,
         fusion__deadline_s=deadline,
     )
     run_fuser(open_map(map_path), effective, stop_event())

@@ -25,6 +25,7 @@ def _up(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
+    precision: options.Precision = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -38,7 +39,12 @@ def _up(
 
     stop = stop_event()
     effective = options.effective_config(
-        config, settings, run=run, bus__endpoint=endpoint, matching__rule=rule
+        config,
+        settings,
+        run=run,
+        bus__endpoint=endpoint,
+        matching__rule=rule,
+        matching__precision=precision,
     )
     channels = len(open_map(map_path).channels)
 

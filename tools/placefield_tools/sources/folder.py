@@ -37,7 +37,8 @@ class Folder(Source):
         """Yield the frames, each read when its turn comes; their bytes are not looked at."""
         for index in self._chosen:
             listed = self._frames[index]
-            yield Frame(index, listed.stamp_ns, listed.file, self._read(listed.file), listed.pose)
+            image = self._read(listed.file)
+            yield Frame(index, listed.stamp_ns, listed.file, image, listed.pose, listed.odometry_m)
 
     def _read(self, file: str) -> bytes:
         try:

@@ -1,8 +1,9 @@
 """A folder's ``frames.csv``: which files are the frames, when and where each was taken.
 
-The header names ``file`` and any of ``stamp`` (seconds), ``x`` and ``y`` (metres, together) and
-``yaw`` (radians, with x and y; 0 where there is no such column). The rows are in the order in which
-the frames were taken. A frame whose pose is not known leaves all the pose's cells empty.
+The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres travelled since any
+fixed start), ``x`` and ``y`` (metres, together) and ``yaw`` (radians, with x and y; 0 where there
+is no such column). The rows are in the order in which the frames were taken. A frame whose pose is
+not known leaves all the pose's cells empty.
 """
 
 import csv
@@ -15,7 +16,7 @@ from pathlib import Path
 from placefield.errors import SourceError
 from placefield.features.frames import Pose
 
-COLUMNS = ("file", "stamp", "x", "y", "yaw")
+COLUMNS = ("file", "stamp", "odometry", "x", "y", "yaw")
 
 Row = dict[str, str]
 
@@ -27,23 +28,26 @@ class Listed:
     file: str
     stamp_ns: int
     pose: Pose | None = None
+    odometry_m: float | None = None
 
 
 def read_frames_csv(path: Path, default_stamp_ns: Callable[[int], int]) -> list[Listed]:
     """Read a ``frames.csv``; without a stamp column, frame i's stamp is ``default_stamp_ns(i)``.
 
-    Raises SourceError, naming the line, where a row or the header is malformed, a stamp goes back,
-    or a listed file is missing.
+    Raises SourceError, naming the line, where a row or the header is malformed, a stamp or the
+    odometry goes back, or a listed file is missing.
     """
     frames: list[Listed] = []
     for line, row in _rows(path):
         try:
             stamp_ns = _stamp_ns(row) if "stamp" in row else default_stamp_ns(len(frames))
-            if frames and stamp_ns < frames[-1].stamp_ns:
-                raise ValueError("the stamp is earlier than the one before")
+            odometry_m = _number(row, "odometry") if "odometry" in row else None
+            frame = Listed(row["file"], stamp_ns, _pose(row), odometry_m)
+            if frames:
+                _check_order(frames[-1], frame)
             if not (path.parent / row["file"]).is_file():
                 raise ValueError(f"there is no file {row['file']!r} in the folder")
-            frames.append(Listed(row["file"], stamp_ns, _pose(row)))
+            frames.append(frame)
         except ValueError as error:
             raise SourceError(f"{path}, line {line}: {error}") from error
     if not frames:
@@ -70,9 +74,18 @@ def _rows(path: Path) -> list[tuple[int, Row]]:
 def _check_header(path: Path, header: list[str]) -> None:
     known = set(header) <= set(COLUMNS) and len(set(header)) == len(header)
     if not known or "file" not in header:
-        raise SourceError(f"{path}, line 1: the header must be file and any of stamp, x, y, yaw")
+        others = ", ".join(COLUMNS[1:])
+        raise SourceError(f"{path}, line 1: the header must be file and any of {others}")
     if ("x" in header) != ("y" in header) or ("yaw" in header and "x" not in header):
         raise SourceError(f"{path}, line 1: a pose needs the columns x and y")
+
+
+def _check_order(before: Listed, frame: Listed) -> None:
+    if frame.stamp_ns < before.stamp_ns:
+        raise ValueError("the stamp is earlier than the one before")
+    # Either all rows have an odometry or none has.
+    if (frame.odometry_m or 0.0) < (before.odometry_m or 0.0):
+        raise ValueError("the odometry is less than the one before")
 
 
 def _stamp_ns(row: Row) -> int:

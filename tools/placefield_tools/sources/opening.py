@@ -1,5 +1,6 @@
 """Guess what kind of source a person means."""
 
+import math
 import re
 from pathlib import Path
 
@@ -7,24 +8,35 @@ from placefield.errors import SourceError
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
 from placefield_tools.sources.source import Source
+from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
 
 _CAMERA = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 
 
-def open_source(where: str, *, start: int = 0, stride: int = 1) -> Source:
+def open_source(
+    where: str, *, start: int = 0, stride: int = 1, spacing_m: float | None = None
+) -> Source:
     """Open a folder of images, a video file, or a camera (``camera:0`` or ``/dev/video0``).
 
-    The source gives the frames ``start``, ``start + stride``, …
+    The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
+    one every ``spacing_m`` metres (see ``Spaced``).
 
     Raises SourceError where nothing of the kind is there, where it cannot be read, or where
-    ``start`` or ``stride`` does not fit. A video tells only when it is read that it ends before
-    ``start``: its container's count may be wrong.
+    ``start``, ``stride`` or ``spacing_m`` does not fit. A video tells only when it is read that it
+    ends before ``start``: its container's count may be wrong.
     """
     if start < 0:
         raise SourceError(f"--start {start}: must be 0 or more")
     if stride < 1:
         raise SourceError(f"--stride {stride}: must be 1 or more")
+    if spacing_m is not None and not (math.isfinite(spacing_m) and spacing_m > 0):
+        raise SourceError(f"--spacing {spacing_m:g}: must be a distance above 0 metres")
+    source = _open(where, start, stride)
+    return source if spacing_m is None else Spaced(source, spacing_m)
+
+
+def _open(where: str, start: int, stride: int) -> Source:
     if camera := _CAMERA.fullmatch(where):
         return Camera(int(camera[1]), start=start, stride=stride)
     try:

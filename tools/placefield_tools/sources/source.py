@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from types import TracebackType
-from typing import ClassVar, Self
+from typing import Self
 
 from placefield.features.frames import Frame
 
@@ -16,11 +16,12 @@ class Source(ABC):
     it is an estimate. ``frame_rate`` is the rate in 1/s at which the given frames were taken (the
     native rate divided by the stride), None where that is unknown.
 
-    A frame's ``index`` counts all the source's frames, those before ``start`` and those that the
-    stride leaves out too. A source that is not live can be iterated again, with the same frames.
+    A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
+    and spacing leave out too. A source that is not live can be iterated again, with the same
+    frames.
     """
 
-    live: ClassVar[bool] = False
+    live: bool = False
     count: int | None
     frame_rate: float | None
 

@@ -1,0 +1,113 @@
+"""``placefield study`` and the protocols of ``evaluate``, as a person runs them."""
+
+import json
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from placefield.evaluation.protocols import Protocol
+from placefield_tools.cli.main import app
+from placefield_tools.study import channel_counts, describing, report
+
+PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+FIGURES = {
+    "auc",
+    "recall_at_100_precision",
+    "recall_at_1",
+    "auc_of_correct",
+    "recall_at_100_precision_of_correct",
+}
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(describing, "WORDS", 100)
+    monkeypatch.setattr(channel_counts, "MOST_COMBINATIONS", 2)
+    monkeypatch.chdir(tmp_path)
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def flags_of(protocol: Protocol, other: Path) -> list[str]:
+    flags = ["--protocol", protocol, "--channels", "2"]
+    return [*flags, "--other", str(other)] if protocol == "off-route" else flags
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_study_has_every_method_and_part(
+    reference_dir: Path, query_dir: Path, protocol: Protocol, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "write_report", lambda folder, study: folder)  # it takes long
+    flags = flags_of(protocol, query_dir)
+    ended = run("study", reference_dir, query_dir, "--json", *flags)
+    assert ended.exit_code == 0, ended.exception
+
+    study: dict[str, Any] = json.loads(ended.stdout)
+    assert (study["protocol"], study["tolerance"], study["places"]) == (protocol, 3, 60)
+    methods = {method["name"]: method for method in study["methods"]}
+    assert {"one frame", "SeqSLAM", "FAB-MAP", "MS"} < {*methods}
+    for method in methods.values():
+        assert all(0 <= method[figure] <= 1 + 1e-9 for figure in FIGURES)
+        assert (method["frames_to_recover"] is not None) == (protocol == "kidnap")
+        assert (method["frames_on_route"] < method["frames"]) == (protocol == "off-route")
+    assert methods["Placefield, filter"]["recall_at_1"] > 0.7
+    assert len(study["counts"]) == 30
+    assert len(study["scales"]) == 4
+    assert len(study["ablation"]) == 10
+
+
+def test_the_table_names_the_conventions_and_the_oracle(
+    reference_dir: Path, query_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    flags = flags_of("kidnap", query_dir)
+    ended = run("study", reference_dir, query_dir, *flags, "-o", "[b]out")
+    assert ended.exit_code == 0, ended.exception
+    for text in ("recall at 100 % precision", "recall@1", "VPR-Bench AUC", "frames to recover"):
+        assert text in ended.stdout
+    assert sum(" * " in line for line in ended.stdout.splitlines() if "window of" in line) == 1
+    assert "[b]out/report.html" in ended.stdout
+    assert (tmp_path / "[b]out" / "report.html").is_file()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_evaluate_drives_by_every_protocol(
+    map_path: Path, reference_dir: Path, query_dir: Path, protocol: Protocol
+) -> None:
+    flags = [flag for flag in flags_of(protocol, reference_dir) if flag not in ("--channels", "2")]
+    ended = run("evaluate", map_path, query_dir, "--json", *flags)
+    assert ended.exit_code == 0, ended.exception
+    figures = json.loads(ended.stdout)
+    assert figures["rules"]["filter"]["recall_at_1"] > 0.7
+
+
+@pytest.mark.parametrize("command", ["evaluate", "study"])
+@pytest.mark.parametrize(
+    ("flags", "reason"),
+    [
+        (["--protocol", "off-route"], "--protocol off-route: give the other route's frames"),
+        (["--other", "elsewhere"], "--other elsewhere: only --protocol off-route"),
+        (["--truth", "truth.csv", "--tolerance", "3"], "--tolerance and --truth"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    reference_dir: Path, query_dir: Path, command: str, flags: list[str], reason: str
+) -> None:
+    ended = run(command, reference_dir, query_dir, *flags)
+    assert str(ended.exception).startswith(reason)
+
+
+def test_a_study_of_a_map_is_refused(map_path: Path, query_dir: Path) -> None:
+    assert "a map keeps no frames" in str(run("study", map_path, query_dir).exception)
+
+
+@pytest.mark.parametrize("setting", ["scales.channels=2", "metric.kind=rca", "features.kind=gist"])
+def test_settings_of_a_map_are_refused_where_it_is_built_already(
+    map_path: Path, query_dir: Path, setting: str
+) -> None:
+    ended = run("evaluate", map_path, query_dir, "--set", setting)
+    assert "is built already" in str(ended.exception)

@@ -1,0 +1,68 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from placefield.errors import SourceError
+from placefield.evaluation.protocols import Protocol, drive_of
+from placefield.features.frames import Frame
+from placefield.features.images import decode
+from placefield_tools.sources import open_source
+from placefield_tools.sources.driven import Driven
+from placefield_tools.sources.source import Source
+
+
+class Pixels(Source):
+    """Frames in pixels, as a video gives them, with an odometry."""
+
+    def __init__(self, count: int, *, live: bool = False) -> None:
+        self.live = live
+        self.count = count
+        self.frame_rate = 4.0
+        self.images = np.random.default_rng(count).integers(0, 256, (count, 16, 16, 3), np.uint8)
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index, image in enumerate(self.images):
+            yield Frame(index, index * 250_000_000, f"{index}", image, odometry_m=float(index))
+
+
+def shown(frame: Frame) -> bytes:
+    assert isinstance(frame.image, bytes)
+    return decode(frame.image).tobytes()
+
+
+@pytest.mark.parametrize("protocol", ["speed", "kidnap", "off-route", "reverse"])
+def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) -> None:
+    query, other = Pixels(50), Pixels(20)
+    drive = drive_of(protocol, 50, foreign_count=20, seed=2)
+    images = [
+        (other if foreign else query).images[frame].tobytes()
+        for frame, foreign in zip(drive.frames, drive.foreign, strict=True)
+    ]
+
+    driven = Driven(query, protocol, other=other, seed=2)
+
+    assert driven.undriven_count == 50
+    assert driven.count == len(images)
+    for _ in range(2):
+        frames = list(driven)
+        assert [shown(frame) for frame in frames] == images
+        assert [frame.index for frame in frames] == list(range(len(images)))
+        assert [frame.stamp_ns for frame in frames] == [
+            index * 250_000_000 for index in range(len(images))
+        ]
+        assert {frame.odometry_m for frame in frames} == {None}
+
+
+def test_files_come_as_they_lie_on_the_disk(query_dir: Path) -> None:
+    with open_source(str(query_dir)) as source:
+        driven = Driven(source, "reverse", seed=0)
+    files = sorted(query_dir.iterdir(), reverse=True)
+    assert [frame.image for frame in driven] == [file.read_bytes() for file in files]
+    assert [frame.name for frame in driven] == [file.name for file in files]
+
+
+def test_a_camera_cannot_be_driven_again() -> None:
+    with pytest.raises(SourceError, match="record it"):
+        Driven(Pixels(5, live=True), "reverse", seed=0)

@@ -1,0 +1,65 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from placefield.maps.map import MapChannel
+from placefield.recognizer import Recognizer
+from placefield_tools.evaluating import judge
+from placefield_tools.study.ablation import ablate
+from placefield_tools.study.trial import Trial, descriptors_of
+
+
+@pytest.fixture(scope="module")
+def learned(trial: Trial) -> Trial:
+    """The trial, had its map a metric, and were the query hard to recognise."""
+    rng = np.random.default_rng(0)
+
+    def learn(channel: MapChannel) -> MapChannel:
+        size = len(channel.projection)
+        projection = np.eye(size) + 0.3 * rng.standard_normal((size, size))
+        projected = (trial.plain.places @ projection.T).astype(np.float32)
+        return replace(
+            channel, learned=True, projection=projection.astype(np.float32), places=projected
+        )
+
+    noise = 0.2 * rng.standard_normal((60, trial.traverse.raw.shape[1])).astype(np.float32)
+    raws = [raw + added for raw, added in zip(trial.query.raws, noise, strict=True)]
+    descriptors = descriptors_of(trial.placemap.model, raws)
+    channels = tuple(learn(channel) for channel in trial.placemap.channels)
+    return replace(
+        trial,
+        placemap=replace(trial.placemap, channels=channels),
+        query=replace(trial.query, raws=raws),
+        descriptors=descriptors,
+    )
+
+
+def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learned: Trial) -> None:
+    channels = learned.placemap.channels
+
+    def scaled(channel: MapChannel, scales: list[int]) -> MapChannel:
+        return replace(channel, scales=np.array(scales, np.int32))
+
+    middle = [sorted(channel.scales.tolist())[len(channel.scales) // 2] for channel in channels]
+    variants = {
+        "nothing": channels,
+        "several scales": [scaled(c, [s]) for c, s in zip(channels, middle, strict=True)],
+        "adaptive scales": [scaled(channel, [8, 16, 32, 52]) for channel in channels],
+        "metric": trial.placemap.channels,  # of a single traverse none is learned
+        "channels": channels[:1],
+    }
+    results = ablate(learned)
+
+    assert [(r.rule, r.left_out) for r in results] == [
+        (rule, part) for rule in ("filter", "evidence") for part in variants
+    ]
+    for result in results:
+        placemap = replace(learned.placemap, channels=tuple(variants[result.left_out]))
+        recognizer = Recognizer(placemap, learned.matching(result.rule))
+        curve = judge([recognizer.push_raw(raw) for raw in learned.query.raws], learned.truth).curve
+        assert (result.auc, result.recall) == (curve.auc, curve.recall_at_100_precision)
+
+
+def test_no_two_parts_are_the_same(learned: Trial) -> None:
+    assert len({result.auc for result in ablate(learned) if result.rule == "evidence"}) == 5

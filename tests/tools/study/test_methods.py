@@ -1,0 +1,149 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from placefield.baselines.fabmap import fabmap, learn_tree
+from placefield.baselines.fixed_window import fixed_window
+from placefield.baselines.multiscale import fixed_scale_channels
+from placefield.baselines.seqslam import seqslam
+from placefield.config import Rule
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.matching.channel_matcher import WindowMatcher
+from placefield.matching.distances import PlaceDistances
+from placefield.recognizer import Recognizer
+from placefield_tools.evaluating import judge
+from placefield_tools.study.methods import methods_of, run_methods
+from placefield_tools.study.results import MethodResult
+from placefield_tools.study.trial import Trial
+
+
+@pytest.fixture(scope="module")
+def results(trial: Trial) -> dict[str, MethodResult]:
+    return {result.name: result for result in run_methods(trial)}
+
+
+def assert_matches(result: MethodResult, matches: list[Match]) -> None:
+    assert result.judged is not None
+    assert result.judged.places.tolist() == [match.place for match in matches]
+    assert result.judged.scores.tolist() == [match.score for match in matches]
+
+
+@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+def test_ours_are_the_recognizers_matches(
+    trial: Trial, results: dict[str, MethodResult], rule: Rule
+) -> None:
+    recognizer = Recognizer(trial.placemap, trial.matching(rule))
+    name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
+    assert_matches(results[name], [recognizer.push_raw(raw) for raw in trial.query.raws])
+    assert results[name].ours == (rule != "lowest-score")
+
+
+def test_windows_compare_descriptors(trial: Trial, results: dict[str, MethodResult]) -> None:
+    query = np.stack([vector for vector in trial.descriptors if vector is not None])
+    places = trial.plain.places
+    distances = ((query[:, None].astype(float) - places[None]) ** 2).sum(axis=2)
+    expected = fixed_window(distances.astype(np.float32), 8)
+    judged = results["window of 8"].judged
+    assert judged is not None
+    assert judged.places.tolist() == [match.place for match in expected]
+    np.testing.assert_allclose(judged.scores, [match.score for match in expected], atol=1e-4)
+
+
+def test_windows_by_evidence_are_our_windows_of_one_length(
+    trial: Trial, results: dict[str, MethodResult]
+) -> None:
+    places = PlaceDistances(trial.plain.projection, trial.plain.places)
+    matcher = WindowMatcher(places, [8], "evidence")
+    config = trial.matching("evidence")
+    matches = [fuse([matcher.push(descriptor)], config) for descriptor in trial.descriptors]
+    assert_matches(results["window of 8, evidence"], matches)
+
+
+def test_baselines_are_what_they_are_by_themselves(
+    trial: Trial, results: dict[str, MethodResult]
+) -> None:
+    reference, query = trial.reference, trial.query
+    assert_matches(results["SeqSLAM"], seqslam(reference.images, query.images))
+    tree = learn_tree(reference.words)
+    assert_matches(results["FAB-MAP"], fabmap(reference.words, query.words, tree))
+
+
+def test_ms_has_the_fixed_scales_that_fit(trial: Trial, results: dict[str, MethodResult]) -> None:
+    built = trial.multiscale
+    expected = fixed_scale_channels(60, (6, 12, 24))
+    scales = [channel.scales.tolist() for channel in built.channels]
+    assert scales == [channel.encoding.scales.tolist() for channel in expected]
+    recognizer = Recognizer(built, trial.matching("lowest-score"))
+    assert_matches(results["MS"], [recognizer.push_raw(raw) for raw in trial.query.raws])
+
+
+def test_the_oracle_is_the_best_window(results: dict[str, MethodResult]) -> None:
+    merits = {
+        name: (r.judged.curve.auc, r.judged.curve.recall_at_100_precision)
+        for name, r in results.items()
+        if name.startswith("window") and r.judged
+    }
+    assert len(merits) == 10
+    (oracle,) = [name for name, result in results.items() if result.oracle]
+    assert merits[oracle] == max(merits.values())
+
+
+def test_windows_that_are_longer_than_the_drive_are_left_out(trial: Trial) -> None:
+    short = replace(trial, descriptors=trial.descriptors[:20])
+    windows = [method.name for method in methods_of(short) if method.is_window]
+    assert windows == [f"window of {n}{rule}" for rule in ("", ", evidence") for n in (4, 8, 16)]
+
+
+def test_in_reverse_every_method_finds_what_it_finds_on_a_turned_reference(
+    reverse_trial: Trial,
+) -> None:
+    placemap = reverse_trial.placemap
+    turned_channels = tuple(
+        replace(channel, places=channel.places[::-1].copy()) for channel in placemap.channels
+    )
+    reference = reverse_trial.reference
+    turned = replace(
+        reverse_trial,
+        config=reverse_trial.config.model_copy(
+            update={"matching": reverse_trial.config.matching.model_copy(update={"reverse": False})}
+        ),
+        placemap=replace(placemap, channels=turned_channels),
+        plain=replace(reverse_trial.plain, places=reverse_trial.plain.places[::-1].copy()),
+        reference=replace(reference, images=reference.images[::-1]),
+    )
+    for method in methods_of(reverse_trial):
+        if method.name in ("MS", "FAB-MAP"):  # cut anew, and by itself in any order
+            continue
+        by_name = {other.name: other for other in methods_of(turned)}
+        back, forth = method.match(reverse_trial), by_name[method.name].match(turned)
+        assert [m.place for m in back] == [59 - m.place if m.place >= 0 else -1 for m in forth]
+
+
+def test_in_reverse_the_route_is_recognised(reverse_trial: Trial) -> None:
+    for method in methods_of(reverse_trial):
+        if method.name not in ("FAB-MAP", "window of 52"):
+            judged = judge(method.match(reverse_trial), reverse_trial.truth)
+            assert judged.correct[-5:].all(), method.name
+
+
+def test_a_method_that_fails_says_why_and_the_others_go_on(
+    trial: Trial, results: dict[str, MethodResult]
+) -> None:
+    wordless = replace(trial.reference, words=np.empty((60, 0), np.bool_))
+    failed = {r.name: r for r in run_methods(replace(trial, reference=wordless))}
+    assert failed["FAB-MAP"].judged is None
+    assert "no keypoint" in (failed["FAB-MAP"].failure or "")
+    assert all(r.judged is not None for name, r in failed.items() if name != "FAB-MAP")
+
+
+def test_frames_that_were_not_seen_are_matched_all_the_same(trial: Trial) -> None:
+    raws = [None if frame in (0, 20, 21) else raw for frame, raw in enumerate(trial.query.raws)]
+    vectors = [None if raw is None else d for raw, d in zip(raws, trial.descriptors, strict=True)]
+    gaps = replace(trial, query=replace(trial.query, raws=raws), descriptors=vectors)
+    for result in run_methods(gaps):
+        assert result.judged is not None, result.failure
+        assert np.isfinite(result.judged.scores).all()
+        if result.name in ("window of 8", "SeqSLAM", "Placefield, filter"):
+            assert result.judged.correct[40:].all()

@@ -1,0 +1,236 @@
+import base64
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from placefield.config import Rule
+from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.truth import Truth
+from placefield.fusion.match import Match
+from placefield.maps.map import Map
+from placefield_tools.evaluating import Judged, judge
+from placefield_tools.study import figures
+from placefield_tools.study.report import write_report
+from placefield_tools.study.results import (
+    AblationResult,
+    CountResult,
+    LeftOut,
+    MethodResult,
+    ScaleResult,
+    Study,
+)
+
+_VOID = {"meta", "img", "br", "link", "input", "hr"}
+_RULES: tuple[Rule, ...] = ("filter", "evidence")
+FRAMES = 40
+
+PageOf = Callable[[Study], "Page"]
+
+
+class Page(HTMLParser):
+    """What a browser would see; unbalanced tags are an error."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.cells: list[str] = []
+        self.words = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in _VOID:
+            self.open.append(tag)
+        if tag in ("td", "th"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" in self.open:
+            return
+        self.words += data
+        if {"td", "th"} & {*self.open}:
+            self.cells[-1] += data
+
+    def attributes(self, name: str) -> list[str]:
+        return [value for _, found in self.tags if (value := found.get(name)) is not None]
+
+
+def judged(right: int, *, waits: int = 0) -> Judged:
+    """Of 40 frames, the last so many are right, the first so many unanswered, the others wrong."""
+    places = [n if n >= FRAMES - right else (n + 20) % FRAMES for n in range(FRAMES)]
+    places[:waits] = [-1] * waits
+    matches = [Match(place, float(n), ()) for n, place in enumerate(places)]
+    return judge(matches, Truth.within(FRAMES, FRAMES, 2))
+
+
+def a_method(name: str, right: int, **changes: Any) -> MethodResult:
+    method = MethodResult(name, False, False, judged(right), None, None)
+    return replace(method, **changes)
+
+
+def a_study(placemap: Map, **changes: Any) -> Study:
+    parts: tuple[LeftOut, ...] = get_args(LeftOut)
+    study = Study(
+        reference="day/",
+        query="dusk/",
+        protocol="aligned",
+        seed=3,
+        tolerance=2,
+        placemap=placemap,
+        methods=(
+            a_method("window of 4", 20, judged=judged(20, waits=3)),
+            a_method("window of 8", 39, oracle=True),
+            a_method("FAB-MAP", 0, judged=None, failure="no frame has a keypoint"),
+            a_method("lost", 0),
+            a_method("filter", 38, ours=True),
+        ),
+        counts=tuple(
+            CountResult(rule, n, np.full(3, 0.9), np.full(3, 0.8))
+            for rule in _RULES
+            for n in (1, 2)
+        ),
+        scales=(
+            ScaleResult("MS", "one", 0.5, 0.1),
+            ScaleResult("AMS", "one", 0.6, 0.2),
+            ScaleResult("MS", "many", 0.7, 0.3),
+            ScaleResult("AMS", "many", 0.8, 0.4),
+        ),
+        ablation=tuple(
+            AblationResult(rule, part, 0.9 - 0.1 * n, 0.8 + 0.05 * n)
+            for n, part in enumerate(parts)
+            for rule in _RULES
+        ),
+    )
+    return replace(study, **changes)
+
+
+@pytest.fixture
+def page_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PageOf:
+    """Gives the page of a study, its pictures left white: to draw them takes seconds."""
+    monkeypatch.setattr(figures, "_data_url", lambda draw: "data:image/png;base64,")
+    return lambda study: Page(write_report(tmp_path / "new" / "folder", study).read_text("utf-8"))
+
+
+def test_the_page_needs_nothing_but_itself(tmp_path: Path, route_map: Map) -> None:
+    path = write_report(tmp_path, a_study(route_map))
+
+    text = path.read_text("utf-8")
+    page = Page(text)
+    pictures = page.attributes("src")
+    assert len(pictures) == 5
+    for picture in pictures:
+        kind, _, data = picture.partition(",")
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
+    assert not page.attributes("href")
+    assert not re.search(r"https?:|@import|url\(|<script", text)
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+    assert text == write_report(tmp_path / "again", a_study(route_map)).read_text("utf-8")
+
+
+def test_every_method_has_its_figures_or_says_why_not(page_of: PageOf, route_map: Map) -> None:
+    study = a_study(route_map)
+
+    page = page_of(study)
+
+    for method in study.methods:
+        row = next(n for n, cell in enumerate(page.cells) if cell.startswith(method.name))
+        assert ("oracle" in page.cells[row]) == method.oracle
+        assert ("ours" in page.cells[row]) == method.ours
+        if method.judged is None:
+            assert page.cells[row + 1] == f"failed: {method.failure}"
+            continue
+        curve = method.judged.curve
+        assert page.cells[row + 1 : row + 6] == [
+            f"{value:.3f}"
+            for value in (
+                curve.auc,
+                curve.recall_at_100_precision,
+                curve.recall_at_1,
+                curve.auc_of_correct,
+                curve.recall_at_100_precision_of_correct,
+            )
+        ]
+        assert page.cells[row + 6] == str(np.sum(method.judged.places < 0))
+
+
+def test_ours_and_the_oracle_come_first(page_of: PageOf, route_map: Map) -> None:
+    study = a_study(route_map)
+
+    words = " ".join(page_of(study).words.split())
+
+    ours, oracle = study.methods[4].judged, study.methods[1].judged
+    assert ours is not None
+    assert oracle is not None
+    first, second = (
+        f"AUC {found.curve.auc:.3f}, recall at 100 % precision "
+        f"{found.curve.recall_at_100_precision:.3f}"
+        for found in (ours, oracle)
+    )
+    assert f"filter: {first}; window of 8 (oracle): {second}." in words
+
+
+def test_what_was_left_out_is_compared_with_the_whole(page_of: PageOf, route_map: Map) -> None:
+    page = page_of(a_study(route_map))
+
+    metric = next(n for n, cell in enumerate(page.cells) if cell.startswith("metric"))
+    whole = next(n for n, cell in enumerate(page.cells) if cell.startswith("nothing"))
+    assert page.cells[whole + 1 : whole + 5] == ["0.900", "0.800"] * 2
+    assert page.cells[metric + 1 : metric + 5] == ["0.600−0.300", "0.950+0.150"] * 2
+
+
+def test_names_are_text_and_not_markup(page_of: PageOf, route_map: Map) -> None:
+    name = """<b>R&D< "x" 'y'"""
+    study = a_study(route_map, reference=name, query=name)
+    failed = replace(study.methods[2], name=name, failure=name)
+
+    page = page_of(replace(study, methods=(failed, a_method(name, 30, ours=True))))
+
+    assert page.cells.count(f"failed: {name}") == 1
+    assert f"{name}ours" in page.cells
+    assert f"{name} along {name}" in page.words
+    assert f"{name}: AUC" in page.words
+
+
+@pytest.mark.parametrize("protocol", get_args(Protocol))
+def test_the_drive_is_described(page_of: PageOf, route_map: Map, protocol: Protocol) -> None:
+    study = a_study(route_map, protocol=protocol, tolerance=None)
+    jumped = replace(study.methods[0], frames_to_recover=4.5)
+
+    page = page_of(replace(study, methods=(jumped, *study.methods[1:])))
+
+    assert f"{protocol}: " in page.words
+    assert "ground truth" in page.words
+    assert "4.5" in page.cells
+
+
+def test_a_study_of_failures_is_written(page_of: PageOf, route_map: Map) -> None:
+    failed = a_study(route_map).methods[2]
+
+    page = page_of(a_study(route_map, methods=(failed,), counts=(), scales=(), ablation=()))
+
+    assert "failed: no frame has a keypoint" in page.cells
+    assert len(page.attributes("src")) == 2, "the bars, that say so, and the segments"
+
+
+def test_probabilities_are_held_to_the_answers(page_of: PageOf, route_map: Map) -> None:
+    study = a_study(route_map)
+    sure = replace(judged(20, waits=20), probability=np.repeat([0.0, 0.9], 20))
+
+    page = page_of(replace(study, methods=(replace(study.methods[0], judged=sure),)))
+
+    assert "window of 4: expected calibration error 0.100" in page.words
+    assert "reliability" in page.attributes("id")
+    assert "reliability" not in page_of(study).attributes("id")

@@ -1,0 +1,89 @@
+from pathlib import Path
+from shutil import copy, copytree
+
+import cv2
+import numpy as np
+import pytest
+
+from placefield.config import Config
+from placefield.errors import MapError, SourceError
+from placefield.evaluation.protocols import Protocol, drive_of
+from placefield.evaluation.truth import Truth
+from placefield.features.descriptors import DescriptorStream
+from placefield_tools.evaluating import Query
+from placefield_tools.study.running import prepare
+from placefield_tools.study.trial import Trial
+
+
+@pytest.fixture(autouse=True)
+def _few_words(few_words: object) -> None:
+    """Learn a small vocabulary, at once."""
+
+
+def within_3(queries: int, places: int) -> Truth:
+    return Truth.within(queries, places, 3)
+
+
+CONFIG = Config.model_validate({"scales": {"channels": 1}})
+
+
+@pytest.mark.parametrize("protocol", ["kidnap", "off-route"])
+def test_a_protocol_puts_what_every_method_needs_in_the_same_order(
+    trial: Trial, reference_dir: Path, query_dir: Path, protocol: Protocol
+) -> None:
+    query = Query(
+        str(query_dir), None, protocol, str(reference_dir) if protocol == "off-route" else None, 5
+    )
+    driven = prepare(str(reference_dir), query, within_3, CONFIG)
+
+    drive = drive_of(protocol, 60, foreign_count=60, seed=5)
+    routes = (trial.query, trial.reference)
+    taken = [(routes[int(f)], n) for f, n in zip(drive.foreign, drive.frames, strict=True)]
+    assert driven.query.images.tolist() == [r.images[n].tolist() for r, n in taken]
+    assert driven.query.words.tolist() == [r.words[n].tolist() for r, n in taken]
+    stream = DescriptorStream(driven.placemap.model)
+    for (route, number), vector in zip(taken, driven.descriptors, strict=True):
+        raw = route.raws[number]
+        assert raw is not None
+        assert vector is not None
+        assert np.array_equal(vector, stream.push(raw))
+    assert driven.jumps.tolist() == drive.jumps.tolist()
+    assert driven.truth.on_route.tolist() == (~drive.foreign).tolist()
+
+
+def test_a_query_frame_that_cannot_be_read_is_one_that_was_not_seen(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    damaged = copytree(query_dir, tmp_path / "damaged")
+    (damaged / "0007.jpg").write_bytes(b"no image")
+    trial = prepare(str(reference_dir), Query(str(damaged)), within_3, CONFIG)
+    assert np.flatnonzero(~trial.query.seen).tolist() == [7]
+    assert trial.descriptors[7] is None
+    assert not trial.query.words[7].any()
+
+
+def test_a_reference_frame_that_cannot_be_read_is_named(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    damaged = copytree(reference_dir, tmp_path / "damaged")
+    (damaged / "0007.jpg").write_bytes(b"no image")
+    with pytest.raises(SourceError, match=r"0007\.jpg"):
+        prepare(str(damaged), Query(str(query_dir)), within_3, CONFIG)
+
+
+def test_a_reference_without_keypoints_leaves_no_words(query_dir: Path, tmp_path: Path) -> None:
+    for number in range(40):
+        ramp = np.tile(np.linspace(number, 3 * number + 9, 96, dtype=np.uint8), (72, 1))
+        cv2.imwrite(str(tmp_path / f"{number:02}.png"), ramp)
+    trial = prepare(str(tmp_path), Query(str(query_dir)), within_3, CONFIG)
+    assert trial.reference.words.shape == (40, 0)
+    assert trial.query.words.shape == (60, 0)
+
+
+def test_a_reference_that_is_too_short_for_our_map_is_refused(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    for file in sorted(reference_dir.iterdir())[:6]:
+        copy(file, tmp_path)
+    with pytest.raises(MapError, match="too short"):
+        prepare(str(tmp_path), Query(str(query_dir)), within_3, CONFIG)

@@ -1,0 +1,75 @@
+"""``placefield study``: every method on the same frames."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from placefield.errors import ConfigError
+from placefield.maps.store import SUFFIX
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("study")(_study)
+
+
+def _study(
+    reference: Annotated[str, typer.Argument(metavar="REF", help="a folder or video")],
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder or video")],
+    tolerance: options.Tolerance = None,
+    truth: options.TruthFile = None,
+    protocol: options.ProtocolOption = "aligned",
+    other: options.Other = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="folder for the report")] = Path(
+        "study"
+    ),
+    as_json: options.Json = False,
+    spacing: options.Spacing = None,
+    feature: options.Feature = None,
+    channels: options.Channels = None,
+    min_scale: options.MinScale = None,
+    metric: options.Metric = None,
+    precision: options.Precision = None,
+    seed: options.Seed = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Match QUERY along REF by every method and without every part of ours; write a report."""
+    from placefield_tools.evaluating import Query
+    from placefield_tools.study.report import write_report
+    from placefield_tools.study.running import run_study
+    from placefield_tools.study.table import figures, print_study
+
+    within = options.tolerance_within(tolerance, truth)
+    effective = options.effective_config(
+        config,
+        settings,
+        features__kind=feature,
+        scales__channels=channels,
+        **options.min_scale_flags(min_scale),
+        metric__kind=metric,
+        seed=seed,
+        matching__precision=precision,
+        matching__tolerance=within,
+    )
+    options.check_other(protocol, other)
+    if Path(reference).suffix == SUFFIX:
+        raise ConfigError(
+            f"{reference}: a map keeps no frames, and other methods want them; give the frames"
+        )
+    study = run_study(
+        reference,
+        Query(query, spacing, protocol, other, effective.seed),
+        partial(options.truth_of, tolerance=within, truth=truth),
+        effective,
+        tolerance=within,
+    )
+    report = write_report(output, study)
+    if as_json:
+        print(json.dumps(figures(study)))
+    else:
+        print_study(study, report)

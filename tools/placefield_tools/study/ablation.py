@@ -1,0 +1,48 @@
+"""What each part of the method is worth: it is left out, and all else stays."""
+
+from collections.abc import Sequence
+
+from placefield.config import Rule
+from placefield.maps.map import MapChannel
+from placefield_tools.evaluating import judge
+from placefield_tools.progress import tracked
+from placefield_tools.study.matching import match_channels, median_scale, with_scales
+from placefield_tools.study.results import AblationResult, LeftOut
+from placefield_tools.study.trial import Trial, without_metric
+
+RULES: tuple[Rule, ...] = ("filter", "evidence")
+FIXED_SCALES = (8, 16, 32, 52)
+"""For all channels, in place of the adaptive ones, frames."""
+
+
+def ablate(trial: Trial) -> tuple[AblationResult, ...]:
+    """Match and judge without each part, by both of our rules, showing progress."""
+    variants = variants_of(trial)
+    runs = [(rule, part, channels) for rule in RULES for part, channels in variants.items()]
+    return tuple(_ablate(trial, *run) for run in tracked(runs, "leaving parts out", len(runs)))
+
+
+def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:
+    """Return the channels that are left without each part.
+
+    Without several scales, a channel has its middle one; without adaptive ones, all channels have
+    those of ``FIXED_SCALES`` that fit on the route; without the metric, the identity; without
+    channels, the first is alone.
+    """
+    channels = trial.placemap.channels
+    fixed = [min(scale, trial.places) for scale in FIXED_SCALES]
+    return {
+        "nothing": channels,
+        "several scales": [with_scales(one, [median_scale(one)]) for one in channels],
+        "adaptive scales": [with_scales(one, fixed) for one in channels],
+        "metric": [without_metric(one, trial.plain.places) for one in channels],
+        "channels": channels[:1],
+    }
+
+
+def _ablate(
+    trial: Trial, rule: Rule, part: LeftOut, channels: Sequence[MapChannel]
+) -> AblationResult:
+    matches = match_channels(channels, trial.descriptors, trial.matching(rule))
+    curve = judge(matches, trial.truth).curve
+    return AblationResult(rule, part, curve.auc, curve.recall_at_100_precision)

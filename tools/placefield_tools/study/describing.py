@@ -1,0 +1,145 @@
+"""Frames, described once as every method needs them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.baselines.fabmap import Vocabulary, learn_words
+from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
+from placefield.errors import FrameError
+from placefield.evaluation.protocols import Drive
+from placefield.features.extract import Feature
+from placefield.features.frames import Frame
+from placefield.features.images import decode, grey
+from placefield.maps.traverse import DescribedFrame, Traverse, describe_frame, traverse_of
+from placefield_tools.evaluating import RawFeature, describe_query
+from placefield_tools.parallel import map_in_order
+from placefield_tools.progress import tracked
+from placefield_tools.sources import Source
+
+WORDS = 2000
+"""Of FAB-MAP's vocabulary."""
+
+Array = NDArray[np.float32]
+Image = bytes | NDArray[np.uint8]
+
+_Look = tuple[Array, NDArray[np.bool_]]
+"""A frame's image for SeqSLAM and words for FAB-MAP."""
+
+_NO_WORDS: NDArray[np.bool_] = np.empty(0, np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """n frames, as every method needs them.
+
+    Attributes:
+        raws: n raw features, None for a frame that cannot be read.
+        images: (n, 32, 64) float32, SeqSLAM's; black for a frame that cannot be read.
+        words: (n, W) bool, the words that FAB-MAP sees; none in a frame that cannot be read, and
+            W = 0 where there is no vocabulary.
+    """
+
+    raws: list[RawFeature]
+    images: NDArray[np.float32]
+    words: NDArray[np.bool_]
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which frames can be read, (n,) bool."""
+        return np.array([raw is not None for raw in self.raws], np.bool_)
+
+    def along(self, drive: Drive, other: "Described | None") -> "Described":
+        """Return the frames as a drive takes them, the foreign ones from another route."""
+        every = self if other is None else self._followed_by(other)
+        taken = drive.frames + np.where(drive.foreign, len(self.raws), 0)
+        return Described(
+            [every.raws[frame] for frame in taken], every.images[taken], every.words[taken]
+        )
+
+    def _followed_by(self, other: "Described") -> "Described":
+        return Described(
+            self.raws + other.raws,
+            np.concatenate([self.images, other.images]),
+            np.concatenate([self.words, other.words]),
+        )
+
+
+def learn_vocabulary(source: Source, seed: int) -> Vocabulary:
+    """Learn FAB-MAP's words from those of the reference's frames that can be read.
+
+    Raises:
+        MapError: no frame has a keypoint.
+    """
+    frames = tracked(source, "learning words", source.count)
+    images = map_in_order(lambda frame: _grey_or_none(frame.image), frames)
+    return learn_words((image for image in images if image is not None), WORDS, seed)
+
+
+def describe_reference(
+    source: Source, name: str, feature: Feature, vocabulary: Vocabulary | None
+) -> tuple[Traverse, Described]:
+    """Describe the reference's frames.
+
+    Raises:
+        SourceError: one of them cannot be read.
+        MapError: there are none.
+    """
+
+    def describe(frame: Frame) -> tuple[DescribedFrame, _Look]:
+        return describe_frame(frame, feature), _look(frame.image, vocabulary)
+
+    frames = tracked(source, f"describing {Path(name).name}", source.count)
+    both = list(map_in_order(describe, frames))
+    traverse = traverse_of(name, (described for described, _ in both))
+    return traverse, _described([*traverse.raw], [look for _, look in both])
+
+
+def describe_query_frames(
+    source: Source, feature: Feature, vocabulary: Vocabulary | None
+) -> Described:
+    """Describe a query's frames.
+
+    Raises:
+        SourceError: it is live or has no frame that can be read.
+    """
+
+    def describe(image: Image) -> tuple[Array, _Look]:
+        return feature.describe(image), _look(image, vocabulary)
+
+    unseen = (None, _unseen(vocabulary))
+    both = [one or unseen for one in describe_query(source, describe)]
+    return _described([raw for raw, _ in both], [look for _, look in both])
+
+
+def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:
+    images, words = zip(*looks, strict=True)
+    return Described(raws, np.stack(images), np.stack(words))
+
+
+def _look(image: Image, vocabulary: Vocabulary | None) -> _Look:
+    pixels = _grey(image)
+    small = seqslam_image(pixels)
+    return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(pixels))
+
+
+def _unseen(vocabulary: Vocabulary | None) -> _Look:
+    words = 0 if vocabulary is None else len(vocabulary.centres)
+    return np.zeros((HEIGHT, WIDTH), np.float32), np.zeros(words, np.bool_)
+
+
+def _grey_or_none(image: Image) -> NDArray[np.uint8] | None:
+    try:
+        return _rounded(_grey(image))
+    except FrameError:
+        return None
+
+
+def _grey(image: Image) -> Array:
+    return grey(decode(image) if isinstance(image, bytes) else image)
+
+
+def _rounded(pixels: Array) -> NDArray[np.uint8]:
+    return np.rint(pixels).astype(np.uint8)

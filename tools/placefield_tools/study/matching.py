@@ -1,0 +1,46 @@
+"""Channels to matches; the candidates of a channel serve in many combinations."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.maps.map import MapChannel
+from placefield.matching.candidate import Candidate
+from placefield.matching.channel_matcher import matcher_of
+
+Descriptors = Sequence[NDArray[np.float32] | None]
+
+
+def match_channels(
+    channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
+) -> list[Match]:
+    """Match a stream of descriptors (N,), None where a frame was not seen, by some channels."""
+    return fuse_channels([candidates_of(one, descriptors, config) for one in channels], config)
+
+
+def candidates_of(
+    channel: MapChannel, descriptors: Descriptors, config: MatchingConfig
+) -> list[Candidate]:
+    """Return one channel's candidate for each frame of a stream."""
+    matcher = matcher_of(channel, config.rule, reverse=config.reverse)
+    return [matcher.push(descriptor) for descriptor in descriptors]
+
+
+def fuse_channels(candidates: Sequence[Sequence[Candidate]], config: MatchingConfig) -> list[Match]:
+    """Fuse the candidates of some channels frame by frame."""
+    return [fuse(of_frame, config) for of_frame in zip(*candidates, strict=True)]
+
+
+def with_scales(channel: MapChannel, scales: Sequence[int]) -> MapChannel:
+    """Return a channel that matches at other scales, frames."""
+    return replace(channel, scales=np.array(sorted(set(scales)), np.int32))
+
+
+def median_scale(channel: MapChannel) -> int:
+    """Return the middle one of a channel's scales, the longer of two."""
+    return int(np.sort(channel.scales)[len(channel.scales) // 2])

@@ -1,0 +1,157 @@
+"""Every method on one trial."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.baselines.fabmap import fabmap, learn_tree
+from placefield.baselines.fixed_window import fixed_window
+from placefield.baselines.seqslam import PUBLISHED, image_differences, match_sequences
+from placefield.config import Rule
+from placefield.errors import MapError, PlacefieldError
+from placefield.evaluation.protocols import frames_to_recover
+from placefield.fusion.match import Match
+from placefield.matching.candidate import UNANSWERED
+from placefield.matching.distances import PlaceDistances
+from placefield_tools.evaluating import judge
+from placefield_tools.progress import tracked
+from placefield_tools.study.matching import match_channels, with_scales
+from placefield_tools.study.results import MethodResult
+from placefield_tools.study.trial import Trial
+
+WINDOWS = (4, 8, 16, 32, 52)
+"""Lengths of the fixed windows, frames."""
+
+Matcher = Callable[[Trial], list[Match]]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to match a trial's frames.
+
+    Attributes:
+        name: for a person.
+        match: the way.
+        ours: whether it is Placefield's own.
+        is_window: whether it is one fixed window.
+    """
+
+    name: str
+    match: Matcher
+    ours: bool = False
+    is_window: bool = False
+
+
+def methods_of(trial: Trial) -> list[Method]:
+    """Return all methods, with the windows that the route is long enough for."""
+    lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
+    return [
+        Method("one frame", partial(_window, length=1)),
+        *(Method(f"window of {n}", partial(_window, length=n), is_window=True) for n in lengths),
+        *(
+            Method(
+                f"window of {n}, evidence",
+                partial(_window_by_evidence, length=n),
+                is_window=True,
+            )
+            for n in lengths
+        ),
+        Method("SeqSLAM", _seqslam),
+        Method("FAB-MAP", _fabmap),
+        Method("MS", _multiscale),
+        Method("AMS as published", _published),
+        Method("AMS, lowest-score", partial(_adaptive, rule="lowest-score")),
+        Method("Placefield, evidence", partial(_adaptive, rule="evidence"), ours=True),
+        Method("Placefield, filter", partial(_adaptive, rule="filter"), ours=True),
+    ]
+
+
+def run_methods(trial: Trial) -> tuple[MethodResult, ...]:
+    """Run and judge all methods, showing progress; one that fails does not stop the others."""
+    methods = methods_of(trial)
+    results = [_run(m, trial) for m in tracked(methods, "matching by every method", len(methods))]
+    windows = [r for m, r in zip(methods, results, strict=True) if m.is_window and r.judged]
+    best = max(windows, key=_merit, default=None)
+    return tuple(replace(result, oracle=result is best) for result in results)
+
+
+def _run(method: Method, trial: Trial) -> MethodResult:
+    try:
+        judged = judge(method.match(trial), trial.truth)
+    except PlacefieldError as error:
+        return MethodResult(method.name, method.ours, False, None, str(error), None)
+    recovery = frames_to_recover(trial.jumps, judged.correct)
+    median = float(np.median(recovery)) if len(recovery) else None
+    return MethodResult(method.name, method.ours, False, judged, None, median)
+
+
+def _merit(result: MethodResult) -> tuple[float, float]:
+    assert result.judged is not None
+    curve = result.judged.curve
+    return curve.auc, curve.recall_at_100_precision
+
+
+def _window(trial: Trial, length: int) -> list[Match]:
+    places = PlaceDistances(trial.plain.projection, trial.plain.places)
+    unseen = np.zeros(places.count, np.float32)
+    distances = np.stack(
+        [unseen if one is None else places.to(places.project(one)) for one in trial.descriptors]
+    )
+    matches = fixed_window(_as_driven(_even_out_unseen(distances, trial), trial), length)
+    return _turned_back(matches, trial)
+
+
+def _window_by_evidence(trial: Trial, length: int) -> list[Match]:
+    channel = with_scales(trial.plain, [length])
+    return match_channels([channel], trial.descriptors, trial.matching("evidence"))
+
+
+def _seqslam(trial: Trial) -> list[Match]:
+    differences = image_differences(trial.reference.images, trial.query.images, PUBLISHED.patch)
+    matches = match_sequences(_as_driven(_even_out_unseen(differences, trial), trial))
+    return _turned_back(matches, trial)
+
+
+def _fabmap(trial: Trial) -> list[Match]:
+    reference = trial.reference.words
+    if not reference.size:
+        raise MapError("the reference's frames show no keypoint: FAB-MAP has no words")
+    tree = learn_tree(reference)
+    return fabmap(reference, trial.query.words, tree, seed=trial.config.seed)
+
+
+def _multiscale(trial: Trial) -> list[Match]:
+    channels = trial.multiscale.channels
+    return match_channels(channels, trial.descriptors, trial.matching("lowest-score"))
+
+
+def _published(trial: Trial) -> list[Match]:
+    channels = trial.published.channels
+    return match_channels(channels, trial.descriptors, trial.matching("lowest-score"))
+
+
+def _adaptive(trial: Trial, rule: Rule) -> list[Match]:
+    return match_channels(trial.placemap.channels, trial.descriptors, trial.matching(rule))
+
+
+def _even_out_unseen(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
+    """Make a frame that was not seen as far from every place as the others are on average."""
+    seen = trial.query.seen
+    mean = distances[seen].mean() if seen.any() else np.float32(0)
+    return np.where(seen[:, None], distances, mean)
+
+
+def _as_driven(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
+    """Put the places in the order in which the route is driven."""
+    return distances[:, ::-1] if trial.config.matching.reverse else distances
+
+
+def _turned_back(matches: list[Match], trial: Trial) -> list[Match]:
+    """Put the matches' places, in the order in which the route is driven, in the map's."""
+    if not trial.config.matching.reverse:
+        return matches
+    last = trial.places - 1
+    return [m if m.place == UNANSWERED else replace(m, place=last - m.place) for m in matches]

@@ -1,0 +1,64 @@
+"""A study as one HTML page, to be read and printed without a network."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from placefield.config import Rule
+from placefield.matching.candidate import UNANSWERED
+from placefield_tools.study import figures
+from placefield_tools.study.results import AblationResult, LeftOut, MethodResult, Study
+
+
+def write_report(folder: Path, study: Study) -> Path:
+    """Write a study as `report.html`, with its pictures inside, into a folder; return the file.
+
+    Raises:
+        OSError: the folder or the file cannot be written.
+    """
+    template = Environment(
+        loader=PackageLoader("placefield_tools.study", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template("report.html.j2")
+    page = template.render(
+        study=study,
+        title=f"{Path(study.query).name} along {Path(study.reference).name}",
+        frames=_frames(study.methods),
+        unanswered=[_unanswered(method) for method in study.methods],
+        ablation=_by_part(study.ablation),
+        curves=figures.precision_recall_curves(study),
+        method_bars=figures.method_bars(study),
+        scale_bars=figures.scale_bars(study),
+        channel_counts=figures.channel_counts(study),
+        segments=figures.segments(study),
+        calibrations=figures.calibrations(study),
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "report.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def _frames(methods: Sequence[MethodResult]) -> tuple[int, int] | None:
+    """Return the numbers of query frames and of those on the route; None if no method ran."""
+    curves = (method.judged.curve for method in methods if method.judged is not None)
+    return next(((curve.queries, curve.on_route) for curve in curves), None)
+
+
+def _unanswered(method: MethodResult) -> int:
+    return 0 if method.judged is None else int(np.sum(method.judged.places == UNANSWERED))
+
+
+def _by_part(
+    ablation: Sequence[AblationResult],
+) -> Mapping[LeftOut, Mapping[Rule, AblationResult]]:
+    """Sort the results by the part that was left out, then by rule."""
+    parts: dict[LeftOut, dict[Rule, AblationResult]] = {}
+    for result in ablation:
+        parts.setdefault(result.left_out, {})[result.rule] = result
+    return parts

@@ -1,0 +1,118 @@
+"""What a study finds."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Rule
+from placefield.evaluation.protocols import Protocol
+from placefield.maps.map import Map
+from placefield_tools.evaluating import Judged
+
+LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]
+"""A part of the method: several scales per channel, adaptive ones, a learned metric, channels."""
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResult:
+    """How one method did on the query.
+
+    Attributes:
+        name: of the method.
+        ours: whether it is Placefield's own.
+        oracle: whether it is the best of the fixed windows, which only one who knows the answers
+            can choose.
+        judged: its matches; None where it failed.
+        failure: one line that says why it failed; None where it did not.
+        frames_to_recover: median over the drive's jumps; None where there are none, or it failed.
+    """
+
+    name: str
+    ours: bool
+    oracle: bool
+    judged: Judged | None
+    failure: str | None
+    frames_to_recover: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class CountResult:
+    """How combinations of so many channels did, out of all that there are.
+
+    Attributes:
+        rule: that matched.
+        channels: how many are combined.
+        auc: (C,) float64, of each combination that was tried.
+        recall: (C,) float64, at 100 % precision.
+    """
+
+    rule: Rule
+    channels: int
+    auc: NDArray[np.float64]
+    recall: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScaleResult:
+    """How fixed (MS) or adaptive (AMS) scales did, under the rule ``lowest-score``.
+
+    Attributes:
+        method: whose scales.
+        scales: one, of a single channel, or all of all channels.
+        auc: for one scale, the mean over the channels.
+        recall: at 100 % precision, likewise.
+    """
+
+    method: Literal["MS", "AMS"]
+    scales: Literal["one", "many"]
+    auc: float
+    recall: float
+
+
+@dataclass(frozen=True)
+class AblationResult:
+    """How the method did without one of its parts.
+
+    Attributes:
+        rule: that matched.
+        left_out: the part.
+        auc: area under the precision-recall curve.
+        recall: at 100 % precision.
+    """
+
+    rule: Rule
+    left_out: LeftOut
+    auc: float
+    recall: float
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Every method's results on one drive of a query along a reference.
+
+    Attributes:
+        reference: source of the reference's frames, as it was given.
+        query: source of the query's frames, likewise.
+        protocol: how the query was driven.
+        seed: of everything random.
+        tolerance: frames; None where a ground truth was given.
+        placemap: our map of the reference.
+        methods: in the order to show them.
+        counts: for every rule, every number of channels combined, ascending; empty where the
+            reference is too short for ten channels.
+        scales: fixed against adaptive ones; adaptive ones alone where MS failed.
+        ablation: by two rules, each with every part left out.
+    """
+
+    reference: str
+    query: str
+    protocol: Protocol
+    seed: int
+    tolerance: int | None
+    placemap: Map
+    methods: tuple[MethodResult, ...]
+    counts: tuple[CountResult, ...]
+    scales: tuple[ScaleResult, ...]
+    ablation: tuple[AblationResult, ...]

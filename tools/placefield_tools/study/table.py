@@ -1,0 +1,109 @@
+"""The figures of a study, for a person and as JSON."""
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from placefield_tools.reporting import certainty_figures, certainty_line
+from placefield_tools.study.results import MethodResult, Study
+
+
+def figures(study: Study) -> dict[str, Any]:
+    """Return all figures as one JSON object."""
+    return {
+        "reference": study.reference,
+        "query": study.query,
+        "protocol": study.protocol,
+        "seed": study.seed,
+        "tolerance": study.tolerance,
+        "places": study.placemap.places.count,
+        "methods": [_method_figures(result) for result in study.methods],
+        "counts": [
+            {
+                "rule": result.rule,
+                "channels": result.channels,
+                "auc": result.auc.tolist(),
+                "recall_at_100_precision": result.recall.tolist(),
+            }
+            for result in study.counts
+        ],
+        "scales": [
+            {
+                "method": result.method,
+                "scales": result.scales,
+                "auc": result.auc,
+                "recall_at_100_precision": result.recall,
+            }
+            for result in study.scales
+        ],
+        "ablation": [
+            {
+                "rule": result.rule,
+                "left_out": result.left_out,
+                "auc": result.auc,
+                "recall_at_100_precision": result.recall,
+            }
+            for result in study.ablation
+        ],
+    }
+
+
+def _method_figures(result: MethodResult) -> dict[str, Any]:
+    named = {"name": result.name, "ours": result.ours, "oracle": result.oracle}
+    if result.judged is None:
+        return named | {"failure": result.failure}
+    curve = result.judged.curve
+    return named | {
+        "frames": curve.queries,
+        "frames_on_route": curve.on_route,
+        "auc": curve.auc,
+        "recall_at_100_precision": curve.recall_at_100_precision,
+        "recall_at_1": curve.recall_at_1,
+        "auc_of_correct": curve.auc_of_correct,
+        "recall_at_100_precision_of_correct": curve.recall_at_100_precision_of_correct,
+        "frames_to_recover": result.frames_to_recover,
+        **certainty_figures(result.judged),
+    }
+
+
+def print_study(study: Study, report: Path) -> None:
+    """Print the methods' figures and the report's path."""
+    recovers = any(result.frames_to_recover is not None for result in study.methods)
+    table = Table(
+        "method",
+        title=f"{study.query} along {study.reference}, {study.protocol}",
+        caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
+        "right matches. * The best window, which only one who knows the answers can choose.",
+    )
+    headers = ["AUC", "recall at 100 % precision", "recall@1"]
+    headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision"]
+    headers += ["frames to recover"] if recovers else []
+    for header in headers:
+        table.add_column(header, justify="right")
+    for result in study.methods:
+        table.add_row(result.name + " *" * result.oracle, *_cells(result, recovers))
+    console = Console(markup=False)  # a path may hold brackets
+    console.print(table)
+    for result in study.methods:
+        if result.failure is not None:
+            console.print(f"{result.name}: {result.failure}", highlight=False, soft_wrap=True)
+        elif result.judged is not None and (line := certainty_line(result.name, result.judged)):
+            console.print(line, highlight=False, soft_wrap=True)
+    console.print(str(report), highlight=False, soft_wrap=True)
+
+
+def _cells(result: MethodResult, recovers: bool) -> list[str]:
+    if result.judged is None:
+        return ["failed"]
+    curve = result.judged.curve
+    shares = (
+        curve.auc,
+        curve.recall_at_100_precision,
+        curve.recall_at_1,
+        curve.auc_of_correct,
+        curve.recall_at_100_precision_of_correct,
+    )
+    cells = [f"{share:.3f}" for share in shares]
+    return [*cells, f"{result.frames_to_recover:g}"] if recovers else cells

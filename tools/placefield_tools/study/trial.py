@@ -1,0 +1,124 @@
+"""What every method is given: a drive of a query along a reference."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.baselines.multiscale import SCALES, fixed_scale_channels
+from placefield.config import Config, MatchingConfig, Rule
+from placefield.evaluation.truth import Truth
+from placefield.features.descriptors import DescriptorModel, DescriptorStream, fit_descriptors
+from placefield.features.network import Network
+from placefield.maps.build import Cut, adaptive_channels, build_map
+from placefield.maps.map import Map, MapChannel
+from placefield.maps.traverse import Traverse
+from placefield.scales.channels import Channel
+from placefield_tools.evaluating import RawFeature
+from placefield_tools.study.describing import Described
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A drive of Q frames along a reference of K frames.
+
+    Attributes:
+        config: whose matching says which way the route is driven.
+        traverse: the reference.
+        network: that its raw features are the output of, if so.
+        placemap: our map of it.
+        plain: a channel of our map under the identity metric.
+        reference: its frames.
+        query: the driven frames.
+        descriptors: Q descriptors (N,) float32 of the driven frames, None where not seen.
+        truth: of the driven frames.
+        jumps: (J,) int64, positions in the drive of the first frame after a jump.
+    """
+
+    config: Config
+    traverse: Traverse
+    network: Network | None
+    placemap: Map
+    plain: MapChannel
+    reference: Described
+    query: Described
+    descriptors: list[Array | None]
+    truth: Truth
+    jumps: NDArray[np.int64]
+
+    @property
+    def places(self) -> int:
+        """K."""
+        return self.placemap.places.count
+
+    @cached_property
+    def published(self) -> Map:
+        """The map as the AMS paper has it: every channel learns by LMNN, helpful or not."""
+        return self.build(_as_published(self.config))
+
+    @cached_property
+    def multiscale(self) -> Map:
+        """The map of MS, with the scales that the reference is long enough for.
+
+        Raises:
+            MapError: it is too short for any.
+        """
+        return self.build(_as_published(self.config), _fixed_scales)
+
+    def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:
+        """Build another map of the reference; see ``build_map``."""
+        return build_reference(self.traverse, config, self.network, cut)
+
+    def matching(self, rule: Rule) -> MatchingConfig:
+        """Return how to match by a rule."""
+        return self.config.matching.model_copy(update={"rule": rule})
+
+
+def build_reference(
+    traverse: Traverse, config: Config, network: Network | None, cut: Cut = adaptive_channels
+) -> Map:
+    """Build a map of one traverse.
+
+    Raises:
+        MapError: see ``build_map``.
+    """
+    return build_map([traverse], config, cut=cut, network=network)
+
+
+def _as_published(config: Config) -> Config:
+    metric = config.metric.model_copy(update={"kind": "lmnn", "gate": False})
+    return config.model_copy(update={"metric": metric})
+
+
+def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tuple[Channel, ...]:
+    places = len(descriptors)
+    fitting = [scale for scale in SCALES if 2 * scale + scale // 2 <= places]
+    return fixed_scale_channels(places, fitting or SCALES)
+
+
+def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[Array | None]:
+    """Return the descriptors (N,) of a stream of frames, None where a frame was not seen."""
+    stream = DescriptorStream(model)
+    return [None if raw is None else stream.push(raw) for raw in raws]
+
+
+def place_descriptors(placemap: Map, traverse: Traverse) -> Array:
+    """Return the descriptors of a map's places, (K, N) float32, given the frames it is made of."""
+    model = placemap.model
+    _, (descriptors,) = fit_descriptors(
+        [traverse.raw],
+        model.kind,
+        dimensions=len(model.components),
+        standardise=model.standardise,
+    )
+    return descriptors
+
+
+def without_metric(channel: MapChannel, descriptors: Array) -> MapChannel:
+    """Return a channel under the identity metric, given the descriptors of the places (K, N)."""
+    identity = np.eye(descriptors.shape[1], dtype=np.float32)
+    return replace(channel, learned=False, projection=identity, places=descriptors)
