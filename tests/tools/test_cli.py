@@ -95,9 +95,13 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     assert set(figures) == {"rules", "frames", "tolerance"}
     assert (figures["frames"], figures["tolerance"]) == (60, 2)
     assert set(figures["rules"]) == {*RULES}
-    for rule in figures["rules"].values():
-        assert set(rule) == {"auc", "recall_at_100_precision", "recall_at_1"}
-        assert all(0 <= value <= 1 for value in rule.values())
+    for rule, shares in figures["rules"].items():
+        if rule == "filter":
+            known = shares.pop("known")
+            assert set(known) == {"count", "precision", "recall"}
+            assert 0 <= shares.pop("expected_calibration_error") <= 1
+        assert set(shares) == {"auc", "recall_at_100_precision", "recall_at_1"}
+        assert all(0 <= value <= 1 for value in shares.values())
     assert figures["rules"]["evidence"]["recall_at_1"] == 1
     assert figures["rules"]["filter"]["recall_at_1"] > 0.9
     assert "describing the query" in evaluated.err

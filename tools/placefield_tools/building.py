@@ -43,9 +43,11 @@ def build_from(references: Sequence[str], config: Config, *, spacing_m: float | 
 
 
 def _describe(reference: str, spacing_m: float | None, feature: Feature) -> Traverse:
-    with _open_reference(reference, spacing_m) as source:
-        frames = tracked(source, f"describing {Path(reference).name}", source.count)
-        describe = partial(describe_frame, feature=feature)
+    describe = partial(describe_frame, feature=feature)
+    with (
+        _open_reference(reference, spacing_m) as source,
+        tracked(source, f"describing {Path(reference).name}", source.count) as frames,
+    ):
         return traverse_of(reference, map_in_order(describe, frames))
 
 

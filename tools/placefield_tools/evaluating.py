@@ -49,8 +49,7 @@ class Judged:
         scores: (Q,) float64, the higher the more certain.
         correct: (Q,) bool.
         curve: precision and recall.
-        probability: (Q,) float64, of each match being right, where the method says so.
-        reliability: of the answers' probabilities, likewise.
+        reliability: of the answers' probabilities, where the method gives them.
         claims: the matches that are known, likewise.
     """
 
@@ -58,7 +57,6 @@ class Judged:
     scores: NDArray[np.float64]
     correct: NDArray[np.bool_]
     curve: PrecisionRecall
-    probability: NDArray[np.float64] | None = None
     reliability: Reliability | None = None
     claims: Claims | None = None
 
@@ -131,8 +129,8 @@ def describe_query(
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None
 
-    frames = tracked(source, "describing the query", source.count)
-    described = list(map_in_order(describe_frame, frames))
+    with tracked(source, "describing the query", source.count) as frames:
+        described = list(map_in_order(describe_frame, frames))
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
     if all(description is None for description in described):
@@ -162,7 +160,6 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
         scores,
         correct,
         curve,
-        probability,
         reliability(probability[answered], correct[answered]),
         claims(known, correct, truth.on_route),
     )

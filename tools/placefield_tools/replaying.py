@@ -54,9 +54,10 @@ def replay(
         stream = _Stream(bus, keys, live=source.live)
         frames = _paced(_frames(source, loop), rate, stop)
         try:
-            for frame in tracked(frames, "replaying", None if loop else source.count):
-                if not stream.send(frame, stop):
-                    break
+            with tracked(frames, "replaying", None if loop else source.count) as in_turn:
+                for frame in in_turn:
+                    if not stream.send(frame, stop):
+                        break
         except SourceError:
             stream.end(stop)
             raise

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from placefield.config import Rule
+from placefield.evaluation.claims import Claims
 from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.reliability import reliability
 from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
@@ -227,10 +229,15 @@ def test_a_study_of_failures_is_written(page_of: PageOf, route_map: Map) -> None
 
 def test_probabilities_are_held_to_the_answers(page_of: PageOf, route_map: Map) -> None:
     study = a_study(route_map)
-    sure = replace(judged(20, waits=20), probability=np.repeat([0.0, 0.9], 20))
+    sure = replace(
+        judged(20, waits=20),
+        reliability=reliability(np.full(20, 0.9), np.ones(20, np.bool_)),
+        claims=Claims(count=20, precision=1.0, recall=0.5),
+    )
 
     page = page_of(replace(study, methods=(replace(study.methods[0], judged=sure),)))
 
     assert "window of 4: expected calibration error 0.100" in page.words
+    assert "it calls 20 matches known" in page.words
     assert "reliability" in page.attributes("id")
     assert "reliability" not in page_of(study).attributes("id")

@@ -19,7 +19,8 @@ def ablate(trial: Trial) -> tuple[AblationResult, ...]:
     """Match and judge without each part, by both of our rules, showing progress."""
     variants = variants_of(trial)
     runs = [(rule, part, channels) for rule in RULES for part, channels in variants.items()]
-    return tuple(_ablate(trial, *run) for run in tracked(runs, "leaving parts out", len(runs)))
+    with tracked(runs, "leaving parts out", len(runs)) as in_turn:
+        return tuple(_ablate(trial, *run) for run in in_turn)
 
 
 def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:

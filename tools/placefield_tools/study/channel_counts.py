@@ -29,10 +29,8 @@ def count_channels(trial: Trial) -> tuple[CountResult, ...]:
         MapError: the reference is too short for so many channels.
     """
     channels = trial.build(_with_many_channels(trial.config)).channels
-    results: list[CountResult] = []
-    for rule in tracked(RULES, "combining channels", len(RULES)):
-        results += _count(trial, channels, rule)
-    return tuple(results)
+    with tracked(RULES, "combining channels", len(RULES)) as rules:
+        return tuple(result for rule in rules for result in _count(trial, channels, rule))
 
 
 def combinations(channels: int, number: int, seed: int) -> list[Combination]:

@@ -73,9 +73,9 @@ def learn_vocabulary(source: Source, seed: int) -> Vocabulary:
     Raises:
         MapError: no frame has a keypoint.
     """
-    frames = tracked(source, "learning words", source.count)
-    images = map_in_order(lambda frame: _grey_or_none(frame.image), frames)
-    return learn_words((image for image in images if image is not None), WORDS, seed)
+    with tracked(source, "learning words", source.count) as frames:
+        images = map_in_order(lambda frame: _grey_or_none(frame.image), frames)
+        return learn_words((image for image in images if image is not None), WORDS, seed)
 
 
 def describe_reference(
@@ -91,8 +91,8 @@ def describe_reference(
     def describe(frame: Frame) -> tuple[DescribedFrame, _Look]:
         return describe_frame(frame, feature), _look(frame.image, vocabulary)
 
-    frames = tracked(source, f"describing {Path(name).name}", source.count)
-    both = list(map_in_order(describe, frames))
+    with tracked(source, f"describing {Path(name).name}", source.count) as frames:
+        both = list(map_in_order(describe, frames))
     traverse = traverse_of(name, (described for described, _ in both))
     return traverse, _described([*traverse.raw], [look for _, look in both])
 

@@ -72,7 +72,8 @@ def methods_of(trial: Trial) -> list[Method]:
 def run_methods(trial: Trial) -> tuple[MethodResult, ...]:
     """Run and judge all methods, showing progress; one that fails does not stop the others."""
     methods = methods_of(trial)
-    results = [_run(m, trial) for m in tracked(methods, "matching by every method", len(methods))]
+    with tracked(methods, "matching by every method", len(methods)) as in_turn:
+        results = [_run(method, trial) for method in in_turn]
     windows = [r for m, r in zip(methods, results, strict=True) if m.is_window and r.judged]
     best = max(windows, key=_merit, default=None)
     return tuple(replace(result, oracle=result is best) for result in results)
