@@ -36,6 +36,11 @@ class Keys:
         return f"{ROOT}/{self.run}/match"
 
     @property
+    def odometry(self) -> str:
+        """Metres travelled, from the vehicle to whoever takes its camera's frames by distance."""
+        return f"{ROOT}/{self.run}/odometry"
+
+    @property
     def ack(self) -> str:
         """Credits: frames that have been answered, from the fuser to the source."""
         return f"{ROOT}/{self.run}/ack"

@@ -178,6 +178,12 @@ class MatchMessage(Message):
         return Match(self.place, self.score, self.missing, self.probability, self.known)
 
 
+class OdometryMessage(Message):
+    """How far the vehicle has travelled since any start of its own; it needs no header."""
+
+    metres: FiniteFloat = Field(ge=0)
+
+
 class StatsMessage(Message):
     """What a service has counted since it started."""
 

@@ -34,18 +34,23 @@ def _replay(
     """Stream frames to the services of a run.
 
     Folders and videos are lossless: no frame is dropped. A camera is live: old frames are dropped
-    for new ones where the services cannot follow.
+    for new ones where the services cannot follow, and --spacing goes by the odometry that the
+    vehicle publishes.
     """
+    from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield_services.process import stop_event
+    from placefield_tools.odometry import Odometry
     from placefield_tools.replaying import replay
     from placefield_tools.sources import open_source
 
     effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
     stop = stop_event()
-    with (
-        open_source(source, start=start, stride=stride, spacing_m=spacing) as frames,
-        open_bus(effective.bus, stop) as bus,
-    ):
+    odometry = Odometry()
+    opened = open_source(
+        source, start=start, stride=stride, spacing_m=spacing, metres=odometry.metres
+    )
+    with opened as frames, open_bus(effective.bus, stop) as bus:
+        odometry.listen(bus, Keys(effective.run))
         sent = replay(frames, bus, effective, stop, rate=rate, loop=loop)
     print(f"{sent} frames replayed")

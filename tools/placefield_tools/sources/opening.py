@@ -2,11 +2,13 @@
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
+from placefield_tools.sources.metered import Metered
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
@@ -15,12 +17,17 @@ _CAMERA = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 
 
 def open_source(
-    where: str, *, start: int = 0, stride: int = 1, spacing_m: float | None = None
+    where: str,
+    *,
+    start: int = 0,
+    stride: int = 1,
+    spacing_m: float | None = None,
+    metres: Callable[[], float | None] | None = None,
 ) -> Source:
     """Open a folder of images, a video file, or a camera (``camera:0`` or ``/dev/video0``).
 
     The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
-    one every ``spacing_m`` metres (see ``Spaced``).
+    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells.
 
     Raises SourceError where nothing of the kind is there, where it cannot be read, or where
     ``start``, ``stride`` or ``spacing_m`` does not fit. A video tells only when it is read that it
@@ -33,7 +40,11 @@ def open_source(
     if spacing_m is not None and not (math.isfinite(spacing_m) and spacing_m > 0):
         raise SourceError(f"--spacing {spacing_m:g}: must be a distance above 0 metres")
     source = _open(where, start, stride)
-    return source if spacing_m is None else Spaced(source, spacing_m)
+    if spacing_m is None:
+        return source
+    if source.live and metres is not None:
+        source = Metered(source, metres)
+    return Spaced(source, spacing_m)
 
 
 def _open(where: str, start: int, stride: int) -> Source:

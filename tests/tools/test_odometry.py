@@ -1,0 +1,72 @@
+import time
+from collections.abc import Iterator
+
+import msgpack
+import numpy as np
+import pytest
+
+from placefield.bus.keys import Keys
+from placefield.bus.messages import OdometryMessage, StatsMessage
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.config import BusConfig
+from placefield.features.frames import Frame
+from placefield_tools.odometry import Odometry
+from placefield_tools.sources import Source
+from placefield_tools.sources.metered import Metered
+from placefield_tools.sources.spaced import Spaced
+
+KEYS = Keys("test")
+
+
+@pytest.fixture
+def buses(endpoint: str) -> Iterator[tuple[Bus, Bus]]:
+    config = BusConfig(endpoint=endpoint)
+    with open_router(config) as one, open_bus(config) as other:
+        yield one, other
+
+
+def await_metres(odometry: Odometry, metres: float) -> None:
+    until = time.monotonic() + 10
+    while odometry.metres() != metres and time.monotonic() < until:
+        time.sleep(0.01)
+    assert odometry.metres() == metres
+
+
+def test_metres_add_up_over_restarts_of_the_vehicles_count_and_garbage_is_dropped(
+    buses: tuple[Bus, Bus],
+) -> None:
+    vehicle, listener = buses
+    odometry = Odometry()
+    odometry.listen(listener, KEYS)
+    assert odometry.metres() is None
+    time.sleep(0.2)  # a subscription needs a moment to get around
+    for said, metres in ((5.0, 5.0), (7.5, 7.5), (0.5, 8.0), (2.5, 10.0)):
+        vehicle.put(KEYS.odometry, OdometryMessage(metres=said))
+        await_metres(odometry, metres)
+    vehicle.put(KEYS.odometry, StatsMessage(service="wheels", counts={}))
+    vehicle.put(KEYS.odometry, OdometryMessage(metres=3.0))
+    await_metres(odometry, 10.5)
+
+
+def test_an_odometry_message_is_two_fields_of_msgpack() -> None:
+    by_hand = msgpack.packb({"version": 1, "metres": 12.5})
+    assert OdometryMessage.decode(by_hand) == OdometryMessage(metres=12.5)
+
+
+class Clip(Source):
+    """Ten frames of a camera."""
+
+    count = None
+    frame_rate = None
+    live = True
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(10):
+            yield Frame(index, index, f"{index}", np.zeros((2, 2), np.uint8))
+
+
+def test_a_cameras_frames_are_spaced_by_what_the_vehicle_says() -> None:
+    said = iter([None, None, 0.0, 0.4, 0.9, 1.1, 1.1, 1.9, 2.0, 5.0])
+    spaced = Spaced(Metered(Clip(), lambda: next(said)), 1.0)
+    assert spaced.live
+    assert [frame.index for frame in spaced] == [2, 5, 8, 9]
