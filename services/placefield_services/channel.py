@@ -4,6 +4,8 @@ import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, channel_identity
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
@@ -17,6 +19,7 @@ from placefield_services.process import ServiceProcess
 
 SERVICE = "channel"
 
+_LONGEST = 1.001  # descriptor; they have length 1, or 0 where there is nothing to see
 _LIVE_FEATURES = 2  # of a live stream, that may wait: older ones are dropped
 
 
@@ -97,6 +100,10 @@ class ChannelWorker:
         dimensions = len(self._map.model.components)
         if feature.descriptor is not None and len(feature.descriptor) != dimensions:
             raise MessageError(f"descriptor of {len(feature.descriptor)}, not {dimensions} values")
+        if feature.descriptor is not None:
+            length = float(np.linalg.norm(feature.descriptor.astype(np.float64)))
+            if length > _LONGEST:  # what overflows once would spoil all sums of the stream
+                raise MessageError(f"descriptor of length {length:.3g}, not 1")
         return feature
 
     def _match(

@@ -148,11 +148,13 @@ def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
     stage = Stage(route_map, "evidence")
     foreign = FeatureMessage(model="of another map", descriptor=descriptors[0])
     short = FeatureMessage(model=stage.model, descriptor=descriptors[0][:-1])
+    huge = FeatureMessage(model=stage.model, descriptor=descriptors[0] * np.float32(1e20))
     refusals: list[tuple[FeatureMessage | bytes, str]] = [
         (b"\xc1", "no msgpack"),
         (b"", "no msgpack"),
         (foreign, "give the featurizer the same map"),
         (short, f"descriptor of {len(descriptors[0]) - 1}, not {len(descriptors[0])} values"),
+        (huge, "descriptor of length 1e\\+20, not 1"),
     ]
     for sequence, descriptor in enumerate(descriptors):
         for message, reason in refusals:

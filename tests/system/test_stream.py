@@ -137,6 +137,8 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "place": match.place,
             "score": match.score,
             "missing": [],
+            "probability": match.probability,
+            "known": match.known,
             "pose": None,
         }
     assert printed[-1].startswith("end of stream")

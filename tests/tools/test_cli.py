@@ -113,7 +113,22 @@ def test_evaluate_builds_the_map_itself_where_it_is_given_frames(
     flags = ("--json", "--channels", "3", "--metric", "identity")
     built_now = placefield("evaluate", reference_dir, query_dir, *flags)
     built_before = placefield("evaluate", map_path, query_dir, "--json")
-    assert json.loads(built_now.out) == json.loads(built_before.out)
+    now, before = json.loads(built_now.out), json.loads(built_before.out)
+    # A map built with several BLAS threads differs in the last bits.
+    for rules in (now["rules"], before["rules"]):
+        rules["filter"]["expected_calibration_error"] = pytest.approx(
+            rules["filter"]["expected_calibration_error"]
+        )
+    assert now == before
+
+
+def test_the_tolerance_may_be_a_setting_like_any_other(
+    placefield: Run, map_path: Path, query_dir: Path
+) -> None:
+    evaluated = placefield(
+        "evaluate", map_path, query_dir, "--json", "--set", "matching.tolerance=1"
+    )
+    assert json.loads(evaluated.out)["tolerance"] == 1
 
 
 def test_spacing_makes_an_uneven_drive_even(

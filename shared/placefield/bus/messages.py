@@ -144,7 +144,7 @@ class FeatureMessage(Message):
 
 
 class CandidateMessage(Message):
-    """A channel's candidate; evidence, (K,), is empty under the rule ``lowest-score``."""
+    """A channel's candidate; evidence, (K,), is empty under ``lowest-score`` and without answer."""
 
     rule: Rule
     channel: int = Field(ge=0, lt=2**16)
@@ -160,7 +160,8 @@ class MatchMessage(Message):
         place: index of the place, or -1 where there is no answer.
         score: the higher the more certain.
         missing: channels that did not answer in time.
-        probability: that the vehicle is at the place; none where the rule does not tell.
+        probability: that the vehicle is within the fuser's tolerance of the place; none where the
+            rule does not tell.
         known: whether that is at least the precision asked for.
         pose: of the place, x and y in metres and yaw in radians, where the map has poses.
     """

@@ -48,13 +48,18 @@ class NetworkFeature:
         """Return the output for an image (H, W) or (H, W, 3) BGR, as one row: (D,) float32.
 
         Raises:
-            FrameError: the pixels are of another shape or dtype, or the output is not finite.
+            FrameError: the pixels are of another shape or dtype, the network fails on them, or its
+                output is not finite.
         """
-        output = self._forward(network_input(pixels, self._input))
-        if not np.isfinite(output).all():
-            raise FrameError(f"the network's output {self._output!r} for it is not finite")
+        try:
+            output = self._forward(network_input(pixels, self._input))
+        except cv2.error as error:
+            raise FrameError(f"the network fails on it: {_reason(error)}") from None
         grid = self._input.grid
-        return (output if grid is None else grid_means(output[0], grid, grid)).ravel()
+        feature = (output if grid is None else grid_means(output[0], grid, grid)).ravel()
+        if not np.isfinite(feature).all():
+            raise FrameError(f"the network's output {self._output!r} for it is not finite")
+        return feature
 
     def _forward(self, blob: Array) -> Array:
         with self._lock:

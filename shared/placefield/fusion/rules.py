@@ -43,6 +43,7 @@ def _mean_belief(candidates: Sequence[Candidate], tolerance: int) -> tuple[int, 
     the middle.
     """
     belief = np.clip(_mean(candidates), 0, 1)  # whatever came over the bus
+    tolerance = min(tolerance, len(belief))
     width = 2 * tolerance + 1
     beliefs = np.convolve(belief, np.ones(width))[tolerance : tolerance + len(belief)]
     first = max(int(np.argmax(beliefs)) - tolerance, 0)

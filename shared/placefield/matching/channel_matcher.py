@@ -54,7 +54,7 @@ class WindowMatcher(ChannelMatcher):
 class FilterMatcher(ChannelMatcher):
     """Filters the belief in every place, at any speed."""
 
-    memory = 1000  # a vehicle unseen for so long is most likely lost
+    memory = 1000  # unseen for so long, the vehicle may be anywhere
 
     def __init__(self, distances: PlaceDistances, persistence: float) -> None:
         """Take the channel's metric and places, and how long it expects a speed to last, frames."""

@@ -72,7 +72,6 @@ class PlaceFilter:
         """
         novelty = 1.0
         if self._last is not None:
-            # In float64: no descriptor, however large, overflows.
             step_length = float(np.linalg.norm(projected.astype(np.float64) - self._last))
             # A frame like the last one says again what that has said.
             novelty = min(1.0, step_length / self._typical_step)

@@ -161,6 +161,13 @@ def test_channels_without_a_candidate_have_no_say(rule: Rule, answered: Candidat
     assert fuse([NO_CANDIDATE, answered, NO_CANDIDATE], config) == fuse([answered], config)
 
 
+def test_a_tolerance_far_beyond_the_map_is_one_of_the_whole_map() -> None:
+    belief = np.array([0.1, 0.2, 0.4], np.float32)
+    whole = fuse([Candidate(2, 0.4, belief)], MatchingConfig(tolerance=10**12))
+    assert whole.place == 1
+    assert whole.probability == pytest.approx(0.7)
+
+
 @pytest.mark.parametrize("rule", get_args(Rule))
 def test_without_any_candidate_there_is_no_match(rule: Rule) -> None:
     for candidates in ([], [NO_CANDIDATE, NO_CANDIDATE]):

@@ -46,8 +46,8 @@ def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learn
         "nothing": channels,
         "several scales": [scaled(c, [s]) for c, s in zip(channels, middle, strict=True)],
         "adaptive scales": [scaled(channel, [8, 16, 32, 52]) for channel in channels],
-        "metric": trial.placemap.channels,  # of a single traverse none is learned
         "channels": channels[:1],
+        "metric": trial.placemap.channels,  # of a single traverse none is learned
     }
     results = ablate(learned)
 
@@ -63,3 +63,7 @@ def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learn
 
 def test_no_two_parts_are_the_same(learned: Trial) -> None:
     assert len({result.auc for result in ablate(learned) if result.rule == "evidence"}) == 5
+
+
+def test_where_no_metric_was_learned_none_is_left_out(trial: Trial) -> None:
+    assert "metric" not in {result.left_out for result in ablate(trial)}

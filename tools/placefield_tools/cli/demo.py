@@ -74,7 +74,7 @@ def _run(reference: str, query: str, output: Path, config: Config) -> None:
     CONSOLE.print("starting the services and streaming the query through them, once per rule")
 
     def truth_of(queries: int, places: int) -> Truth:
-        return Truth.within(queries, places, options.DEFAULT_TOLERANCE)
+        return Truth.within(queries, places, config.matching.tolerance)
 
     evaluation = evaluate(map_path, Query(query), truth_of, config, services=True)
     title = f"{Path(reference).name} → {Path(query).name}"

@@ -50,7 +50,7 @@ def _evaluate(
     from placefield_tools.evaluating import Query, evaluate
     from placefield_tools.pictures import draw
 
-    within = options.tolerance_within(tolerance, truth)
+    options.check_truth(tolerance, truth)
     effective = options.effective_config(
         config,
         settings,
@@ -60,8 +60,9 @@ def _evaluate(
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
-        matching__tolerance=within,
+        matching__tolerance=tolerance,
     )
+    within = None if truth is not None else effective.matching.tolerance
     options.check_other(protocol, other)
     if Path(reference).suffix == SUFFIX:
         _refuse_to_rebuild(reference, (channels, min_scale, metric), settings)

@@ -13,8 +13,6 @@ from placefield.errors import ConfigError
 from placefield.evaluation.protocols import Protocol
 from placefield.evaluation.truth import Truth, read_truth
 
-DEFAULT_TOLERANCE = 3  # frames
-
 _DEFAULTS = Config()
 
 MapPath = Annotated[
@@ -96,7 +94,7 @@ Tolerance = Annotated[
     typer.Option(
         min=0,
         help="query frame i is right at places i ± so many",
-        show_default=str(DEFAULT_TOLERANCE),
+        show_default=str(_DEFAULTS.matching.tolerance),
     ),
 ]
 TruthFile = Annotated[
@@ -164,17 +162,14 @@ def min_scale_flags(text: str | None) -> dict[str, Any]:
     raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
 
 
-def tolerance_within(tolerance: int | None, truth: Path | None) -> int | None:
-    """Return the tolerance in frames, None where a file says what is right.
+def check_truth(tolerance: int | None, truth: Path | None) -> None:
+    """Refuse two answers to what is right.
 
     Raises:
         ConfigError: both are given.
     """
-    if truth is None:
-        return DEFAULT_TOLERANCE if tolerance is None else tolerance
-    if tolerance is not None:
+    if tolerance is not None and truth is not None:
         raise ConfigError("--tolerance and --truth: give one of them")
-    return None
 
 
 def truth_of(queries: int, places: int, *, tolerance: int | None, truth: Path | None) -> Truth:

@@ -44,7 +44,7 @@ def _study(
     from placefield_tools.study.running import run_study
     from placefield_tools.study.table import figures, print_study
 
-    within = options.tolerance_within(tolerance, truth)
+    options.check_truth(tolerance, truth)
     effective = options.effective_config(
         config,
         settings,
@@ -54,13 +54,15 @@ def _study(
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
-        matching__tolerance=within,
+        matching__tolerance=tolerance,
     )
+    within = None if truth is not None else effective.matching.tolerance
     options.check_other(protocol, other)
     if Path(reference).suffix == SUFFIX:
         raise ConfigError(
             f"{reference}: a map keeps no frames, and other methods want them; give the frames"
         )
+    output.mkdir(parents=True, exist_ok=True)  # what cannot be written is to be told now
     study = run_study(
         reference,
         Query(query, spacing, protocol, other, effective.seed),

@@ -10,7 +10,7 @@ from placefield_tools.study.matching import match_channels, median_scale, with_s
 from placefield_tools.study.results import AblationResult, LeftOut
 from placefield_tools.study.trial import Trial, without_metric
 
-RULES: tuple[Rule, ...] = ("filter", "evidence")
+ABLATED_RULES: tuple[Rule, ...] = ("filter", "evidence")
 FIXED_SCALES = (8, 16, 32, 52)
 """For all channels, in place of the adaptive ones, frames."""
 
@@ -18,7 +18,7 @@ FIXED_SCALES = (8, 16, 32, 52)
 def ablate(trial: Trial) -> tuple[AblationResult, ...]:
     """Match and judge without each part, by both of our rules, showing progress."""
     variants = variants_of(trial)
-    runs = [(rule, part, channels) for rule in RULES for part, channels in variants.items()]
+    runs = [(rule, part, channels) for rule in ABLATED_RULES for part, channels in variants.items()]
     with tracked(runs, "leaving parts out", len(runs)) as in_turn:
         return tuple(_ablate(trial, *run) for run in in_turn)
 
@@ -27,18 +27,20 @@ def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:
     """Return the channels that are left without each part.
 
     Without several scales, a channel has its middle one; without adaptive ones, all channels have
-    those of ``FIXED_SCALES`` that fit on the route; without the metric, the identity; without
-    channels, the first is alone.
+    those of ``FIXED_SCALES``, no longer than the route; without the metric, if one was learned, the
+    identity; without channels, the first is alone.
     """
     channels = trial.placemap.channels
     fixed = [min(scale, trial.places) for scale in FIXED_SCALES]
-    return {
+    variants: dict[LeftOut, Sequence[MapChannel]] = {
         "nothing": channels,
         "several scales": [with_scales(one, [median_scale(one)]) for one in channels],
         "adaptive scales": [with_scales(one, fixed) for one in channels],
-        "metric": [without_metric(one, trial.plain.places) for one in channels],
         "channels": channels[:1],
     }
+    if any(channel.learned for channel in channels):
+        variants["metric"] = [without_metric(one, trial.plain.places) for one in channels]
+    return variants
 
 
 def _ablate(
