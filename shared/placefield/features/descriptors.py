@@ -43,6 +43,10 @@ class DescriptorModel:
     components: Array
     network: Network | None = None
 
+    def of_reference(self, raws: Array) -> Array:
+        """Make descriptors (..., N) of raw features (..., D), standardised as the reference is."""
+        return self.reduce(_standardise(unit_length(raws), self.mean, self.deviation))
+
     def reduce(self, standardised: Array) -> Array:
         """Project standardised features (..., D) on the principal axes; unit length, (..., N)."""
         return unit_length(standardised @ self.components.T)
@@ -121,9 +125,9 @@ class DescriptorStream:
 
     def push(self, raw: Array) -> Array:
         """Take the next frame's raw feature (D,) and return its descriptor (N,) float32."""
-        unit = unit_length(raw)
         if not self._model.standardise:
-            return self._model.reduce(_standardise(unit, self._model.mean, self._model.deviation))
+            return self._model.of_reference(raw)
+        unit = unit_length(raw)
         self._frames += 1
         self._sum += unit
         self._square_sum += unit.astype(np.float64) ** 2

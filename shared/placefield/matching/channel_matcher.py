@@ -60,17 +60,15 @@ class FilterMatcher(ChannelMatcher):
         """Take the channel's metric and places, and how long it expects a speed to last, frames."""
         self._distances = distances
         self._filter = PlaceFilter(distances, persistence)
-        self._begun = False
 
     def push(self, descriptor: NDArray[np.float32] | None) -> Candidate:
         """Return the candidate for the next frame; none before the first that was seen."""
         if descriptor is None:
             self._filter.push_unseen()
         else:
-            self._begun = True
             projected = self._distances.project(descriptor)
             self._filter.push(projected, self._distances.to(projected))
-        if not self._begun:
+        if not self._filter.begun:
             return NO_CANDIDATE
         belief = self._filter.belief.astype(np.float32)
         place = int(np.argmax(belief))

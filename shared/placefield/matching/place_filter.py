@@ -38,7 +38,7 @@ _LOST_EVIDENCE = 0.75  # that chance gives a frame for the best of places over a
 
 
 class PlaceFilter:
-    """The belief in every place, given the frames so far."""
+    """The belief in every place, given the frames so far; ``begun`` once one was seen."""
 
     def __init__(self, distances: PlaceDistances, persistence: float) -> None:
         """Prepare for a new stream.
@@ -61,7 +61,7 @@ class PlaceFilter:
         self._belief = 0.5 * np.broadcast_to(self._anywhere, (2, len(SPEEDS), len(places)))
         self._lost = 0.5
         self._last: NDArray[np.float32] | None = None
-        self._begun = False
+        self.begun = False
 
     def push(self, projected: NDArray[np.float32], distances: NDArray[np.float32]) -> None:
         """Take the next frame.
@@ -79,15 +79,15 @@ class PlaceFilter:
             self._move(
                 _student(max(step_length, self._floor) - self._step_lengths), jump_likelihood
             )
-        elif self._begun:
+        elif self.begun:
             self._move_unseen()
         self._see(distances, novelty)
         self._last = projected
-        self._begun = True
+        self.begun = True
 
     def push_unseen(self) -> None:
         """Take a frame that was not seen: the vehicle has moved on all the same."""
-        if self._begun:
+        if self.begun:
             self._move_unseen()
         self._last = None
 

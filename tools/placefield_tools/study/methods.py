@@ -15,7 +15,6 @@ from placefield.errors import MapError, PlacefieldError
 from placefield.evaluation.protocols import frames_to_recover
 from placefield.fusion.match import Match
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.distances import PlaceDistances
 from placefield_tools.evaluating import judge
 from placefield_tools.progress import tracked
 from placefield_tools.study.matching import match_channels, with_scales
@@ -96,12 +95,8 @@ def _merit(result: MethodResult) -> tuple[float, float]:
 
 
 def _window(trial: Trial, length: int) -> list[Match]:
-    places = PlaceDistances(trial.plain.projection, trial.plain.places)
-    unseen = np.zeros(places.count, np.float32)
-    distances = np.stack(
-        [unseen if one is None else places.to(places.project(one)) for one in trial.descriptors]
-    )
-    matches = fixed_window(_as_driven(_even_out_unseen(distances, trial), trial), length)
+    distances = _as_driven(_even_out_unseen(trial.distances, trial), trial)
+    matches = fixed_window(distances, length)
     return _turned_back(matches, trial)
 
 

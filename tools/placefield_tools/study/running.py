@@ -23,7 +23,6 @@ from placefield_tools.study.trial import (
     Trial,
     build_reference,
     descriptors_of,
-    place_descriptors,
     without_metric,
 )
 
@@ -87,7 +86,7 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         traverse=traverse,
         network=feature.network,
         placemap=placemap,
-        plain=without_metric(placemap.channels[0], place_descriptors(placemap, traverse)),
+        plain=without_metric(placemap.channels[0], placemap.model.of_reference(traverse.raw)),
         reference=described_reference,
         query=driven,
         descriptors=descriptors_of(placemap.model, driven.raws),

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptors import DescriptorModel, DescriptorStream, fit_descriptors
+from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.features.network import Network
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.traverse import Traverse
+from placefield.matching.distances import PlaceDistances
 from placefield.scales.channels import Channel
 from placefield_tools.evaluating import RawFeature
 from placefield_tools.study.describing import Described
@@ -54,6 +55,15 @@ class Trial:
     def places(self) -> int:
         """K."""
         return self.placemap.places.count
+
+    @cached_property
+    def distances(self) -> Array:
+        """Of the driven frames to the places without a metric, (Q, K); 0 where not seen."""
+        places = PlaceDistances(self.plain.projection, self.plain.places)
+        unseen = np.zeros(places.count, np.float32)
+        return np.stack(
+            [unseen if one is None else places.to(places.project(one)) for one in self.descriptors]
+        )
 
     @cached_property
     def published(self) -> Map:
@@ -104,18 +114,6 @@ def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[A
     """Return the descriptors (N,) of a stream of frames, None where a frame was not seen."""
     stream = DescriptorStream(model)
     return [None if raw is None else stream.push(raw) for raw in raws]
-
-
-def place_descriptors(placemap: Map, traverse: Traverse) -> Array:
-    """Return the descriptors of a map's places, (K, N) float32, given the frames it is made of."""
-    model = placemap.model
-    _, (descriptors,) = fit_descriptors(
-        [traverse.raw],
-        model.kind,
-        dimensions=len(model.components),
-        standardise=model.standardise,
-    )
-    return descriptors
 
 
 def without_metric(channel: MapChannel, descriptors: Array) -> MapChannel:
