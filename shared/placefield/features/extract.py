@@ -1,20 +1,21 @@
 """Images to raw features, by the feature's kind."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import ONNX, FeatureKind
+from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
-from placefield.features.images import decode, grey
+from placefield.features.images import decode
 from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
+from placefield.features.shrink import small_grey
 
 GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer
 
@@ -40,6 +41,16 @@ class Feature:
             FrameError: the image cannot be read.
         """
         return self._describe(decode(image) if isinstance(image, bytes) else image)
+
+    def describe_all(self, images: Sequence[bytes | Pixels]) -> list[Array | FrameError]:
+        """Return for each image what ``describe`` returns, bit for bit, or raises."""
+        return [self._describe_or_refuse(image) for image in images]
+
+    def _describe_or_refuse(self, image: bytes | Pixels) -> Array | FrameError:
+        try:
+            return self.describe(image)
+        except FrameError as error:
+            return error
 
 
 def feature_of(kind: FeatureKind) -> Feature:
@@ -72,8 +83,12 @@ def network_of(kind: FeatureKind) -> Network | None:
 def _feature(kind: FeatureKind, network: Network | None) -> Feature:
     if network is not None:
         return Feature(network, NetworkFeature(kind, network).describe)
-    of_grey = grayscale if kind == "grayscale" else partial(gist, size=GIST_SIZE)
-    return Feature(None, lambda pixels: of_grey(grey(pixels)))
+    return Feature(None, grayscale if kind == "grayscale" else _gist)
+
+
+def _gist(pixels: Pixels) -> Array:
+    # The authors' code crops the centre; on a route that would lose the sides of the street.
+    return gist(small_grey(pixels, GIST_SIZE, GIST_SIZE))
 
 
 def default_dimensions(kind: FeatureKind) -> int:

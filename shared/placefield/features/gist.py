@@ -7,96 +7,80 @@ of 8 orientations), and the mean magnitude of each on a 4 x 4 grid.
 
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
-from placefield.features.grid import grid_means
+from placefield.features.gabor import GRID, ORIENTATIONS, SCALES, gabor_magnitudes
 
-SCALES = 4
-ORIENTATIONS = 8
-GRID = 4
 DIMENSIONS = SCALES * ORIENTATIONS * GRID * GRID
 
-_BORDER = 32  # symmetric padding against the wrap-around of the Fourier filters, pixels
-_CONTRAST_BORDER = 5
-_CONTRAST_CYCLES = 4.0  # cut-off of the contrast normalisation, cycles per image
+_BORDER = 5  # symmetric padding for the contrast normalisation, pixels
+_CYCLES = 4.0  # cut-off of the contrast normalisation, cycles per image
 
-Image = NDArray[np.float32]
+Array = NDArray[np.float32]
 
 
-def gist(image: Image, size: int) -> NDArray[np.float32]:
-    """Describe a grey image by its GIST.
+def gist(images: Array) -> Array:
+    """Describe square grey images by their GIST.
 
     Args:
-        image: (H, W) grey levels of any range. The whole of it is resized to the square; the
-            authors' code crops its centre, which on a route loses the sides of the street.
-        size: side of the square that is described, pixels; even.
+        images: (..., size, size) float32 grey levels of any range; size is a multiple of 4.
 
     Returns:
-        (512,) float32: filter by filter (scale major), each a 4 x 4 grid in column-major order.
+        (..., 512) float32: filter by filter (scale major), each a 4 x 4 grid in column-major order.
+        An image's values depend on no other's.
+
+    Raises:
+        ValueError: size is no multiple of 4.
     """
-    square = _stretch(_resize(image, size))
-    padded = np.pad(_normalise_contrast(square), _BORDER, mode="symmetric")
-    responses = fft.ifft2(fft.fft2(padded) * _gabor_filters(size + 2 * _BORDER))
-    inner = slice(_BORDER, _BORDER + size)
-    magnitudes = np.abs(responses[:, inner, inner])
-    return grid_means(magnitudes, GRID, GRID).transpose(0, 2, 1).ravel()
+    size = images.shape[-1]
+    if size % GRID:
+        raise ValueError(f"a side of {size} pixels does not divide into {GRID} equal cells")
+    features = np.empty((*images.shape[:-2], DIMENSIONS), np.float32)
+    # One after another: what one image needs stays in the cache, what several need does not.
+    for image, feature in zip(
+        images.reshape(-1, size, size), features.reshape(-1, DIMENSIONS), strict=True
+    ):
+        feature[:] = gabor_magnitudes(_normalise_contrast(_stretch(image))).ravel()
+    return features
 
 
-def _resize(image: Image, size: int) -> Image:
-    if image.shape == (size, size):
-        return image
-    return np.asarray(cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _stretch(image: Image) -> Image:
+def _stretch(image: Array) -> Array:
     """Map the grey levels to 0..255; an even image becomes black."""
     low, high = float(image.min()), float(image.max())
     return (image - low) * np.float32(255 / (high - low) if high > low else 0)
 
 
-def _normalise_contrast(image: Image) -> Image:
+def _normalise_contrast(image: Array) -> Array:
     """Take away the local mean of the log intensity and divide by its local deviation."""
-    log = np.pad(np.log1p(image), _CONTRAST_BORDER, mode="symmetric")
-    low_pass = _low_pass(len(log))
-    detail = log - _filter(log, low_pass)
-    deviation = np.sqrt(np.abs(_filter(detail * detail, low_pass)))
-    inner = slice(_CONTRAST_BORDER, -_CONTRAST_BORDER)
+    border = _padding(len(image))
+    log = np.log(image + 1).take(border, axis=0).take(border, axis=1)
+    detail = log - _smooth(log)
+    deviation = np.sqrt(np.abs(_smooth(detail * detail)))
+    inner = slice(_BORDER, -_BORDER)
     return np.asarray((detail / (0.2 + deviation))[inner, inner], np.float32)
 
 
-def _filter(image: Image, transfer: Image) -> Image:
-    return np.asarray(fft.ifft2(fft.fft2(image) * transfer).real, np.float32)
+def _smooth(image: Array) -> Array:
+    low_pass = _low_pass(len(image))
+    # In two halves: larger products may be shared out to threads, whose number shows in the bits.
+    halves = low_pass.reshape(2, -1, len(image))
+    return np.asarray((halves @ image @ low_pass).reshape(image.shape), np.float32)
 
 
-@lru_cache(maxsize=8)
-def _low_pass(size: int) -> Image:
-    """Gaussian transfer function, (size, size), zero frequency first."""
-    width = _CONTRAST_CYCLES / np.sqrt(np.log(2))
-    x, y = _frequencies(size)
-    return np.asarray(np.exp(-(x**2 + y**2) / width**2), np.float32)
+@lru_cache(maxsize=4)
+def _padding(size: int) -> NDArray[np.intp]:
+    return np.pad(np.arange(size), _BORDER, mode="symmetric")
 
 
-@lru_cache(maxsize=8)
-def _gabor_filters(size: int) -> NDArray[np.float32]:
-    """Transfer functions of the 32 filters, (32, size, size), zero frequency first."""
-    x, y = _frequencies(size)
-    radius, angle = np.hypot(x, y), np.arctan2(y, x)
-    filters = []
-    for scale in range(SCALES):
-        centre = 0.3 / 1.85**scale
-        angular = 16 * ORIENTATIONS**2 / 32**2
-        for orientation in range(ORIENTATIONS):
-            turned = angle + np.pi / ORIENTATIONS * orientation
-            turned -= 2 * np.pi * (turned > np.pi)
-            radial_term = -10 * 0.35 * (radius / size / centre - 1) ** 2
-            filters.append(np.exp(radial_term - 2 * angular * np.pi * turned**2))
-    return np.asarray(filters, np.float32)
+@lru_cache(maxsize=4)
+def _low_pass(size: int) -> Array:
+    """Matrix that filters a line of pixels by a Gaussian in the Fourier domain, (size, size).
 
-
-def _frequencies(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    cycles = fft.fftfreq(size, 1 / size)
-    x, y = np.meshgrid(cycles, cycles)
-    return x, y
+    The two-dimensional Gaussian is the product of two such, and the matrix is symmetric.
+    """
+    width = _CYCLES / np.sqrt(np.log(2))
+    cycles = np.fft.fftfreq(size, 1 / size)
+    response = np.fft.ifft(np.exp(-((cycles / width) ** 2))).real
+    shifts = np.subtract.outer(np.arange(size), np.arange(size))
+    return np.asarray(response[shifts % size], np.float32)

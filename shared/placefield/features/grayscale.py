@@ -1,14 +1,18 @@
 """Grayscale: the image itself, made small."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from placefield.features.shrink import small_grey
 
 WIDTH, HEIGHT = 64, 48
 DIMENSIONS = WIDTH * HEIGHT
 
 
-def grayscale(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Resize a grey image (H, W) to 64 x 48 pixels and return them row by row, (3072,) float32."""
-    small = cv2.resize(image, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.float32).ravel()
+def grayscale(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Make (H, W) or (H, W, 3) uint8 grey and 64 x 48 pixels, row by row: (3072,) float32.
+
+    Raises:
+        FrameError: the pixels are of another shape or dtype.
+    """
+    return small_grey(pixels, HEIGHT, WIDTH).ravel()

@@ -58,8 +58,8 @@ def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     check_pixels(image)
     if image.ndim == 2:
         return image.astype(np.float32)
-    # Three bytes sum exactly in float32; as a product it is several times faster than np.mean.
-    total = image.astype(np.float32) @ np.ones(3, np.float32)
+    # Three bytes sum exactly in float32, and OpenCV sums them many times faster than np.mean.
+    total = cv2.transform(image.astype(np.float32), np.ones((1, 3), np.float32))
     return np.divide(total, 3, dtype=np.float32)
 
 

@@ -1,0 +1,1 @@
+"""Benchmarks: our way against the plain one."""
