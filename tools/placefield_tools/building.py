@@ -10,12 +10,14 @@ from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
-from placefield.maps.build import build_map
+from placefield.maps.build import adaptive_channels, build_map
+from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
-from placefield.maps.store import SUFFIX, open_map, save_map
+from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield_tools.parallel import map_in_order
-from placefield_tools.progress import progress_bar, tracked
+from placefield_tools.progress import channel_progress, tracked
 from placefield_tools.sources import Source, open_source
 
 
@@ -33,13 +35,11 @@ def build_from(references: Sequence[str], config: Config, *, spacing_m: float | 
     """
     feature = feature_of(config.features.kind)
     traverses = [_describe(reference, spacing_m, feature) for reference in references]
-    with progress_bar() as bar:
-        task = bar.add_task("learning channels", total=None)
-
-        def progress(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        return build_map(traverses, config, progress, network=feature.network)
+    with channel_progress(config.scales.channels) as progress:
+        cut = partial(adaptive_channels, run=map_in_order, progress=progress)
+        return build_map(
+            traverses, config, progress, cut, network=feature.network, run=map_in_order
+        )
 
 
 def _describe(reference: str, spacing_m: float | None, feature: Feature) -> Traverse:

@@ -1,4 +1,4 @@
-"""Work on frames, on all cores."""
+"""Work on many things, on all cores."""
 
 import os
 from collections import deque
@@ -6,19 +6,34 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
-from placefield.features.frames import Frame
-
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def map_in_order(function: Callable[[Frame], Result], frames: Iterable[Frame]) -> Iterator[Result]:
-    """Apply a function to frames, a few ahead, and yield the results in order."""
-    workers = os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
+def map_in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Apply a function to items, a few ahead, and yield the results in order.
+
+    Threads do: numpy and OpenCV let go of the interpreter while they work, and threads share
+    memory, start at once and never outlive the process.
+
+    If the caller stops early, by Ctrl-C or by an error, it does not wait for the items at work.
+    """
+    workers = cores()
+    pool = ThreadPoolExecutor(workers)
+    try:
         ahead: deque[Future[Result]] = deque()
-        for frame in frames:
-            ahead.append(pool.submit(function, frame))
+        for item in items:
+            ahead.append(pool.submit(function, item))
             if len(ahead) > 2 * workers:
                 yield ahead.popleft().result()
         while ahead:
             yield ahead.popleft().result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # not on every system
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

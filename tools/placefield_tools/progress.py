@@ -1,7 +1,8 @@
 """Progress, on stderr: standard output is for results."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import Event
 from typing import TypeVar
 
 from rich.console import Console
@@ -9,12 +10,16 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
 Item = TypeVar("Item")
+
+ChannelProgress = Callable[[int, str, float], None]
+"""Called with a channel's number, what is done to it and the share done, from any thread."""
 
 CONSOLE = Console(stderr=True, markup=False)
 
@@ -47,3 +52,36 @@ def tracked(items: Iterable[Item], what: str, total: int | None) -> Iterator[Ite
                 bar.advance(task)
 
         yield advancing()
+
+
+@contextmanager
+def channel_progress(channels: int) -> Iterator[ChannelProgress]:
+    """Show how many channels are learned, and how far those are that are at work.
+
+    Whoever reports after the block is stopped by an error: a thread whose result nobody waits for
+    any more.
+    """
+    is_over = Event()
+    learned: set[int] = set()
+    at_work: dict[int, TaskID] = {}
+    with progress_bar() as bar:
+        overall = bar.add_task("learning channels", total=channels)
+
+        def report(number: int, what: str, share: float) -> None:
+            if is_over.is_set():
+                raise RuntimeError("nobody waits for this channel any more")
+            if share >= 1:
+                if number in at_work:
+                    bar.remove_task(at_work.pop(number))
+                if what == "learning":
+                    learned.add(number)
+                    bar.update(overall, completed=len(learned))
+            else:
+                if number not in at_work:
+                    at_work[number] = bar.add_task(f"  channel {number}: {what}", total=100)
+                bar.update(at_work[number], completed=round(100 * share))
+
+        try:
+            yield report
+        finally:
+            is_over.set()

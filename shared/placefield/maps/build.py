@@ -11,16 +11,20 @@ from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
 from placefield.maps.manifest import TraverseRecord
-from placefield.maps.map import Map, MapChannel, Places
+from placefield.maps.map import Map, MapChannel, MapMetric, Places
+from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.maps.traverse import Traverse
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
-from placefield.scales.channels import Channel, make_channels
+from placefield.scales.channels import Channel, Run, make_channels
 
 HELD_BACK = 0.2  # of the reference, as in the paper
 
 Array = NDArray[np.float32]
-Progress = Callable[[int, int], None]
-"""Called with how many channels are done, and of how many."""
+Progress = Callable[[int, str, float], None]
+"""Called with a channel's number, what is done to it and the share done, from any thread.
+
+What it raises ends the work on that channel, and with it the build.
+"""
 
 Cut = Callable[[Array, Traverse, Config], tuple[Channel, ...]]
 """Called with the reference traverse's descriptors (K, N), the traverse itself and the settings."""
@@ -32,7 +36,12 @@ def held_back_places(count: int, seed: int) -> NDArray[np.bool_]:
 
 
 def adaptive_channels(
-    descriptors: Array, traverse: Traverse, config: Config
+    descriptors: Array,
+    traverse: Traverse,
+    config: Config,
+    *,
+    run: Run = map,
+    progress: Progress = lambda number, what, share: None,
 ) -> tuple[Channel, ...]:
     """Cut the reference traverse as AMS does, by fuzzy clustering.
 
@@ -40,6 +49,8 @@ def adaptive_channels(
         descriptors: (K, N) float32, of the reference traverse.
         traverse: the reference traverse.
         config: its scales and seed say how.
+        run: the channels.
+        progress: told of every channel's.
 
     Raises:
         MapError: the reference is too short for the channels asked for; the smallest scale is in
@@ -60,15 +71,18 @@ def adaptive_channels(
         min_scale=scales.min_scale_metres or scales.min_scale,
         travelled=_travelled(traverse.poses) if in_metres else None,
         seed=config.seed,
+        run=run,
+        progress=lambda number, share: progress(number, "clustering", share),
     )
 
 
 def build_map(
     traverses: Sequence[Traverse],
     config: Config,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = lambda number, what, share: None,
     cut: Cut = adaptive_channels,
     network: Network | None = None,
+    run: Run = map,
 ) -> Map:
     """Build a map from one or more traverses of one route, aligned by index.
 
@@ -77,9 +91,10 @@ def build_map(
     Args:
         traverses: of equal length.
         config: its features, scales, metric and seed describe the map.
-        progress: told of every channel that is done.
+        progress: told of every channel's learning.
         cut: how the reference becomes segments.
         network: that the raw features are the output of, if so; the map keeps it.
+        run: the channels, which do not depend on each other: on how many cores changes no bit.
 
     Raises:
         MapError: the traverses differ in length, or ``cut`` refuses the reference.
@@ -95,13 +110,25 @@ def build_map(
         network=network,
     )
     first = traverses[0]
-    probes = _probes(descriptors, config)
-    channels = []
+    held_back = held_back_places(len(first.raw), config.seed)
+    probes = _probes(descriptors, held_back)
+    coarse = len(descriptors[0]) >= config.matching.coarse_from
+    identity = identity_metric(descriptors[0], coarse=coarse)
     encoded = cut(descriptors[0], first, config)
-    for number, channel in enumerate(encoded):
-        progress(number, len(encoded))
-        channels.append(_learn(channel, descriptors, probes, config))
-    progress(len(encoded), len(encoded))
+    reference = _centred(descriptors)
+
+    def learn(number: int) -> MapChannel:
+        def learned(share: float) -> None:
+            progress(number, "learning", share)
+
+        learned(0)
+        labels = np.tile(encoded[number].encoding.labels, len(traverses))
+        metric = _metric(labels, reference, held_back, probes, config, learned)
+        channel = _map_channel(encoded[number], metric, identity, descriptors[0])
+        learned(1)
+        return channel
+
+    channels = tuple(run(learn, range(len(encoded))))
     return Map(
         seed=config.seed,
         features=features,
@@ -111,7 +138,7 @@ def build_map(
         pose_frame="route" if len(first.poses) else None,
         model=model,
         places=_places(first),
-        channels=tuple(channels),
+        channels=channels,
     )
 
 
@@ -131,49 +158,60 @@ def _travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _probes(descriptors: Sequence[Array], config: Config) -> Probes | None:
+def _centred(descriptors: Sequence[Array]) -> Array:
+    """Descriptors (K, N) of all traverses, one below the other, less their mean."""
+    reference = np.concatenate(descriptors)
+    reference -= reference.mean(axis=0)
+    return reference
+
+
+def _probes(descriptors: Sequence[Array], held_back: NDArray[np.bool_]) -> Probes | None:
     """Make the gate's questions: the held-back places as the other traverses saw them, if any."""
     first, *others = descriptors
     if not others:
         return None
-    truth = np.flatnonzero(held_back_places(len(first), config.seed))
+    truth = np.flatnonzero(held_back)
     asked = np.concatenate([other[truth] for other in others])
     return Probes(first, asked, np.tile(truth, len(others)))
 
 
-def _learn(
-    channel: Channel, descriptors: Sequence[Array], probes: Probes | None, config: Config
+def _map_channel(
+    channel: Channel, learned: LearnedMetric, identity: MapMetric, places: Array
 ) -> MapChannel:
-    places = descriptors[0]
-    labels = channel.encoding.labels
-    metric = _metric(labels, descriptors, probes, config)
+    metric = identity
+    if learned.learned:
+        coarse = identity.coarse is not None
+        metric = learned_metric(learned.projection, places, coarse=coarse)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,
-        learned=metric.learned,
-        projection=metric.projection,
-        places=places @ metric.projection.T if metric.learned else places,
-        labels=labels,
+        metric=metric,
+        labels=channel.encoding.labels,
         segments=channel.encoding.segments,
         scales=channel.encoding.scales,
-        curve=metric.curve,
+        curve=learned.curve,
     )
 
 
 def _metric(
-    labels: NDArray[np.int32], descriptors: Sequence[Array], probes: Probes | None, config: Config
+    labels: NDArray[np.int32],
+    reference: Array,
+    held_back: NDArray[np.bool_],
+    probes: Probes | None,
+    config: Config,
+    progress: Callable[[float], None],
 ) -> LearnedMetric:
-    count, dimensions = descriptors[0].shape
     if config.metric.kind == "identity":
-        identity = np.eye(dimensions, dtype=np.float32)
+        identity = np.eye(reference.shape[1], dtype=np.float32)
         return LearnedMetric(identity, "none was asked for", np.empty((0, 2)))
     return learn_projection(
-        np.concatenate(descriptors),
-        np.tile(labels, len(descriptors)),
-        np.tile(held_back_places(count, config.seed), len(descriptors)),
+        reference,
+        labels,
+        np.tile(held_back, len(labels) // len(held_back)),
         probes,
         config.metric,
         config.seed,
+        on_step=lambda step, *_: progress(step / config.metric.steps),
     )
 
 

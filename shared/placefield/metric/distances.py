@@ -1,21 +1,23 @@
 """Squared Euclidean distances between two sets of descriptors."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.floating[Any]]
+Real = TypeVar("Real", bound=np.floating[Any])
 
 
-def squared_distances(rows: Floats, columns: Floats) -> Floats:
+def squared_distances(rows: NDArray[Real], columns: NDArray[Real]) -> NDArray[Real]:
     """Compute ‖r − c‖² for every row r of rows (A, N) and c of columns (B, N), as (A, B).
 
     Expanded to ‖r‖² + ‖c‖² − 2 r·c, so that one matrix product does the work; what rounding would
     leave below zero is zero. Descriptors should be centred: a large common offset costs digits.
     """
-    distances = rows @ columns.T
+    distances: NDArray[Real] = rows @ columns.T
     distances *= -2
     distances += np.einsum("an,an->a", rows, rows)[:, None]
     distances += np.einsum("bn,bn->b", columns, columns)
-    return np.maximum(distances, 0, out=distances)
+    np.maximum(distances, 0, out=distances)
+    return distances

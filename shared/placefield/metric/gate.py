@@ -19,6 +19,8 @@ from placefield.metric.distances import squared_distances
 TOLERANCE = 4
 """How far from the truth a place is still right: traverses are aligned that well, frames."""
 
+_BLOCK = 512  # probes whose distances are held at once
+
 Array = NDArray[np.float32]
 Truth = NDArray[np.integer[Any]]
 
@@ -86,17 +88,29 @@ def margins(projection: Array | None, probes: Probes) -> Margins:
     places, descriptors = probes.places - centre, probes.descriptors - centre
     if projection is not None:
         places, descriptors = places @ projection.T, descriptors @ projection.T
-    distances = squared_distances(descriptors, places)
-    right, wrong = _nearest(distances, probes.truth)
+    right, wrong, deviation = _among(places, descriptors, probes.truth)
     own = np.unique(probes.truth)
-    own_distances = squared_distances(places[own], places)
-    own_distances[np.arange(len(own)), own] = np.inf
-    own_right, own_wrong = _nearest(own_distances, own)
+    own_right, own_wrong, _ = _among(places, places[own], own, but_own=True)
     return Margins(
         _ratio(wrong - right, wrong + right),
-        _ratio(wrong - right, distances.std(axis=1)),
+        _ratio(wrong - right, deviation),
         _ratio(own_wrong - own_right, own_wrong + own_right),
     )
+
+
+def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) -> Array:
+    """What `_nearest` says of the probes, and the deviation of their distances: (3, Q)."""
+    parts = []
+    for start in range(0, len(asked), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        distances = squared_distances(asked[block], places)
+        if but_own:
+            distances[np.arange(len(distances)), truth[block]] = np.inf
+            deviation = np.zeros(len(distances))
+        else:
+            deviation = distances.std(axis=1)
+        parts.append(np.stack([*_nearest(distances, truth[block]), deviation]))
+    return np.concatenate([np.empty((3, 0), places.dtype), *parts], axis=1).astype(places.dtype)
 
 
 def _nearest(distances: Array, truth: Truth) -> tuple[Array, Array]:

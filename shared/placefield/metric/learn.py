@@ -62,14 +62,15 @@ def learn_projection(
     for 5 steps, and gives the projection with the lowest one.
 
     Args:
-        descriptors: (K, N) float32 of the reference, several traverses one below the other.
+        descriptors: (K, N) float32 of the reference, centred, for a large common offset costs
+            digits; several traverses one below the other.
         labels: (K,) int, equal for frames of one segment, whatever their traverse.
         held_back: (K,) bool, as `held_back_frames` makes it, the same places in every traverse.
         probes: what the gate asks; None where there is no other traverse to ask.
         config: the learner and its settings; not the identity.
         seed: of what is random in a learner.
         on_step: called after each measurement of the curve but the first, with its number,
-            validation loss and gate score.
+            validation loss and gate score. What it raises ends the learning.
 
     The margin of 1 is measured in mean squared distances of training frames to their targets, so
     that what is learned does not depend on the descriptors' unit. The projection is scaled so that
@@ -79,34 +80,35 @@ def learn_projection(
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     if probes is None and config.gate:
         return LearnedMetric(identity, _NO_PROBES, np.empty((0, 2)))
-    centred = descriptors - descriptors.mean(axis=0)
-    targets = target_neighbours(centred, labels, config.neighbours, eligible=~held_back)
+    targets = target_neighbours(descriptors, labels, config.neighbours, eligible=~held_back)
     held_back_targets = np.where(held_back[:, None], targets, -1)
     training_targets = np.where(held_back[:, None], -1, targets)
-    points = centred / _target_distance(centred, training_targets)
+    # The projection takes the unit in, so that no scaled copy of the descriptors is needed.
+    start = identity / _target_distance(descriptors, training_targets)
     curve: list[tuple[float, float]] = []
 
     def validate(projection: Array) -> float:
-        validation_loss = loss(projection, points, labels, held_back_targets, config.push)
+        validation_loss = loss(projection, descriptors, labels, held_back_targets, config.push)
         gate_score = 0.0 if probes is None else probe_score(projection, probes)
         curve.append((validation_loss, gate_score))
         if on_step is not None and len(curve) > 1:
             on_step(len(curve) - 1, *curve[-1])
         return validation_loss
 
-    training = points[~held_back], labels[~held_back]
-    validate(identity)
+    training = descriptors[~held_back], labels[~held_back]
+    validate(start)
     try:
         if config.kind == "lmnn":
-            best = _learn_lmnn(*training, config, validate, curve[0][0])
+            best = _learn_lmnn(*training, start, config, validate, curve[0][0])
         else:
-            best = fit_reference_learner(*training, config, seed)
+            points = training[0] @ start
+            best = fit_reference_learner(points, training[1], config, seed) @ start
             validate(best)
     except NothingLearnedError as nothing:
         return LearnedMetric(identity, str(nothing), np.array(curve))
     if config.gate and probes is not None and not passes_gate(best, probes):
         return LearnedMetric(identity, _REFUSAL, np.array(curve))
-    return LearnedMetric(_rescale(best, centred), "", np.array(curve))
+    return LearnedMetric(_rescale(best, descriptors), "", np.array(curve))
 
 
 def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_]:
@@ -122,14 +124,15 @@ def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_
 
 
 def _learn_lmnn(
-    points: Array,
+    descriptors: Array,
     labels: Labels,
+    start: Array,
     config: MetricConfig,
     validate: Callable[[Array], float],
     identity_loss: float,
 ) -> Array:
     """Learn by LMNN until the validation loss no longer improves; the projection of the lowest."""
-    best: Array = np.eye(points.shape[1], dtype=np.float32)
+    best = start
     losses = [identity_loss]
 
     def is_over(step: int, projection: Array) -> bool:
@@ -141,11 +144,12 @@ def _learn_lmnn(
         return step - best_step >= _PATIENCE
 
     fit_lmnn(
-        points,
+        descriptors,
         labels,
         neighbours=config.neighbours,
         push=config.push,
         steps=config.steps,
+        start=start,
         on_step=is_over,
     )
     return best
@@ -153,10 +157,13 @@ def _learn_lmnn(
 
 def _target_distance(descriptors: Array, targets: NDArray[np.intp]) -> np.float32:
     """Root mean squared distance to the targets; 1 where there are none or all are copies."""
-    frames, columns = np.nonzero(targets >= 0)
-    offsets = descriptors[frames] - descriptors[targets[frames, columns]]
-    mean_square = np.einsum("tn,tn->", offsets, offsets) / max(len(frames), 1)
-    return np.float32(np.sqrt(mean_square) or 1)
+    total = 0.0
+    for column in targets.T:
+        frames = np.flatnonzero(column >= 0)
+        offsets = descriptors[frames] - descriptors[column[frames]]
+        total += float(np.einsum("tn,tn->", offsets, offsets, dtype=np.float64))
+    count = int(np.count_nonzero(targets >= 0))
+    return np.float32(np.sqrt(total / max(count, 1)) or 1)
 
 
 def _rescale(projection: Array, centred: Array) -> Array:

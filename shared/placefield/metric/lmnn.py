@@ -15,19 +15,20 @@ E = push · triplets + tr(Pᵀ L P), where P = X vᵀ and L is the graph Laplaci
 and its gradient is 2 (L P)ᵀ X. A few matrix products do what would be a visit to every triplet.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from placefield.metric.distances import Floats, squared_distances
+from placefield.metric.impostors import mark_invasions, sum_hinges
 
 Labels = NDArray[np.integer[Any]]
 
-_BLOCK = 512  # rows of the distance matrix held at once
+_BLOCK = 256  # rows and columns of the distance matrix held at once
 _FIRST_MOVE = 0.01  # length of the first move, relative to the projection's norm
 _GROWTH = 1.5  # of the step size after each step
 
@@ -59,17 +60,17 @@ def fit_lmnn(
 ) -> LmnnFit:
     """Minimise E by gradient descent, each step lowering it.
 
-    descriptors is (K, N) float32, labels is (K,), start the (N, N) projection to begin with (the
-    identity). After each step `on_step` gets its number, from 1, and the projection, and returns
-    True to stop. Fewer than `steps` steps are taken also where no step lowers E any more.
+    descriptors is (K, N) float32, centred, for a large common offset costs digits; labels is (K,),
+    start the (N, N) projection to begin with (the identity). After each step `on_step` gets its
+    number, from 1, and the projection, and returns True to stop. Fewer than `steps` steps are taken
+    also where no step lowers E any more.
 
     Gradient descent is preferred to L-BFGS, which lowers E faster: its first steps are so long that
     early stopping has little to choose from between the identity and an over-fitted metric.
     """
-    points = descriptors - descriptors.mean(axis=0)
-    targets = target_neighbours(points, labels, neighbours)
-    projection = np.eye(points.shape[1], dtype=np.float32) if start is None else start
-    value, gradient = objective(projection, points, labels, targets, push)
+    targets = target_neighbours(descriptors, labels, neighbours)
+    projection = np.eye(descriptors.shape[1], dtype=np.float32) if start is None else start
+    value, gradient = objective(projection, descriptors, labels, targets, push)
     history = [value]
     if not gradient.any():
         return LmnnFit(projection, np.array(history))
@@ -77,7 +78,7 @@ def fit_lmnn(
     size = _FIRST_MOVE * float(np.linalg.norm(projection) / np.linalg.norm(gradient))
     while len(history) <= steps and not _is_negligible(size * gradient, projection):
         candidate = projection - size * gradient
-        value, candidate_gradient = objective(candidate, points, labels, targets, push)
+        value, candidate_gradient = objective(candidate, descriptors, labels, targets, push)
         if value >= history[-1]:
             size /= 2
             continue
@@ -99,7 +100,7 @@ def target_neighbours(
 
     descriptors is (K, N), labels is (K,), eligible the (K,) points that may be targets (all).
     Returns (K, neighbours) indices; a point with fewer companions than that has -1 in the columns
-    that are left, and one without any only -1.
+    that are left, and one without any only -1. No more than a block of the distances is held.
     """
     if eligible is None:
         eligible = np.ones(len(labels), dtype=np.bool_)
@@ -107,13 +108,13 @@ def target_neighbours(
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)
         candidates = members[eligible[members]]
-        for start in range(0, len(members), _BLOCK):
-            block = members[start : start + _BLOCK]
+        if not len(candidates):
+            continue
+        for rows in _blocks(len(members)):
+            block = members[rows]
             distances = squared_distances(descriptors[block], descriptors[candidates])
             distances[block[:, None] == candidates] = np.inf
-            nearest = np.argsort(distances, axis=1, kind="stable")[:, :neighbours]
-            is_other = np.take_along_axis(distances, nearest, axis=1) < np.inf
-            targets[block, : nearest.shape[1]] = np.where(is_other, candidates[nearest], -1)
+            targets[block] = _nearest(distances, candidates, neighbours)
     return targets
 
 
@@ -124,25 +125,14 @@ def objective(
 
     projection (M, N) and descriptors (K, N, centred) are of one float dtype, which the arithmetic
     keeps; labels is (K,), targets (K, k) as `target_neighbours` gives them, push is in [0, 1].
-    Returns E and the (M, N) gradient. No more than a block of the (K, K) distances is held.
+    Returns E and the (M, N) gradient. Of the (K, K) distances no more than a tile is held.
     """
     projected = descriptors @ projection.T
-    radii = _radii(projected, targets)
-    triplets = np.zeros_like(radii)
-    pushed = np.empty_like(projected)
-    for start in range(0, len(projected), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        distances = _impostor_distances(projected, labels, projected[block], labels[block])
-        pairs = np.zeros_like(distances)
-        for column in range(radii.shape[1]):
-            invades = distances < radii[block, column, None]
-            triplets[block, column] = np.count_nonzero(invades, axis=1)
-            pairs += invades
-            pairs += distances < radii[:, column]  # the pair seen from its other end
-        pushed[block] = _laplacian_product(pairs, projected[block], projected)
-
-    pulls = _symmetric_pairs(targets, (1 - push) + push * triplets)
-    forces = _laplacian_product(pulls, projected, projected) - push * pushed
+    triplets, forces = _push(projected, labels, _radii(projected, targets))
+    forces *= -push
+    pull = _laplacian(targets, (1 - push) + push * triplets.T)
+    for rows in _blocks(len(projected)):
+        forces[rows] += pull[rows] @ projected
     trace = np.einsum("km,km->", projected, forces, dtype=np.float64)
     value = push * triplets.sum(dtype=np.float64) + trace
     return float(value), 2 * forces.T @ descriptors
@@ -156,15 +146,15 @@ def loss(
     The arguments are those of `objective`.
     """
     projected = descriptors @ projection.T
-    anchors = np.flatnonzero((targets >= 0).any(axis=1))
     radii = _radii(projected, targets)
+    anchors = np.flatnonzero((targets >= 0).any(axis=1))
     hinges = 0.0
-    for start in range(0, len(anchors), _BLOCK):
-        block = anchors[start : start + _BLOCK]
-        distances = _impostor_distances(projected, labels, projected[block], labels[block])
-        for radius in radii[block].T:
-            hinges += np.maximum(radius[:, None] - distances, 0).sum(dtype=np.float64)
-    pulls = (radii - 1).sum(where=targets >= 0, dtype=np.float64)
+    for rows in _blocks(len(anchors)):
+        block = anchors[rows]
+        for columns in _blocks(len(projected)):
+            distances = squared_distances(projected[block], projected[columns])
+            hinges += sum_hinges(distances, labels[block], labels[columns], radii[:, block])
+    pulls = (radii - 1).sum(where=targets.T >= 0, dtype=np.float64)
     return float((1 - push) * pulls + push * hinges)
 
 
@@ -172,35 +162,71 @@ def _is_negligible(move: Floats, projection: Floats) -> bool:
     return bool(np.linalg.norm(move) <= np.finfo(np.float32).eps * np.linalg.norm(projection))
 
 
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
+
+
+def _nearest(distances: Floats, candidates: NDArray[np.intp], neighbours: int) -> NDArray[np.intp]:
+    """The nearest candidates of each row, (A, neighbours), -1 where only infinity is left."""
+    rows = np.arange(len(distances))
+    nearest = np.full((len(distances), neighbours), -1, dtype=np.intp)
+    for column in range(neighbours):
+        found = distances.argmin(axis=1)
+        nearest[:, column] = np.where(distances[rows, found] < np.inf, candidates[found], -1)
+        distances[rows, found] = np.inf
+    return nearest
+
+
+def _push(projected: Floats, labels: Labels, radii: Floats) -> tuple[Floats, Floats]:
+    """Count each point's active triplets, (k, K), and sum L P over their pairs, (K, M).
+
+    Distances are symmetric: every pair is visited once, and works on both of its ends.
+    """
+    triplets = np.zeros_like(radii)
+    forces = np.zeros_like(projected)
+    for rows in _blocks(len(projected)):
+        for columns in _blocks(len(projected)):
+            if columns.start < rows.start:
+                continue
+            pairs = squared_distances(projected[rows], projected[columns])
+            invaded = mark_invasions(
+                pairs,
+                labels[rows],
+                labels[columns],
+                radii[:, rows],
+                radii[:, columns],
+                triplets[:, rows],
+                triplets[:, columns],
+                rows == columns,
+            )
+            if invaded:
+                forces[rows] += _laplacian_product(pairs, projected[rows], projected[columns])
+                forces[columns] += _laplacian_product(pairs.T, projected[columns], projected[rows])
+    return triplets, forces
+
+
 def _radii(projected: Floats, targets: NDArray[np.intp]) -> Floats:
     """How far impostors must be from each point for each target: 1 + d(i, j), or 0 for no target.
 
-    No distance is below 0, so that a missing target has no impostors.
+    (k, K). No distance is below 0, so that a missing target has no impostors.
     """
-    columns = [
-        1 + np.einsum("km,km->k", offsets, offsets)
-        for offsets in (projected - projected[column] for column in targets.T)
-    ]
-    return np.where(targets >= 0, np.stack(columns, axis=1), 0).astype(projected.dtype)
+    radii = np.zeros(targets.T.shape, projected.dtype)
+    for rows in _blocks(len(projected)):
+        for radius, column in zip(radii[:, rows], targets[rows].T, strict=True):
+            offsets = projected[rows] - projected[column]
+            radius[:] = np.where(column >= 0, 1 + np.einsum("km,km->k", offsets, offsets), 0)
+    return radii
 
 
-def _impostor_distances(
-    projected: Floats, labels: Labels, rows: Floats, row_labels: Labels
-) -> Floats:
-    """Squared distances from the rows to all points, infinite between points of one label."""
-    distances = squared_distances(rows, projected)
-    distances[row_labels[:, None] == labels] = np.inf
-    return distances
-
-
-def _symmetric_pairs(targets: NDArray[np.intp], weights: Floats) -> csr_array:
-    """(K, K) sparse sum of each target's weight at (point, target) and (target, point)."""
+def _laplacian(targets: NDArray[np.intp], weights: Floats) -> csr_array:
+    """(K, K) graph Laplacian of the pairs of points and targets, both (K, k), by their weights."""
     points, columns = np.nonzero(targets >= 0)
     ends = (points, targets[points, columns])
     pairs = csr_array((weights[points, columns], ends), shape=(len(targets), len(targets)))
-    return csr_array(pairs + pairs.T)
+    pairs = pairs + pairs.T
+    return csr_array(diags_array(pairs.sum(axis=1)) - pairs)
 
 
-def _laplacian_product(pairs: Floats | csr_array, rows: Floats, points: Floats) -> Floats:
-    """Rows of L P: for each row, its offsets from all points summed by the weights of the pairs."""
-    return np.asarray(pairs.sum(axis=1)[:, None] * rows - pairs @ points)
+def _laplacian_product(pairs: Floats, rows: Floats, columns: Floats) -> Floats:
+    """For each row, its offsets from all columns summed by the weights of the pairs."""
+    return np.asarray(pairs.sum(axis=1)[:, None] * rows - pairs @ columns)

@@ -1,6 +1,8 @@
 """A reference traverse, clustered and encoded once per channel (Eq. 9)."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,21 @@ from placefield.errors import MapError
 from placefield.scales.clustering import cluster, with_route_position
 from placefield.scales.encoding import Encoding, encode
 from placefield.scales.subtractive import estimate_clusters
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Progress = Callable[[int, float], None]
+"""Called with a channel's number and what share of it is done, from wherever that is done."""
+
+
+class Run(Protocol):
+    """How to apply a function to all channels: ``map``, or its like on several cores."""
+
+    def __call__(
+        self, function: Callable[[Item], Result], items: Iterable[Item], /
+    ) -> Iterable[Result]:
+        """Return the results in the order of the items."""
+
 
 _MIN_SEGMENTS = 2  # with fewer there is nothing to tell a place apart from
 
@@ -38,6 +55,8 @@ def make_channels(
     fuzzifiers: tuple[float, float] = (1.02, 1.4),
     position_weight: float = 1.0,
     travelled: NDArray[np.floating] | None = None,
+    run: Run = map,
+    progress: Progress = lambda number, share: None,
 ) -> tuple[Channel, ...]:
     """Cluster and encode a reference traverse in several overlapping ways.
 
@@ -54,6 +73,8 @@ def make_channels(
         fuzzifiers: lowest and highest m, above 1.
         position_weight: of the frame's position in the route, see `with_route_position`.
         travelled: (K,) metres travelled up to each frame, where `min_scale` is in metres.
+        run: the channels; they do not depend on each other.
+        progress: told of every channel's; what it raises ends it.
 
     Raises:
         ConfigError: a fuzzifier is not above 1.
@@ -64,13 +85,19 @@ def make_channels(
         # The position counts here whatever its weight in the clustering: see estimate_clusters.
         clusters = estimate_clusters(with_route_position(vectors, 1.0))
     placed = with_route_position(vectors, position_weight)
-    made = []
-    for number, fuzzifier in enumerate(np.linspace(*fuzzifiers, channels).tolist()):
-        labels = cluster(placed, clusters, fuzzifier, seed + number).labels
+    spread = np.linspace(*fuzzifiers, channels).tolist()
+
+    def make(number: int) -> Channel:
+        def swept(done: int, total: int) -> None:
+            progress(number, done / total)
+
+        labels = cluster(placed, clusters, spread[number], seed + number, swept).labels
+        progress(number, 1)
         encoding = encode(labels, min_scale, travelled)
         _refuse_too_few(encoding, number, channels, min_scale)
-        made.append(Channel(fuzzifier, labels, encoding))
-    return tuple(made)
+        return Channel(spread[number], labels, encoding)
+
+    return tuple(run(make, range(channels)))
 
 
 def _refuse_too_few(encoding: Encoding, number: int, channels: int, min_scale: float) -> None:

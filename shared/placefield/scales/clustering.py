@@ -1,16 +1,25 @@
 """Fuzzy c-means of a traverse's descriptors (Eqs. 1 to 3)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import skfuzzy
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, MapError
+from placefield.metric.distances import squared_distances
 
-_TOLERANCE = 1e-2  # change of the memberships (Frobenius norm) at which they have converged
-_MAX_ITERATIONS = 100
+_TOLERANCE = 1e-3  # furthest move of a centre, in mean distances of frames to their nearest one
+_MAX_SWEEPS = 100
+_LEAST_LOG = (
+    -36.0
+)  # of a membership, so that a centre far from all frames is pulled to their middle
+_BLOCK = 512  # frames whose memberships are held at once
 _RELATED = 20  # frames apart, at position weight 1, to be as far by position as by descriptor
+
+Vectors = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""Called with how many sweeps over the frames are done, and of how many at most."""
 
 
 @dataclass(frozen=True)
@@ -18,17 +27,22 @@ class Clustering:
     """Fuzzy clusters of K frames.
 
     Attributes:
-        centres: (C, N) float32, c_k of Eq. 1.
-        memberships: (K, C) float32, µ of Eq. 2; a frame's memberships sum to 1.
-        labels: (K,) int32, each frame's cluster of highest membership, 0 to C - 1.
+        centres: (C, N) float64, c_k of Eq. 1.
+        labels: (K,) int32, each frame's cluster of highest membership, that of its nearest centre,
+            0 to C - 1.
     """
 
-    centres: NDArray[np.float32]
-    memberships: NDArray[np.float32]
+    centres: Vectors
     labels: NDArray[np.int32]
 
 
-def cluster(vectors: NDArray[np.float32], clusters: int, fuzzifier: float, seed: int) -> Clustering:
+def cluster(
+    vectors: NDArray[np.float32],
+    clusters: int,
+    fuzzifier: float,
+    seed: int,
+    progress: Progress = lambda done, total: None,
+) -> Clustering:
     """Cluster a traverse by fuzzy c-means.
 
     The search starts from consecutive stretches of the route, which leads to fewer and longer
@@ -41,6 +55,9 @@ def cluster(vectors: NDArray[np.float32], clusters: int, fuzzifier: float, seed:
         fuzzifier: m of Eq. 2, above 1; the higher, the softer. Descriptors of high dimension
             without the route's position begin to share centres at about 1.4.
         seed: of the stretches.
+        progress: told of every sweep. What it raises ends the clustering.
+
+    Beside the vectors no more than a block of the (K, C) memberships is held.
 
     Raises:
         ConfigError: the fuzzifier is not above 1.
@@ -53,19 +70,14 @@ def cluster(vectors: NDArray[np.float32], clusters: int, fuzzifier: float, seed:
             f"{len(vectors)} frames cannot form {clusters} clusters: "
             f"ask for 1 to {len(vectors)} clusters, or give more frames"
         )
-    centres, memberships, *_ = skfuzzy.cmeans(
-        vectors.T.astype(np.float64),
-        clusters,
-        fuzzifier,
-        error=_TOLERANCE,
-        maxiter=_MAX_ITERATIONS,
-        init=_stretches(len(vectors), clusters, np.random.default_rng(seed)),
-    )
-    return Clustering(
-        centres.astype(np.float32),
-        memberships.T.astype(np.float32),
-        memberships.argmax(axis=0).astype(np.int32),
-    )
+    means = _stretch_means(vectors, clusters, np.random.default_rng(seed))
+    for sweep in range(1, _MAX_SWEEPS + 1):
+        centres = means
+        labels, means, spread = _sweep(vectors, centres, fuzzifier)
+        progress(sweep, _MAX_SWEEPS)
+        if np.linalg.norm(means - centres, axis=1).max() <= _TOLERANCE * spread:
+            break
+    return Clustering(centres, labels)
 
 
 def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[np.float32]:
@@ -88,8 +100,48 @@ def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[
     return np.column_stack([vectors, step * np.arange(len(vectors))]).astype(np.float32)
 
 
-def _stretches(frames: int, clusters: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Memberships (C, K) of consecutive stretches of random lengths, each at least a frame long."""
-    ends = np.sort(rng.choice(np.arange(1, frames), clusters - 1, replace=False))
-    stretch = np.searchsorted(ends, np.arange(frames), side="right")
-    return np.eye(clusters)[:, stretch]
+def _stretch_means(
+    vectors: NDArray[np.float32], clusters: int, rng: np.random.Generator
+) -> Vectors:
+    """Means (C, N) of consecutive stretches of random lengths, each at least a frame long."""
+    ends = np.sort(rng.choice(np.arange(1, len(vectors)), clusters - 1, replace=False))
+    starts = np.r_[0, ends]
+    sums = np.add.reduceat(vectors, starts, axis=0, dtype=np.float64)
+    return np.asarray(sums / np.diff(starts, append=len(vectors))[:, None])
+
+
+def _sweep(
+    vectors: NDArray[np.float32], centres: Vectors, fuzzifier: float
+) -> tuple[NDArray[np.int32], Vectors, float]:
+    """Each frame's label, the means (C, N) by the memberships, and the frames' mean distance."""
+    labels = np.empty(len(vectors), np.int32)
+    sums = np.zeros_like(centres)
+    weights = np.zeros(len(centres))
+    spread = 0.0
+    for start in range(0, len(vectors), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        # The position in a long route leaves a product of float32 few digits.
+        block = vectors[rows].astype(np.float64)
+        squared = squared_distances(block, centres)
+        labels[rows] = squared.argmin(axis=1)
+        spread += np.sqrt(squared.min(axis=1)).sum()
+        powers = _powers(squared, fuzzifier)
+        sums += powers.T @ block
+        weights += powers.sum(axis=0)
+    return labels, sums / weights[:, None], float(spread / len(vectors))
+
+
+def _powers(squared: Vectors, fuzzifier: float) -> Vectors:
+    """µ^m of Eqs. 1 and 2, (K, C), of squared distances to the centres, (K, C).
+
+    Logarithms of the ratios to the nearest centre neither overflow nor all vanish. They are of
+    order 1 where a membership counts, so that float32 does, which is several times as fast.
+    """
+    squared = np.maximum(squared, np.finfo(np.float64).tiny)
+    ratios = (squared.min(axis=1, keepdims=True) / squared).astype(np.float32)
+    logs = np.log(np.maximum(ratios, np.finfo(np.float32).tiny)) / np.float32(fuzzifier - 1)
+    logs -= np.log(np.exp(logs).sum(axis=1, keepdims=True))
+    powers: NDArray[np.float32] = np.exp(
+        np.float32(fuzzifier) * np.maximum(logs, np.float32(_LEAST_LOG))
+    )
+    return powers.astype(np.float64)

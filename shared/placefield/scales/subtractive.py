@@ -6,19 +6,24 @@ higher its potential. The highest becomes a centre and takes its share from its 
 potentials, until what is left is low.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
+
+from placefield.metric.distances import squared_distances
 
 _NEIGHBOURS = 8  # frames apart: a short segment; a fast camera's next frame would be too near
 _SQUASH = 1.5  # radius in which a new centre lowers potentials, in cluster radii
 _ACCEPT = 0.5  # above this share of the first centre's potential a candidate is a centre
 _REJECT = 0.15  # below it the search ends
-_BLOCK = 256  # frames whose distances to all others are held at once
+_BLOCK = 512  # frames whose distances to as many others are held at once
 
-Vectors = NDArray[np.float64]
+Vectors = NDArray[np.float32]
+Array64 = NDArray[np.float64]
 
 
-def estimate_clusters(vectors: NDArray[np.float32], radius: float = 1.25) -> int:
+def estimate_clusters(vectors: Vectors, radius: float = 1.25) -> int:
     """Estimate how many clusters a traverse holds.
 
     Time grows with K² N, memory with K.
@@ -33,23 +38,26 @@ def estimate_clusters(vectors: NDArray[np.float32], radius: float = 1.25) -> int
     Returns:
         The number of centres, 1 to K.
     """
-    points = vectors.astype(np.float64)
-    cluster_radius = radius * _neighbour_distance(points)
-    return 1 if cluster_radius == 0 else _count_centres(points, cluster_radius)
+    cluster_radius = radius * _neighbour_distance(vectors)
+    return 1 if cluster_radius == 0 else _count_centres(vectors, cluster_radius)
 
 
-def _neighbour_distance(points: Vectors) -> float:
-    if len(points) == 1:
+def _neighbour_distance(vectors: Vectors) -> float:
+    if len(vectors) == 1:
         return 0.0
-    apart = min(_NEIGHBOURS, len(points) - 1)
-    differences = points[apart:] - points[:-apart]
-    return float(np.sqrt((differences**2).sum(axis=1).mean()))
+    apart = min(_NEIGHBOURS, len(vectors) - 1)
+    total = 0.0
+    for start in range(0, len(vectors) - apart, _BLOCK):
+        ahead = vectors[start + apart : start + apart + _BLOCK].astype(np.float64)
+        steps = ahead - vectors[start : start + len(ahead)]
+        total += np.einsum("kn,kn->", steps, steps)
+    return float(np.sqrt(total / (len(vectors) - apart)))
 
 
-def _count_centres(points: Vectors, radius: float) -> int:
-    potentials = _potentials(points, radius)
+def _count_centres(vectors: Vectors, radius: float) -> int:
+    potentials = _potentials(vectors, radius)
     highest = potentials.max()
-    to_nearest_centre = np.full(len(points), np.inf)
+    to_nearest_centre = np.full(len(vectors), np.inf)
     centres = 0
     while True:
         candidate = int(potentials.argmax())
@@ -59,25 +67,35 @@ def _count_centres(points: Vectors, radius: float) -> int:
         # Between the two ratios, a candidate must make up in distance what it lacks in potential.
         if share > _ACCEPT or to_nearest_centre[candidate] / radius + share >= 1:
             centres += 1
-            squared = _squared_distances(points[candidate : candidate + 1], points)[0]
+            squared = _squared_distances_to(vectors, vectors[candidate])
             to_nearest_centre = np.minimum(to_nearest_centre, np.sqrt(squared))
             potentials -= potentials[candidate] * _nearness(squared, _SQUASH * radius)
         potentials[candidate] = 0
 
 
-def _potentials(points: Vectors, radius: float) -> Vectors:
-    blocks = np.split(points, range(_BLOCK, len(points), _BLOCK))
-    return np.concatenate(
-        [_nearness(_squared_distances(block, points), radius).sum(axis=1) for block in blocks]
-    )
+def _potentials(vectors: Vectors, radius: float) -> Array64:
+    potentials = np.zeros(len(vectors))
+    for rows in _blocks(len(vectors)):
+        for columns in _blocks(len(vectors)):
+            squared = _squared_distances(vectors[rows], vectors[columns])
+            potentials[rows] += _nearness(squared, radius).sum(axis=1)
+    return potentials
 
 
-def _nearness(squared: Vectors, radius: float) -> Vectors:
-    nearness: Vectors = np.exp(-4 / radius**2 * squared)
+def _nearness(squared: Array64, radius: float) -> Array64:
+    nearness: Array64 = np.exp(-4 / radius**2 * squared)
     return nearness
 
 
-def _squared_distances(a: Vectors, b: Vectors) -> Vectors:
-    norms = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)
-    squared: Vectors = np.maximum(norms - 2 * a @ b.T, 0)
-    return squared
+def _squared_distances_to(vectors: Vectors, vector: Vectors) -> Array64:
+    columns = [_squared_distances(vectors[rows], vector[None]) for rows in _blocks(len(vectors))]
+    return np.concatenate(columns)[:, 0]
+
+
+def _squared_distances(rows: Vectors, columns: Vectors) -> Array64:
+    """Distances in float64: positions in a long route leave float32 few digits."""
+    return squared_distances(rows.astype(np.float64), columns.astype(np.float64))
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))

@@ -1,14 +1,17 @@
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 from sklearn.preprocessing import normalize, scale
+from threadpoolctl import threadpool_limits
 
 from placefield.config import Config, MetricConfig
 from placefield.errors import MapError
-from placefield.maps.build import build_map
+from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 
@@ -42,7 +45,8 @@ def test_places_are_the_frames_of_the_first_traverse(make_traverse: MakeTraverse
     standardised = scale(normalize(first.raw.astype(np.float64)))
     descriptors = normalize(standardised @ built.model.components.T.astype(np.float64))
     for channel in built.channels:
-        np.testing.assert_allclose(channel.places, descriptors, atol=1e-4)
+        places = channel.metric.unit * channel.metric.places
+        np.testing.assert_allclose(places, descriptors, atol=3e-4)
 
 
 def test_without_poses_places_have_none(small_map: Map) -> None:
@@ -61,12 +65,12 @@ def test_the_number_of_dimensions_is_recorded_as_it_was_used(make_traverse: Make
 
 
 def test_under_the_identity_a_channels_places_are_the_descriptors(small_map: Map) -> None:
-    one, other = small_map.channels
+    one, other = (channel.metric for channel in small_map.channels)
+    assert one is other
     np.testing.assert_array_equal(one.projection, np.eye(30))
-    np.testing.assert_array_equal(one.places, other.places)
-    np.testing.assert_allclose(np.linalg.norm(one.places, axis=1), 1, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(one.unit * one.places, axis=1), 1, atol=1e-3)
     assert not one.learned
-    assert one.curve.shape == (0, 2)
+    assert small_map.channels[0].curve.shape == (0, 2)
 
 
 def test_a_channel_is_described_by_its_segments(small_map: Map) -> None:
@@ -94,11 +98,12 @@ def test_a_learned_metric_projects_the_places(kind: str) -> None:
     traverses = [weathered(seed=1), weathered(seed=2)]
     plain = build_map(traverses, config_of())
     learned = build_map(traverses, config_of(kind))
-    assert any(channel.learned for channel in learned.channels)
+    assert any(channel.metric.learned for channel in learned.channels)
     for channel, unprojected in zip(learned.channels, plain.channels, strict=True):
-        assert channel.learned == (not np.array_equal(channel.projection, np.eye(30)))
-        expected = unprojected.places @ channel.projection.T
-        np.testing.assert_allclose(channel.places, expected, atol=1e-5)
+        metric, identity = channel.metric, unprojected.metric
+        assert metric.learned == (not np.array_equal(metric.projection, np.eye(30)))
+        expected = identity.unit * identity.places @ metric.projection.T
+        np.testing.assert_allclose(metric.unit * metric.places, expected, atol=1e-3)
         assert len(channel.curve) > 1
 
 
@@ -106,7 +111,7 @@ def test_a_learned_metric_projects_the_places(kind: str) -> None:
 def test_of_one_traverse_no_metric_is_learned(make_traverse: MakeTraverse, kind: str) -> None:
     built = build_map([make_traverse()], config_of(kind))
     for channel in built.channels:
-        assert not channel.learned
+        assert not channel.metric.learned
         assert channel.curve.shape == (0, 2)
 
 
@@ -114,13 +119,51 @@ def test_without_the_gate_a_metric_is_learned_of_one_traverse_too() -> None:
     config = config_of("lmnn")
     ungated = config.model_copy(update={"metric": MetricConfig(kind="lmnn", gate=False)})
     built = build_map([weathered(seed=1)], ungated)
-    assert all(channel.learned for channel in built.channels)
+    assert all(channel.metric.learned for channel in built.channels)
 
 
-def test_progress_counts_the_channels(make_traverse: MakeTraverse) -> None:
-    told: list[tuple[int, int]] = []
-    build_map([make_traverse()], config_of(), lambda *step: told.append(step))
-    assert told == [(0, 2), (1, 2), (2, 2)]
+def test_progress_tells_of_every_channels_clustering_and_learning() -> None:
+    told: dict[tuple[int, str], list[float]] = {}
+
+    def progress(number: int, what: str, share: float) -> None:
+        told.setdefault((number, what), []).append(share)
+
+    cut = partial(adaptive_channels, progress=progress)
+    config = config_of("lmnn")
+    build_map([weathered(seed=1), weathered(seed=2)], config, progress, cut)
+    assert set(told) == {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
+    for shares in told.values():
+        assert len(shares) > 5
+        assert shares == sorted(shares)
+        assert shares[-1] == 1
+
+
+def test_what_progress_raises_ends_the_build() -> None:
+    def stop(number: int, what: str, share: float) -> None:
+        if share > 0.1:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        build_map([weathered(seed=1), weathered(seed=2)], config_of("lmnn"), stop)
+
+
+def as_bytes(built: Map) -> list[bytes]:
+    return [
+        array.tobytes()
+        for channel in built.channels
+        for array in (channel.metric.projection, channel.metric.places, channel.labels)
+    ]
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_on_how_many_threads_the_channels_are_made_changes_no_bit(workers: int) -> None:
+    traverses, config = [weathered(seed=1), weathered(seed=2)], config_of("lmnn", channels=5)
+    with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
+        one = build_map(traverses, config)
+        cut = partial(adaptive_channels, run=pool.map)
+        other = build_map(traverses, config, cut=cut, run=pool.map)
+    assert any(channel.metric.learned for channel in one.channels)
+    assert as_bytes(one) == as_bytes(other)
 
 
 def test_traverses_of_other_lengths_are_refused_by_their_names(

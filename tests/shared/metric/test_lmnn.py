@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from metric_learn import LMNN
@@ -195,8 +197,24 @@ def test_labels_that_leave_nothing_to_push_end_in_a_valid_fit(labels):
     assert (np.diff(fit.objective) < 0).all()
 
 
-def test_a_common_offset_of_the_descriptors_costs_no_digits():
-    points, labels = made_route()
-    plain = fit_lmnn(points, labels, neighbours=3, push=0.5, steps=3)
-    moved = fit_lmnn(points + np.float32(64), labels, neighbours=3, push=0.5, steps=3)
-    np.testing.assert_allclose(moved.objective, plain.objective, rtol=1e-4)
+@pytest.mark.usefixtures("block")
+def test_the_same_points_at_one_place_are_each_others_targets_and_impostors():
+    points = np.repeat(np.array([[0.0, 0.0], [3.0, 0.0]]), 3, axis=0)
+    labels = np.array([0, 0, 1, 0, 1, 1])
+    targets = target_neighbours(points, labels, 2)
+    assert targets[0].tolist() == [1, 3]
+    value, _ = objective(np.eye(2), points, labels, targets, 0.4)
+    expected = literal_objective(np.eye(2), points, labels, targets, 0.4)
+    assert value == pytest.approx(expected)
+
+
+def test_memory_does_not_grow_with_the_square_of_the_points():
+    points = np.random.default_rng(0).normal(size=(4000, 20)).astype(np.float32)
+    labels = np.arange(4000) // 10
+    targets = target_neighbours(points, labels, 3)
+    objective(np.eye(20, dtype=np.float32), points, labels, targets, 0.5)
+    tracemalloc.start()
+    objective(np.eye(20, dtype=np.float32), points, labels, targets, 0.5)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4000 * 4000 * 4 / 20

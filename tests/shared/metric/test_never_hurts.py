@@ -67,10 +67,10 @@ def test_no_metric_of_two_traverses_recognises_a_third_worse(
     identity = auc(build(raw_features, feature, references, "identity"), frames)
     for kind in LEARNED:
         built = build(raw_features, feature, references, kind)
-        if any(channel.learned for channel in built.channels):
+        if any(channel.metric.learned for channel in built.channels):
             assert auc(built, frames) >= identity - 0.01, kind
 
 
 def test_of_two_traverses_something_is_learned(raw_features):
     built = build(raw_features, "gist", (LEFT, NIGHT), "lmnn")
-    assert any(channel.learned for channel in built.channels)
+    assert any(channel.metric.learned for channel in built.channels)

@@ -1,10 +1,14 @@
+import tracemalloc
+
 import numpy as np
 import pytest
+import skfuzzy
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.special import log_softmax
 
 from placefield.errors import ConfigError, MapError
+from placefield.scales import clustering
 from placefield.scales.clustering import cluster, with_route_position
 
 
@@ -16,46 +20,58 @@ def route(frames: int = 90, dimensions: int = 12, scale: float = 1.0) -> NDArray
     return (scale * (looks + drift)).astype(np.float32)
 
 
-def memberships_in_log_space(
-    vectors: NDArray[np.float32], centres: NDArray[np.float32], fuzzifier: float
+def powers_in_log_space(
+    vectors: NDArray[np.float32], centres: NDArray[np.float64], fuzzifier: float
 ) -> NDArray[np.float64]:
-    """µ_ik ∝ ‖x_i − c_k‖^(−2/(m−1)), normalised where nothing can overflow."""
-    logs = np.log(cdist(vectors.astype(float), centres.astype(float)))
-    return np.exp(log_softmax(-2 / (fuzzifier - 1) * logs, axis=1))
+    """µ_ik^m with µ_ik ∝ ‖x_i − c_k‖^(−2/(m−1)), normalised where nothing can overflow."""
+    logs = np.log(cdist(vectors.astype(float), centres))
+    return np.exp(fuzzifier * log_softmax(-2 / (fuzzifier - 1) * logs, axis=1))
 
 
+@pytest.fixture(params=[7, 512], ids=["many blocks", "one block"])
+def block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clustering, "_BLOCK", request.param)
+
+
+@pytest.mark.usefixtures("block")
 @pytest.mark.parametrize("fuzzifier", [1.02, 1.1, 1.4, 2.0])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
-def test_memberships_and_centres_are_a_fixed_point_of_the_updates(
-    fuzzifier: float, scale: float
-) -> None:
+def test_centres_are_a_fixed_point_of_the_updates(fuzzifier: float, scale: float) -> None:
     vectors = route(scale=scale)
     found = cluster(vectors, 6, fuzzifier, seed=0)
-    assert np.isfinite(found.memberships).all()
-    np.testing.assert_allclose(
-        found.memberships,
-        memberships_in_log_space(vectors, found.centres, fuzzifier),
-        atol=2e-4,
-    )
-    weights = found.memberships.astype(float) ** fuzzifier
+    weights = powers_in_log_space(vectors, found.centres, fuzzifier)
     means = weights.T @ vectors / weights.sum(axis=0)[:, None]
     np.testing.assert_allclose(found.centres, means, atol=0.01 * scale)
+
+
+@pytest.mark.usefixtures("block")
+@pytest.mark.parametrize("fuzzifier", [1.02, 1.1, 1.2])
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_labels_and_centres_are_those_of_scikit_fuzzy(fuzzifier: float, weight: float) -> None:
+    vectors = with_route_position(route(), weight)
+    found = cluster(vectors, 6, fuzzifier, seed=3)
+    ends = np.sort(np.random.default_rng(3).choice(np.arange(1, 90), 5, replace=False))
+    starts = np.eye(6)[:, np.searchsorted(ends, np.arange(90), side="right")]
+    centres, memberships, *_ = skfuzzy.cmeans(
+        vectors.T.astype(float), 6, fuzzifier, error=1e-3, maxiter=100, init=starts
+    )
+    np.testing.assert_array_equal(found.labels, memberships.argmax(axis=0))
+    np.testing.assert_allclose(found.centres, centres, atol=5e-3)
 
 
 def test_a_frame_at_its_centre_belongs_to_it_alone() -> None:
     vectors = np.repeat(np.eye(3, dtype=np.float32), 5, axis=0)
     found = cluster(vectors, 3, 1.02, seed=1)
-    assert np.isfinite(found.memberships).all()
-    np.testing.assert_allclose(found.memberships.sum(axis=1), 1, atol=1e-6)
+    assert np.isfinite(found.centres).all()
     assert len(set(found.labels[::5])) == 3
     assert (found.labels.reshape(3, 5) == found.labels[::5, None]).all()
 
 
-def test_the_label_is_the_cluster_of_highest_membership() -> None:
+def test_the_label_is_the_cluster_of_the_nearest_centre() -> None:
     found = cluster(route(), 7, 1.3, seed=0)
-    np.testing.assert_array_equal(found.labels, found.memberships.argmax(axis=1))
-    assert (found.centres.shape, found.memberships.shape) == ((7, 12), (90, 7))
-    assert found.centres.dtype == found.memberships.dtype == np.float32
+    assert found.centres.shape == (7, 12)
+    np.testing.assert_array_equal(found.labels, cdist(route(), found.centres).argmin(axis=1))
+    assert found.labels.dtype == np.int32
 
 
 def test_same_seed_same_clustering_and_the_global_generator_untouched() -> None:
@@ -64,8 +80,35 @@ def test_same_seed_same_clustering_and_the_global_generator_untouched() -> None:
     first = cluster(route(), 8, 1.2, seed=4)
     np.random.seed(1)  # noqa: NPY002
     second = cluster(route(), 8, 1.2, seed=4)
-    np.testing.assert_array_equal(first.memberships, second.memberships)
+    np.testing.assert_array_equal(first.centres, second.centres)
     np.testing.assert_array_equal(np.random.random(3), untouched)  # noqa: NPY002
+
+
+def test_every_sweep_is_told_and_may_end_the_clustering() -> None:
+    told: list[int] = []
+    cluster(route(), 6, 1.1, 0, lambda done, total: told.append(done))
+    assert told == [*range(1, len(told) + 1)]
+
+    def end(done: int, total: int) -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        cluster(route(), 6, 1.1, 0, end)
+
+
+def test_memory_does_not_grow_with_frames_times_clusters() -> None:
+    def end_after_two(done: int, total: int) -> None:
+        if done == 2:
+            raise InterruptedError
+
+    vectors = route(6000)
+    cluster(vectors[:99], 9, 1.1, seed=0)
+    tracemalloc.start()
+    with pytest.raises(InterruptedError):
+        cluster(vectors, 600, 1.1, 0, end_after_two)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 6000 * 600 * 8
 
 
 def test_refuses_what_cannot_be_clustered() -> None:
@@ -77,7 +120,7 @@ def test_refuses_what_cannot_be_clustered() -> None:
 
 def test_every_number_of_clusters_up_to_the_frames_works() -> None:
     for clusters in (1, 2, 29, 30):
-        assert cluster(route(30), clusters, 1.1, seed=0).memberships.shape == (30, clusters)
+        assert len(cluster(route(30), clusters, 1.1, seed=0).centres) == clusters
 
 
 def test_no_weight_leaves_the_vectors_unchanged() -> None:

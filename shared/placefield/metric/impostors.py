@@ -1,0 +1,75 @@
+"""What the impostors of a tile of distances do: the inner loops of LMNN."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.kernels import kernel
+
+Floats = NDArray[np.floating[Any]]
+Labels = NDArray[np.integer[Any]]
+
+
+@kernel
+def mark_invasions(
+    distances: Floats,
+    row_labels: Labels,
+    column_labels: Labels,
+    row_radii: Floats,
+    column_radii: Floats,
+    row_triplets: Floats,
+    column_triplets: Floats,
+    diagonal: bool,
+) -> bool:
+    """Replace the distances (A, B) of two sets of points by how often each pair invades.
+
+    A pair of points of different labels invades once for each radius, (k, A) and (k, B) of the
+    points, above its distance, from both of its ends; it is a triplet of the point whose radius
+    it is, and is added to (k, A) and (k, B) triplets. On the diagonal, where rows and columns are
+    the same points, only the pairs above it count. Returns whether any pair invades.
+    """
+    weights = np.empty_like(distances[0])
+    one, none = weights.dtype.type(1), weights.dtype.type(0)
+    found = False
+    for row in range(len(distances)):
+        near = distances[row]
+        if diagonal:
+            near[: row + 1] = np.inf
+        for column in range(len(near)):
+            if column_labels[column] == row_labels[row]:
+                near[column] = np.inf
+        weights[:] = 0
+        for target in range(len(row_radii)):
+            radius, radii = row_radii[target, row], column_radii[target]
+            of_columns = column_triplets[target]
+            of_row = none
+            for column in range(len(near)):
+                invades_row = one if near[column] < radius else none
+                invades_column = one if near[column] < radii[column] else none
+                of_row += invades_row
+                of_columns[column] += invades_column
+                weights[column] += invades_row + invades_column
+            row_triplets[target, row] += of_row
+        near[:] = weights
+        found |= weights.any()
+    return found
+
+
+@kernel
+def sum_hinges(
+    distances: Floats, row_labels: Labels, column_labels: Labels, row_radii: Floats
+) -> float:
+    """Sum how deep columns of other labels are inside the radii, (k, A), of the rows.
+
+    distances is (A, B).
+    """
+    total = 0.0
+    for row in range(len(distances)):
+        near, label = distances[row], row_labels[row]
+        for target in range(len(row_radii)):
+            radius = row_radii[target, row]
+            for column in range(len(near)):
+                inside = near[column] < radius and column_labels[column] != label
+                total += np.float64(radius - near[column]) if inside else 0.0
+    return total
