@@ -6,10 +6,19 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+)
 from pydantic_core import PydanticCustomError
 from pydantic_settings import (
     BaseSettings,
+    NoDecode,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
     SettingsError,
@@ -30,6 +39,27 @@ def _check_kind(kind: str) -> str:
 
 
 FeatureKind = Annotated[str, AfterValidator(_check_kind)]
+
+
+def _split(names: object) -> object:
+    """Take names in one text, as a flag or the environment has them, apart."""
+    return tuple(names.split(",")) if isinstance(names, str) else names
+
+
+def _check_distinct(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) < len(names):
+        raise PydanticCustomError("distinct", "give each name once")
+    return names
+
+
+RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
+RunNames = Annotated[
+    tuple[RunName, ...],
+    NoDecode,
+    BeforeValidator(_split),
+    AfterValidator(_check_distinct),
+    Field(min_length=1),
+]
 MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Rule = Literal["filter", "evidence", "lowest-score"]
 
@@ -106,6 +136,19 @@ class MatchingConfig(_Section):
         10, ge=0, description="evidence: places on either side that a margin disregards"
     )
     reverse: bool = Field(False, description="the route is driven the other way")
+    coarse_from: int = Field(
+        200_000,
+        ge=1,
+        description="a map of so many places is built for a coarse look at all of them first",
+    )
+    exact: bool = Field(
+        False, description="filter: compare exactly with every place, whatever the map is built for"
+    )
+
+    @property
+    def compares_exactly(self) -> bool:
+        """Whether no coarse look may choose the places that are compared with."""
+        return self.exact or self.rule != "filter"
 
 
 class FusionConfig(_Section):
@@ -115,9 +158,9 @@ class FusionConfig(_Section):
 
 
 class Config(_Section):
-    """All that describes a run."""
+    """All that describes a run, or several on one map."""
 
-    run: str = Field("default", pattern=r"^[A-Za-z0-9_-]+$", description="name of the run")
+    runs: RunNames = Field(("default",), description="their names, with commas between them")
     seed: int = Field(0, ge=0, description="of everything random")
     bus: BusConfig = BusConfig()
     features: FeatureConfig = FeatureConfig()
@@ -125,6 +168,17 @@ class Config(_Section):
     metric: MetricConfig = MetricConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
+
+    @property
+    def run(self) -> str:
+        """The run, for what is about one.
+
+        Raises:
+            ConfigError: there are several.
+        """
+        if len(self.runs) > 1:
+            raise ConfigError(f"runs {', '.join(self.runs)}: give one of them with --run")
+        return self.runs[0]
 
     def to_toml(self) -> str:
         """Return the configuration as TOML; keys without a value are left out."""

@@ -9,8 +9,9 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.maps.map import Map
+from placefield.maps.map import Map, MapMetric
 from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import Comparison, MetricPlaces
 
 
 class Recognizer:
@@ -24,8 +25,12 @@ class Recognizer:
         self._feature = feature_of_model(placemap.model)
         self._config = config
         self._descriptors = DescriptorStream(placemap.model)
+        self._places = {
+            metric: MetricPlaces(metric, exact=config.compares_exactly)
+            for metric in placemap.metrics
+        }
         self._matchers = [
-            matcher_of(channel, config.rule, reverse=config.reverse)
+            (channel.metric, matcher_of(channel, config.rule, reverse=config.reverse))
             for channel in placemap.channels
         ]
 
@@ -42,4 +47,13 @@ class Recognizer:
     def push_raw(self, raw: NDArray[np.float32] | None) -> Match:
         """Match the next frame by its raw feature (D,); None is a frame that was not seen."""
         descriptor = None if raw is None else self._descriptors.push(raw)
-        return fuse([matcher.push(descriptor) for matcher in self._matchers], self._config)
+        return self.push_descriptor(descriptor)
+
+    def push_descriptor(self, descriptor: NDArray[np.float32] | None) -> Match:
+        """Match the next frame by its descriptor (N,); None is a frame that was not seen."""
+        frames: dict[MapMetric, Comparison | None] = dict.fromkeys(self._places)
+        if descriptor is not None:
+            for metric, places in self._places.items():
+                (frames[metric],) = places.compare(descriptor[None])
+        candidates = [matcher.push(frames[metric]) for metric, matcher in self._matchers]
+        return fuse(candidates, self._config)

@@ -53,7 +53,10 @@ def test_flags_win_over_the_environment_over_the_file_over_the_defaults(
         ("[scales]\nchannels = 0\n", "scales.channels"),
         ("scales = 3\n", "scales"),
         ("[matching]\nrule = 'lowest_score'\n", "matching.rule"),
-        ("run = 'two words'\n", "run"),
+        ("runs = ['one', 'two words']\n", "runs.1"),
+        ("runs = 'one,'\n", "runs.1"),
+        ("runs = ['one', 'one']\n", "runs"),
+        ("runs = []\n", "runs"),
         ("[features]\nkind = 'surf'\n", "features.kind"),
         ("[features]\nkind = 'onnx:'\n", "features.kind"),
     ],
@@ -101,7 +104,7 @@ def test_a_missing_or_unreadable_file_is_named(tmp_path: Path) -> None:
 
 def test_toml_shows_every_setting_that_has_a_value() -> None:
     shown = tomllib.loads(Config().to_toml())
-    assert shown["run"] == "default"
+    assert shown["runs"] == ["default"]
     assert shown["scales"] == {
         "channels": 4,
         "position_weight": 1.0,
@@ -113,7 +116,9 @@ def test_toml_shows_every_setting_that_has_a_value() -> None:
 positive = st.floats(1e-6, 1e6)
 configs = st.fixed_dictionaries(
     {
-        "run": st.from_regex(r"[A-Za-z0-9_-]+", fullmatch=True),
+        "runs": st.lists(
+            st.from_regex(r"[A-Za-z0-9_-]+", fullmatch=True), min_size=1, unique=True
+        ).map(tuple),
         "seed": st.integers(0, 2**40),
         "bus": st.fixed_dictionaries({"endpoint": st.text(), "connect_timeout_s": positive}),
         "features": st.fixed_dictionaries(
@@ -143,3 +148,21 @@ def test_toml_comes_back_as_the_same_configuration(
     file = tmp_path_factory.getbasetemp() / "round-trip.toml"
     file.write_text(config.to_toml(), encoding="utf-8")
     assert load_config(file) == config
+
+
+@pytest.mark.parametrize("given_as", ["flag", "flags", "file", "environment"])
+def test_several_runs_are_given_as_a_list_or_with_commas(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given_as: str
+) -> None:
+    file = tmp_path / "run.toml"
+    file.write_text("runs = ['day', 'night']\n" if given_as == "file" else "")
+    if given_as == "environment":
+        monkeypatch.setenv("PLACEFIELD_RUNS", "day,night")
+    flags = {"flag": {"runs": "day,night"}, "flags": {"runs": ["day", "night"]}}
+    assert load_config(file, flags.get(given_as)).runs == ("day", "night")
+
+
+def test_what_is_about_one_run_is_refused_several() -> None:
+    assert Config().run == "default"
+    with pytest.raises(ConfigError, match="runs day, night: give one of them with --run"):
+        _ = Config(runs=("day", "night")).run

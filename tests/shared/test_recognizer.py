@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import get_args
 
 import cv2
@@ -12,10 +13,14 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame
 from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
 from placefield.maps.build import build_map
 from placefield.maps.map import Map
+from placefield.maps.metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
 from placefield.recognizer import Recognizer
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -36,6 +41,30 @@ def test_a_query_in_other_weather_is_recognised(
     warm = {"filter": 15, "evidence": 0, "lowest-score": 20}[rule]
     right = [abs(match.place - frame) <= 2 for frame, match in enumerate(matches)][warm:]
     assert np.mean(right) > 0.9
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_every_channel_is_matched_under_its_own_metric(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule, reverse: bool
+) -> None:
+    first, other = small_map.channels
+    projection = np.random.default_rng(1).normal(size=(12, 30)).astype(np.float32)
+    descriptors = (first.metric.unit * first.metric.places).astype(np.float32)
+    channels = (first, replace(other, metric=learned_metric(projection, descriptors)), other)
+    config = MatchingConfig(rule=rule, reverse=reverse)
+    recognizer = Recognizer(replace(small_map, channels=channels), config)
+
+    matchers = [matcher_of(channel, rule, reverse=reverse) for channel in channels]
+    places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
+    for frame, descriptor in enumerate(small_map.model.of_reference(make_traverse(noise=0.3).raw)):
+        seen = frame not in (0, 30, 31)
+        candidates = [
+            matcher.push(next(its.compare(descriptor[None])) if seen else None)
+            for matcher, its in zip(matchers, places, strict=True)
+        ]
+        match = recognizer.push_descriptor(descriptor if seen else None)
+        assert match == fuse(candidates, config)
 
 
 @pytest.mark.parametrize("rule", RULES)

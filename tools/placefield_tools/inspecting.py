@@ -22,6 +22,7 @@ def print_map(opened: Map, path: Path) -> None:
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
         "metric": opened.metric.kind,
+        "search": "coarse look first" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
     }
     for name, fact in facts.items():
@@ -34,7 +35,7 @@ def print_map(opened: Map, path: Path) -> None:
             str(channel.clusters),
             str(len(channel.segments)),
             f"{np.mean(channel.labels > 0):.0%}",
-            "learned" if channel.learned else "identity",
+            "learned" if channel.metric.learned else "identity",
             " ".join(map(str, channel.scales)),
         )
     console.print(table)

@@ -15,7 +15,7 @@ from placefield.evaluation.plots import (
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.images import decode
 from placefield.maps.map import Map
-from placefield.matching.distances import PlaceDistances
+from placefield.matching.comparing import distance_matrix
 from placefield_tools.evaluating import Evaluation, Judged, RawFeature
 
 _MOST_CELLS = 1500  # of the distance matrix a side; more cannot be seen
@@ -51,12 +51,9 @@ def _draw_matrix(path: Path, evaluation: Evaluation, result: Judged, title: str)
 
 def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
     """Distances under the first channel's metric, (Q, K); infinite for frames not seen."""
-    channel = placemap.channels[0]
-    places = PlaceDistances(channel.projection, channel.places)
     stream = DescriptorStream(placemap.model)
-    unseen = np.full(places.count, np.inf, np.float32)
-    projected = (None if raw is None else places.project(stream.push(raw)) for raw in raws)
-    return np.stack([unseen if vector is None else places.to(vector) for vector in projected])
+    descriptors = [None if raw is None else stream.push(raw) for raw in raws]
+    return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
 
 
 def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:

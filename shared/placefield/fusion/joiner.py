@@ -7,6 +7,7 @@ it next answers. So a dead or stopped channel holds up the stream for one deadli
 that is slow but answers is waited for.
 """
 
+import heapq
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -61,6 +62,7 @@ class Joiner:
         self._tardy: set[int] = set()
         self._latest: dict[int, _Answer] = {}
         self._pending: dict[int, _Pending] = {}
+        self._in_order: list[int] = []  # the pending frames, as a heap
         self._next = 0
 
     def set_alive(self, channels: Iterable[int]) -> None:
@@ -70,7 +72,14 @@ class Joiner:
     def announce(self, sequence: int, now: float) -> None:
         """Say that a frame is under way (``now`` in seconds, of any clock that never goes back)."""
         if sequence >= self._next:
-            self._pending.setdefault(sequence, _Pending(now))
+            self._frame(sequence, now)
+
+    def _frame(self, sequence: int, now: float) -> _Pending:
+        """Return what is known of a frame; one that is new is of now."""
+        if sequence not in self._pending:
+            self._pending[sequence] = _Pending(now)
+            heapq.heappush(self._in_order, sequence)
+        return self._pending[sequence]
 
     def add(self, sequence: int, channel: int, candidate: Candidate, now: float) -> None:
         """Take a channel's candidate of a frame; a second one and one too late are dropped."""
@@ -81,7 +90,7 @@ class Joiner:
         if sequence < self._next:
             self._counts["late"] += 1
             return
-        candidates = self._pending.setdefault(sequence, _Pending(now)).candidates
+        candidates = self._frame(sequence, now).candidates
         if channel in candidates:
             self._counts["duplicate"] += 1
             return
@@ -91,7 +100,8 @@ class Joiner:
     def release(self, now: float) -> list[Joined]:
         """Return the frames that are complete or due, in order."""
         released: list[Joined] = []
-        for sequence in sorted(self._pending):
+        while self._in_order:
+            sequence = self._in_order[0]
             pending = self._pending[sequence]
             absent = self._channels - pending.candidates.keys()
             awaited = self._awaited(sequence, absent)
@@ -117,6 +127,7 @@ class Joiner:
     def _release(self, sequence: int, missing: frozenset[int]) -> Joined:
         self._next = sequence + 1
         self._counts["partial"] += bool(missing)
+        heapq.heappop(self._in_order)
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
 

@@ -1,11 +1,18 @@
 """What ``manifest.json`` of a map holds."""
 
-from typing import Annotated, Literal
+import hashlib
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.network import NetworkInput
+
+SUFFIX = ".pfmap"
+"""Of a map's folder."""
+
+MANIFEST = "manifest.json"
+"""Its file in there."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -21,12 +28,27 @@ class TraverseRecord(_Record):
     frames: int
 
 
+class MetricRecord(_Record):
+    """One metric.
+
+    Attributes:
+        learned: whether it was.
+        unit: length of one code of its places.
+        coarse_unit: the same of the coarse look at them; none where the map is to be searched
+            exactly.
+    """
+
+    learned: bool
+    unit: float = Field(gt=0, allow_inf_nan=False)
+    coarse_unit: float | None = Field(None, gt=0, allow_inf_nan=False)
+
+
 class ChannelRecord(_Record):
-    """One channel: its fuzzifier, its clusters, and whether its metric passed the gate."""
+    """One channel: its fuzzifier, its clusters, and the number of its metric."""
 
     fuzzifier: float
     clusters: int
-    learned: bool
+    metric: int = Field(ge=0)
 
 
 class Manifest(_Record):
@@ -39,9 +61,10 @@ class Manifest(_Record):
         network: what the network takes that the features are of; none if they are of none.
         pose_frame: name of the frame that the poses are in; none if there are none.
         files: SHA-256 of each file, by its path in the map.
+        checksum: SHA-256 of all the rest; see ``sealed``.
     """
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     placefield: str
     seed: int
     features: FeatureConfig
@@ -52,5 +75,12 @@ class Manifest(_Record):
     places: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
+    metrics: tuple[MetricRecord, ...] = Field(min_length=1)
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]
+    checksum: str = ""
+
+    def sealed(self) -> Self:
+        """Return the manifest with its checksum."""
+        rest = self.model_dump_json(exclude={"checksum"})
+        return self.model_copy(update={"checksum": hashlib.sha256(rest.encode()).hexdigest()})

@@ -1,6 +1,7 @@
 """The map in memory."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import TraverseRecord
+from placefield.metric.coarse import Coarse
+from placefield.metric.codes import Codes
 
 Array = NDArray[np.float32]
 
@@ -47,16 +50,38 @@ class Places:
         return self.thumbnails[start : self.thumbnail_ends[place]].tobytes()
 
 
+@dataclass(frozen=True, eq=False)
+class MapMetric:
+    """A metric, and the K places under it.
+
+    Attributes:
+        learned: whether the projection was learned; else it is the identity.
+        projection: (M, N) float32, v of Eq. 6.
+        unit: length of one code, see ``placefield.metric.codes``.
+        places: (K, M) int16, the codes of the places under it.
+        squares: (K,) int32, their squared lengths.
+        steps: (2, K) float32, how far each place is from the one before it, and from the one before
+            that; where there is none, the mean.
+        coarse: a coarse look at them, where the map was built for that.
+    """
+
+    learned: bool
+    projection: Array
+    unit: float
+    places: Codes
+    squares: NDArray[np.int32]
+    steps: Array
+    coarse: Coarse | None = None
+
+
 @dataclass(frozen=True)
 class MapChannel:
-    """One channel of a map with K places, N descriptor dimensions.
+    """One channel of a map with K places.
 
     Attributes:
         fuzzifier: m of its fuzzy c-means.
         clusters: C.
-        learned: whether its projection was learned; else it is the identity.
-        projection: (N, N) float32, v of Eq. 6.
-        places: (K, N) float32, the descriptors of the places under it.
+        metric: its metric; channels for which none was learned share one.
         labels: (K,) int32, 0 where the place is inactive, else the number of its segment, from 1.
         segments: (S, 2) int32, first place and last + 1 of every active segment.
         scales: (n,) int32, ascending distinct lengths of the segments, frames.
@@ -65,9 +90,7 @@ class MapChannel:
 
     fuzzifier: float
     clusters: int
-    learned: bool
-    projection: Array
-    places: Array
+    metric: MapMetric
     labels: NDArray[np.int32]
     segments: NDArray[np.int32]
     scales: NDArray[np.int32]
@@ -86,7 +109,12 @@ class Map:
     pose_frame: str | None
     model: DescriptorModel
     places: Places
-    channels: tuple[MapChannel, ...]
+    channels: Sequence[MapChannel]
+
+    @property
+    def metrics(self) -> tuple[MapMetric, ...]:
+        """The metrics of its channels, each once."""
+        return tuple(dict.fromkeys(channel.metric for channel in self.channels))
 
 
 def fingerprint(model: DescriptorModel) -> str:

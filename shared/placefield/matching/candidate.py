@@ -17,14 +17,17 @@ class Candidate:
         place: index of the best place, or ``UNANSWERED``.
         score: of that place; 0 where there is no answer. Under ``filter`` its belief, the higher
             the better; under the other rules the lower the better.
-        evidence: (K,) float32, of every place: the belief under ``filter``, the evidence under
-            ``evidence``; empty under ``lowest-score``.
+        places: (n,) int32, ascending, what ``evidence`` is of under ``filter``; else empty.
+        evidence: float32. Under ``filter`` (n,), the belief in these places, the others being next
+            to nothing; under ``evidence`` (K,), of every place; empty under ``lowest-score``.
     """
 
     place: int
     score: float
+    places: NDArray[np.int32]
     evidence: NDArray[np.float32]
 
 
+NO_PLACES: NDArray[np.int32] = np.empty(0, np.int32)
 NO_EVIDENCE: NDArray[np.float32] = np.empty(0, np.float32)
-NO_CANDIDATE = Candidate(UNANSWERED, 0.0, NO_EVIDENCE)
+NO_CANDIDATE = Candidate(UNANSWERED, 0.0, NO_PLACES, NO_EVIDENCE)

@@ -1,4 +1,4 @@
-"""One channel's matching: descriptor in, candidate out."""
+"""One channel's matching of one stream: comparison in, candidate out."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -7,26 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import Rule
-from placefield.maps.map import MapChannel
-from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.distances import PlaceDistances
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, UNANSWERED, Candidate
+from placefield.matching.comparing import Comparison
 from placefield.matching.evidence import evidence
 from placefield.matching.lowest_score import lowest_score
-from placefield.matching.place_filter import PlaceFilter
+from placefield.matching.place_filter import STEPS, Array, PlaceFilter, evenly_spaced
 from placefield.matching.windows import WindowSums
 
 _WINDOW_RULES = {"evidence": evidence, "lowest-score": lowest_score}
 
+_NEXT_TO_NOTHING = 1e-6
+"""A belief below this is not told: no sum of a few of them changes a match."""
+
 
 class ChannelMatcher(ABC):
-    """Matches a stream of descriptors against a channel's places."""
+    """Matches one stream of frames in one channel."""
 
     memory: int
     """After so many frames that were not seen, more of them change nothing that matters."""
 
     @abstractmethod
-    def push(self, descriptor: NDArray[np.float32] | None) -> Candidate:
-        """Return the candidate for the next frame, given its descriptor (N,).
+    def push(self, frame: Comparison | None) -> Candidate:
+        """Return the candidate for the next frame, given how it compares with the places.
 
         None is a frame that could not be seen; the vehicle has moved on all the same.
         """
@@ -35,19 +38,18 @@ class ChannelMatcher(ABC):
 class WindowMatcher(ChannelMatcher):
     """Compares windows of frames, at the same speed as the reference; one per scale."""
 
-    def __init__(self, distances: PlaceDistances, scales: Sequence[int], rule: Rule) -> None:
-        """Take the channel's metric and places, its scales (frames, ascending) and the rule."""
-        self._distances = distances
+    def __init__(self, metric: MapMetric, scales: Sequence[int], rule: Rule) -> None:
+        """Take the channel's metric, its scales (frames, ascending) and the rule."""
         self._candidate = _WINDOW_RULES[rule]
-        self._windows = WindowSums(scales, distances.count)
+        self._windows = WindowSums(scales, len(metric.places), metric.unit)
         self.memory = max(scales)
 
-    def push(self, descriptor: NDArray[np.float32] | None) -> Candidate:
+    def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame; frames not seen keep the others aligned."""
-        if descriptor is None:
+        if frame is None:
             self._windows.push_unseen()
         else:
-            self._windows.push(self._distances.to(self._distances.project(descriptor)))
+            self._windows.push(frame.distances)
         return self._candidate(self._windows)
 
 
@@ -56,27 +58,28 @@ class FilterMatcher(ChannelMatcher):
 
     memory = 1000  # unseen for so long, the vehicle may be anywhere
 
-    def __init__(self, distances: PlaceDistances, persistence: float) -> None:
-        """Take the channel's metric and places, and how long it expects a speed to last, frames."""
-        self._distances = distances
-        self._filter = PlaceFilter(distances, persistence)
+    def __init__(self, steps: Array, jumps: Array, persistence: float) -> None:
+        """Take what ``PlaceFilter`` takes."""
+        self._filter = PlaceFilter(steps, jumps, persistence)
+        self._believed = NO_PLACES
 
-    def push(self, descriptor: NDArray[np.float32] | None) -> Candidate:
+    def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame; none before the first that was seen."""
-        if descriptor is None:
+        if frame is None:
             self._filter.push_unseen()
         else:
-            projected = self._distances.project(descriptor)
-            self._filter.push(projected, self._distances.to(projected))
+            if not frame.is_exact:
+                frame = frame.made_exact(within_reach(self._believed, len(frame.distances)))
+            self._filter.push(frame)
         if not self._filter.begun:
             return NO_CANDIDATE
-        belief = self._filter.belief.astype(np.float32)
-        place = int(np.argmax(belief))
-        return Candidate(place, float(belief[place]), belief)
+        best, places, beliefs = self._filter.believed(_NEXT_TO_NOTHING)
+        self._believed = places
+        return Candidate(int(places[best]), float(beliefs[best]), places, beliefs)
 
 
 class ReverseMatcher(ChannelMatcher):
-    """Turns back the candidates of a matcher whose places are in reverse order."""
+    """Shows a matcher the places in reverse order, and turns back its candidates."""
 
     def __init__(self, matcher: ChannelMatcher, places: int) -> None:
         """Take the matcher and how many places there are."""
@@ -84,12 +87,17 @@ class ReverseMatcher(ChannelMatcher):
         self._last = places - 1
         self.memory = matcher.memory
 
-    def push(self, descriptor: NDArray[np.float32] | None) -> Candidate:
+    def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame, in the order of the map."""
-        turned = self._matcher.push(descriptor)
+        turned = self._matcher.push(None if frame is None else frame.turned())
         if turned.place == UNANSWERED:
             return turned
-        return Candidate(self._last - turned.place, turned.score, turned.evidence[::-1].copy())
+        return Candidate(
+            self._last - turned.place,
+            turned.score,
+            self._last - turned.places[::-1],
+            turned.evidence[::-1].copy(),
+        )
 
 
 def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> ChannelMatcher:
@@ -101,15 +109,35 @@ def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> Cha
         reverse: whether the route is driven the other way. Windows and steps then follow the places
             in reverse order.
     """
-    if not reverse:
-        return _matcher(channel, channel.places, rule)
-    places = np.ascontiguousarray(channel.places[::-1])
-    return ReverseMatcher(_matcher(channel, places, rule), len(places))
-
-
-def _matcher(channel: MapChannel, places: NDArray[np.float32], rule: Rule) -> ChannelMatcher:
-    distances = PlaceDistances(channel.projection, places)
+    metric, scales = channel.metric, channel.scales
+    matcher: ChannelMatcher
     if rule == "filter":
+        steps = _reversed_steps(metric.steps) if reverse else metric.steps
         # A speed lasts about as long as a segment of the route.
-        return FilterMatcher(distances, float(channel.scales.mean()))
-    return WindowMatcher(distances, channel.scales.tolist(), rule)
+        matcher = FilterMatcher(steps, _jumps(metric), float(scales.mean()))
+    else:
+        matcher = WindowMatcher(metric, scales.tolist(), rule)
+    return ReverseMatcher(matcher, len(metric.places)) if reverse else matcher
+
+
+def within_reach(places: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """Return where a step from any of these places of a map of so many may lead, ascending."""
+    reached = np.unique(np.add.outer(places, np.array(STEPS, np.int32)))
+    return reached[reached < count]
+
+
+def _reversed_steps(steps: Array) -> Array:
+    """How far each place is from the one and the two behind it, in reverse order."""
+    turned = steps[:, ::-1].copy()
+    for row, step in zip(turned, (1, 2), strict=True):
+        row[step:], row[:step] = row[:-step].copy(), row[-step:].copy()
+    return turned
+
+
+def _jumps(metric: MapMetric) -> Array:
+    """How far places are from those half a map away."""
+    count = len(metric.places)
+    some = evenly_spaced(np.arange(count))
+    here, there = metric.places[some], metric.places[some - count // 2]
+    difference = here.astype(np.float32) - there
+    return np.asarray(metric.unit * np.linalg.norm(difference, axis=1), np.float32)

@@ -1,9 +1,11 @@
 """The rule ``evidence``: what all window lengths say of every place, on one scale."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from placefield.matching.candidate import NO_CANDIDATE, Candidate
-from placefield.matching.windows import WindowSums
+from placefield.kernels import kernel
+from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
+from placefield.matching.windows import Sums, WindowSums
 
 
 def evidence(windows: WindowSums) -> Candidate:
@@ -19,12 +21,51 @@ def evidence(windows: WindowSums) -> Candidate:
         The candidate of lowest evidence; ``NO_CANDIDATE`` where no window tells places apart, as
         before the first frame that was seen.
     """
-    deviations = windows.sums.std(axis=1)
-    telling = deviations > 0
-    if not telling.any():
+    scores = np.zeros(windows.places)
+    if not _mean_of_normalised(windows.columns, windows.first_column, scores):
         return NO_CANDIDATE
-    sums = windows.sums[telling]
-    normalised = (sums - sums.mean(axis=1, keepdims=True)) / deviations[telling, None]
-    scores = normalised.mean(axis=0).astype(np.float32)
     place = int(np.argmin(scores))
-    return Candidate(place, float(scores[place]), scores)
+    return Candidate(place, float(scores[place]), NO_PLACES, scores.astype(np.float32))
+
+
+@kernel
+def _mean_of_normalised(columns: Sums, first: int, scores: NDArray[np.float64]) -> int:
+    """Add up the normalised sums over the windows that tell places apart; return how many do."""
+    places = len(scores)
+    before_wrap = min(columns.shape[1] - first, places)
+    sums = np.empty(places)  # in the order of the map, so that they are added up in one order
+    telling = 0
+    for row in range(len(columns)):
+        sums[:before_wrap] = columns[row, first : first + before_wrap]
+        sums[before_wrap:] = columns[row, : places - before_wrap]
+        mean = _sum(sums) / places
+        squares = _squares(sums, mean)
+        if squares > 0:
+            telling += 1
+            _add_normalised(sums, mean, 1 / np.sqrt(squares / places), scores)
+    for place in range(places):
+        scores[place] /= max(telling, 1)
+    return telling
+
+
+@kernel
+def _sum(sums: Sums) -> float:
+    total = 0.0
+    for column in range(len(sums)):
+        total += sums[column]
+    return total
+
+
+@kernel
+def _squares(sums: Sums, mean: float) -> float:
+    squares = 0.0
+    for column in range(len(sums)):
+        difference = sums[column] - mean
+        squares += difference * difference
+    return squares
+
+
+@kernel
+def _add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.float64]) -> None:
+    for column in range(len(sums)):
+        scores[column] += (sums[column] - mean) * scale

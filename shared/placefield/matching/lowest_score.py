@@ -5,9 +5,17 @@ paper's begin there.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, Candidate
-from placefield.matching.windows import WindowSums
+from placefield.kernels import kernel
+from placefield.matching.candidate import (
+    NO_CANDIDATE,
+    NO_EVIDENCE,
+    NO_PLACES,
+    UNANSWERED,
+    Candidate,
+)
+from placefield.matching.windows import Sums, WindowSums
 
 
 def lowest_score(windows: WindowSums) -> Candidate:
@@ -21,16 +29,40 @@ def lowest_score(windows: WindowSums) -> Candidate:
         The candidate (Y_o, F(Y_o)); ``NO_CANDIDATE`` while the stream is shorter than the
         smallest coarse scale, or the map is.
     """
-    smallest, fine_sums = windows.lengths[0], windows.sums[0]
-    coarse = range(1, len(windows.lengths)) or (0,)  # a channel of one scale has no other
-    best = NO_CANDIDATE
-    for row in coarse:
-        scale = windows.lengths[row]
-        if scale > min(windows.frames, len(fine_sums)):
+    place, score = _hypothesis(
+        windows.columns, windows.first_column, windows.places, windows.row_lengths, windows.frames
+    )
+    if place == UNANSWERED:
+        return NO_CANDIDATE
+    return Candidate(place, score * windows.unit**2, NO_PLACES, NO_EVIDENCE)
+
+
+@kernel
+def _hypothesis(
+    columns: Sums, first: int, places: int, lengths: NDArray[np.int64], frames: int
+) -> tuple[int, float]:
+    """Find the best hypothesis and its fine score, in the units of the sums."""
+    best, best_score = UNANSWERED, np.inf
+    smallest = lengths[0]
+    for row in range(min(1, len(lengths) - 1), len(lengths)):  # one scale alone is coarse, too
+        scale = lengths[row]
+        if scale > min(frames, places):
             break
-        field = int(np.argmin(windows.sums[row, scale - 1 :]))  # H: first place of the field
-        within = slice(field + smallest - 1, field + scale)
-        hypothesis = within.start + int(np.argmin(fine_sums[within]))
-        if best is NO_CANDIDATE or fine_sums[hypothesis] < best.score:
-            best = Candidate(hypothesis, float(fine_sums[hypothesis]), NO_EVIDENCE)
-    return best
+        field = _lowest(columns[row], first, scale - 1, places) - (scale - 1)  # H: its first place
+        hypothesis = _lowest(columns[0], first, field + smallest - 1, field + scale)
+        score = columns[0, (first + hypothesis) % columns.shape[1]]
+        if score < best_score:
+            best, best_score = hypothesis, score
+    return best, best_score
+
+
+@kernel
+def _lowest(sums: NDArray[np.float64], first: int, start: int, stop: int) -> int:
+    """Return the first place of the lowest sum, from ``start`` up to ``stop``."""
+    place, lowest = start, np.inf
+    for j in range(start, stop):
+        column = first + j
+        value = sums[column if column < len(sums) else column - len(sums)]
+        if value < lowest:
+            place, lowest = j, value
+    return place

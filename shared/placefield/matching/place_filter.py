@@ -13,12 +13,24 @@ they follow the map for a while. So the map competes with a decoy: the same plac
 It is as good a match for strangers, but not for who drives the route.
 """
 
+import math
+from typing import TypeVar, cast
+
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.distances import PlaceDistances
+from placefield.matching.comparing import Comparison
+from placefield.matching.filter_step import (
+    Motion,
+    Steps,
+    advance,
+    believed,
+    exponents_of,
+    step_length,
+)
 
-Array = NDArray[np.float64]
+Array = NDArray[np.float32]
+Rows = TypeVar("Rows", bound=NDArray[np.generic])
 
 SPEEDS = np.array([0.0, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0])
 """Places per frame."""
@@ -35,126 +47,126 @@ _SHEETS = np.array([0.2, 0.8])  # of which that the map has, and the decoy
 _STEP_DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
 _NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
 _LOST_EVIDENCE = 0.75  # that chance gives a frame for the best of places over an average one, nats
+_UNSEEN = -1.0  # length of a step of which nothing is known
+_SAMPLE = 1000  # places that stand for all where only a mean is wanted
 
 
 class PlaceFilter:
     """The belief in every place, given the frames so far; ``begun`` once one was seen."""
 
-    def __init__(self, distances: PlaceDistances, persistence: float) -> None:
+    def __init__(self, steps: Array, jumps: Array, persistence: float) -> None:
         """Prepare for a new stream.
 
         Args:
-            distances: the places, under the channel's metric.
+            steps: (2, K) float32, how far each place is from the one before it, and from the one
+                before that.
+            jumps: (J,) float32, how far places are from others that have nothing to do with them.
             persistence: how many frames a speed lasts, on average.
         """
-        places = distances.places.astype(np.float64)
-        # Arrays of belief are (sheets, speeds, places): the map first, then the decoy.
-        self._step_lengths = np.stack([_step_lengths(places), _step_lengths(places[::-1])])
-        self._jump_lengths = np.linalg.norm(places - np.roll(places, len(places) // 2, 0), axis=1)
-        typical = np.median(self._step_lengths[0, 1])
-        self._typical_step = float(typical) if typical > 0 else 1.0
-        self._floor = _NOISE * self._typical_step
-        self._step_lengths = np.maximum(self._step_lengths, self._floor)
-        lasts = np.where(SPEEDS > 0, persistence, _STOP)[:, None]
-        self._change = 1 / np.maximum(lasts, 1)
-        self._anywhere = _SHEETS[:, None, None] * _SPEED_PRIOR[:, None] / len(places)
-        self._belief = 0.5 * np.broadcast_to(self._anywhere, (2, len(SPEEDS), len(places)))
-        self._lost = 0.5
-        self._last: NDArray[np.float32] | None = None
+        typical = float(np.median(steps[0]))
+        self._typical_step = typical if typical > 0 else 1.0
+        standing = _NOISE * self._typical_step
+        arriving = np.maximum(steps, np.float32(standing))
+        some = evenly_spaced(arriving.T).T.copy()
+        self._steps = Steps(arriving, some, jumps, standing, _STEP_DEVIATION)
+        self._motion = _motion(persistence, steps.shape[1])
+        # Beliefs are (sheets, speeds, places): the map first, then the decoy. They are kept as they
+        # come, together with their sum.
+        self._belief = np.empty((2, len(SPEEDS), steps.shape[1]), np.float32)
+        self._belief[:] = self._motion.anywhere[:, :, None]
+        self._next = np.empty_like(self._belief)
+        self._of_place = self._belief[0].sum(axis=0)
+        self._lost, self._total = 1.0, 2.0
+        self._last: Comparison | None = None
         self.begun = False
 
-    def push(self, projected: NDArray[np.float32], distances: NDArray[np.float32]) -> None:
-        """Take the next frame.
-
-        Args:
-            projected: (M,) float32, its descriptor under the channel's metric.
-            distances: (K,) float32, its squared distances to the places.
-        """
-        novelty = 1.0
+    def push(self, frame: Comparison) -> None:
+        """Take the next frame."""
+        step, novelty = _UNSEEN, 1.0
         if self._last is not None:
-            step_length = float(np.linalg.norm(projected.astype(np.float64) - self._last))
+            step = step_length(frame.codes, self._last.codes, frame.metric.unit)
             # A frame like the last one says again what that has said.
-            novelty = min(1.0, step_length / self._typical_step)
-            jump_likelihood = float(_student(step_length - self._jump_lengths).mean())
-            self._move(
-                _student(max(step_length, self._floor) - self._step_lengths), jump_likelihood
-            )
-        elif self.begun:
-            self._move_unseen()
-        self._see(distances, novelty)
-        self._last = projected
-        self.begun = True
+            novelty = min(1.0, step / self._typical_step)
+        likelihood, lost_evidence = _see(frame, novelty)
+        if self.begun:
+            self._advance(step, likelihood, lost_evidence)
+        else:
+            self._begin(likelihood, lost_evidence)
+        self._last = frame
 
     def push_unseen(self) -> None:
         """Take a frame that was not seen: the vehicle has moved on all the same."""
         if self.begun:
-            self._move_unseen()
+            self._advance(_UNSEEN, np.ones_like(self._of_place), 1.0)
         self._last = None
 
     @property
     def belief(self) -> Array:
         """Probability of each place, (K,); what is missing to 1 is that of being nowhere on it."""
-        return np.asarray(self._belief[0].sum(axis=0))
+        return np.asarray(self._of_place / self._total, np.float32)
 
-    def _move_unseen(self) -> None:
-        self._move(np.ones_like(self._step_lengths), 1.0)
+    def believed(self, least: float) -> tuple[int, NDArray[np.int32], Array]:
+        """Return the index of the best place among all of at least this probability, these, theirs.
 
-    def _move(self, step_likelihood: Array, jump_likelihood: float) -> None:
-        """Predict: keep or change speed, step on, be lost or found.
-
-        ``step_likelihood`` (sheets, steps, places) is of arriving at a place by a step.
+        Places ascend, and the best is among them in any case.
         """
-        changing = self._change * self._belief
-        changed = _SPEED_PRIOR[:, None] * changing.sum(axis=1, keepdims=True)
-        belief = self._belief - changing + changed
-        moved = np.zeros_like(belief)
-        places = belief.shape[2]
-        for number, step in enumerate(STEPS):
-            chance = _STEP_CHANCES[:, number, None]
-            arriving = belief[:, :, : max(places - step, 0)]
-            moved[:, :, step:] += chance * arriving * step_likelihood[:, number, None, step:]
-        stray = self._lost * float(_SPEED_PRIOR @ _STEP_CHANCES @ step_likelihood[0].mean(axis=1))
-        jumping = jump_likelihood * float(belief.sum())
-        self._belief = (1 - _LOSE) * moved + _FIND * stray * self._anywhere
-        self._lost = (1 - _FIND) * stray + _LOSE * jumping
-        self._normalise()
+        places, beliefs = np.empty(len(self._of_place), np.int32), np.empty_like(self._of_place)
+        count, best = believed(self._of_place, 1 / self._total, least, places, beliefs)
+        return best, places[:count].copy(), beliefs[:count].copy()
 
-    def _see(self, distances: NDArray[np.float32], novelty: float) -> None:
-        """Correct: weigh every place by how near it is, being lost by the average place."""
-        deviation = distances.std(dtype=np.float64)
-        if deviation == 0:
-            return
-        # Relative to the nearest place, so that no likelihood overflows and not all vanish.
-        likelihood = np.exp(novelty / deviation * (distances.min() - distances.astype(np.float64)))
-        self._belief *= np.stack([likelihood, likelihood[::-1]])[:, None]
-        self._lost *= float(likelihood.mean()) * np.exp(novelty * _LOST_EVIDENCE)
-        self._normalise()
+    def _begin(self, likelihood: Array, lost_evidence: float) -> None:
+        self._belief *= likelihood
+        self._of_place = self._belief[0].sum(axis=0)
+        self._lost *= lost_evidence * float(likelihood.mean(dtype=np.float64))
+        self._total = float(self._belief.sum(dtype=np.float64)) + self._lost
+        self.begun = True
 
-    def _normalise(self) -> None:
-        total = float(self._belief.sum()) + self._lost
-        self._belief /= total
-        self._lost /= total
+    def _advance(self, step: float, likelihood: Array, lost_evidence: float) -> None:
+        self._lost, self._total = advance(
+            self._belief,
+            self._lost,
+            self._total,
+            self._motion,
+            self._steps,
+            step,
+            likelihood,
+            lost_evidence,
+            self._next,
+            self._of_place,
+        )
+        self._belief, self._next = self._next, self._belief
 
 
-def _step_chances() -> Array:
+def evenly_spaced(rows: Rows) -> Rows:
+    """Return at most ``_SAMPLE`` of the rows, evenly spaced, to stand for all of them."""
+    return cast(Rows, rows[:: -(-len(rows) // _SAMPLE)])
+
+
+def _see(frame: Comparison, novelty: float) -> tuple[Array, float]:
+    """Return the likelihood of what is seen at each place, (K,): the nearer, the likelier.
+
+    And how many times likelier than at the average place it is when lost.
+    """
+    exponents = np.empty(len(frame.distances), np.float32)
+    if frame.deviation == 0:
+        return np.ones_like(exponents), 1.0
+    exponents_of(frame.distances, novelty / frame.deviation, exponents)
+    return np.exp(exponents, out=exponents), math.exp(novelty * _LOST_EVIDENCE)
+
+
+def _step_chances() -> NDArray[np.float64]:
     """Chance of each step at each speed, (speeds, steps): between two steps, the nearer oftener."""
     exact = np.maximum(1 - np.abs(SPEEDS[:, None] - np.array(STEPS)), 0)
     return np.asarray((1 - _SLIP) * exact + _SLIP / len(STEPS))
 
 
-_STEP_CHANCES = _step_chances()
-
-
-def _step_lengths(places: Array) -> Array:
-    """Distance of each place to the one so many steps before it, (steps, K)."""
-    lengths = np.zeros((len(STEPS), len(places)))
-    for step in STEPS[1:]:
-        apart = np.linalg.norm(places[step:] - places[:-step], axis=1)
-        lengths[step, step:] = apart
-        lengths[step, :step] = apart.mean() if len(apart) else 0
-    return lengths
-
-
-def _student(differences: Array) -> Array:
-    """Density of Student's t with 2 degrees of freedom, up to a factor: it forgives outliers."""
-    return np.asarray((1 + (differences / _STEP_DEVIATION) ** 2 / 2) ** -1.5)
+def _motion(persistence: float, places: int) -> Motion:
+    lasts = np.maximum(np.where(SPEEDS > 0, persistence, _STOP), 1)
+    return Motion(
+        (1 / lasts).astype(np.float32),
+        _SPEED_PRIOR.astype(np.float32),
+        _step_chances().astype(np.float32),
+        (_SHEETS[:, None] * _SPEED_PRIOR / places).astype(np.float32),
+        _LOSE,
+        _FIND,
+    )

@@ -2,8 +2,9 @@
 
 A window of s frames that ends at query frame t and place j sums D(t - i, j - i) for i = 0 .. s - 1:
 query and reference are compared frame by frame, at the same speed, looking back. From frame to
-frame such a sum moves one place on, gains one distance and loses one, so that its cost does not
-depend on s.
+frame such a sum gains one distance and loses one, so that its cost does not depend on s. Distances
+are whole numbers, so that sums are exact: in whatever order they are added, and wherever a window
+begins, not one bit changes.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.distances import on_grid
+from placefield.kernels import kernel
+
+Distances = NDArray[np.int32]
+Sums = NDArray[np.float64]
 
 
 class WindowSums:
@@ -22,27 +26,26 @@ class WindowSums:
     against none.
     """
 
-    def __init__(self, lengths: Sequence[int], places: int) -> None:
-        """Prepare windows of the given lengths (frames, each at least 1) over so many places."""
-        self.lengths = tuple(lengths)
-        self.frames = 0
-        # Column 0 stands for all that lies before the first place.
-        self._sums = np.zeros((len(lengths), places + 1))
-        self._ring = np.zeros((max(lengths), places + 1), np.float32)
+    def __init__(self, lengths: Sequence[int], places: int, unit: float = 1.0) -> None:
+        """Prepare windows of these lengths (frames, each at least 1) over so many places.
 
-    def push(self, distances: NDArray[np.float32]) -> None:
-        """Take the newest frame's distances to all places, (K,) float32 on the grid."""
-        # In float64 the mean of equal distances is that distance, to the bit.
-        mean = on_grid(distances.mean(keepdims=True, dtype=np.float64))
-        newest = np.concatenate([mean, distances])
-        self._sums[:, 1:] = self._sums[:, :-1]
-        self._sums += newest
-        for sums, length in zip(self._sums, self.lengths, strict=True):
-            if self.frames >= length:
-                leaving = self._ring[(self.frames - length) % len(self._ring)]
-                sums[length:] -= leaving[: max(len(leaving) - length, 0)]
-                sums[:length] -= leaving[0]
-        self._ring[self.frames % len(self._ring)] = newest
+        Distances are in squared units of this length.
+        """
+        self.row_lengths = np.array(lengths, np.int64)
+        self.places = places
+        self.unit = unit
+        self.frames = 0
+        self._mean = 0
+        # A diagonal keeps its column; what has left the map at its last place is fed with means
+        # until it comes in again at the first. Whole numbers as float64: exact up to 2⁵³.
+        self.columns = np.zeros((len(lengths), places + max(lengths)))
+        self._ring = np.zeros((max(lengths) + 1, self.columns.shape[1]), np.int32)
+
+    def push(self, distances: Distances) -> None:
+        """Take the newest frame's distances to all places, (K,)."""
+        newest = self._ring[self.frames % len(self._ring)]
+        self._mean = _enter(newest, distances, self._column(self.frames))
+        _slide(self.columns, self._ring, self.frames, self.row_lengths)
         self.frames += 1
 
     def push_unseen(self) -> None:
@@ -50,12 +53,46 @@ class WindowSums:
 
         A stream begins with the first frame that was seen; those before it are not counted.
         """
-        if self.frames == 0:
-            return
-        last_mean = self._ring[(self.frames - 1) % len(self._ring), 0]
-        self.push(np.full(self._sums.shape[1] - 1, last_mean))
+        if self.frames:
+            self.push(np.full(self.places, self._mean, np.int32))
 
     @property
-    def sums(self) -> NDArray[np.float64]:
+    def first_column(self) -> int:
+        """Where the first place's sums are in ``columns``; the others' follow it, and wrap."""
+        return self._column(max(self.frames - 1, 0))
+
+    @property
+    def sums(self) -> Sums:
         """Sum of each window, (lengths, K); entry j is of the window that ends at place j."""
-        return self._sums[:, 1:]
+        return np.roll(self.columns, -self.first_column, axis=1)[:, : self.places]
+
+    def _column(self, frame: int) -> int:
+        return -frame % self.columns.shape[1]
+
+
+@kernel
+def _enter(newest: Distances, distances: Distances, first: int) -> int:
+    """Write distances into their columns, from ``first`` on and around; their mean elsewhere."""
+    total = 0
+    for place in range(len(distances)):
+        total += distances[place]
+    mean = round(total / len(distances))
+    newest[:] = mean
+    before_wrap = min(len(newest) - first, len(distances))
+    newest[first : first + before_wrap] = distances[:before_wrap]
+    newest[: len(distances) - before_wrap] = distances[before_wrap:]
+    return mean
+
+
+@kernel
+def _slide(sums: Sums, ring: Distances, frame: int, lengths: NDArray[np.int64]) -> None:
+    """Add the distances of a frame, whose row is in the ring, and take away what leaves."""
+    newest = ring[frame % len(ring)]
+    for row in range(len(lengths)):
+        if frame < lengths[row]:
+            for column in range(len(newest)):
+                sums[row, column] += newest[column]
+        else:
+            leaving = ring[(frame - lengths[row]) % len(ring)]
+            for column in range(len(newest)):
+                sums[row, column] += newest[column] - leaving[column]

@@ -9,7 +9,8 @@ from placefield.config import Config, MatchingConfig
 from placefield.errors import MapError
 from placefield.maps.build import build_map
 from placefield.maps.map import Map
-from placefield.maps.store import open_map, save_map
+from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
 from placefield.recognizer import Recognizer
 

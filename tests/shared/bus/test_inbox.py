@@ -9,81 +9,126 @@ from hypothesis import strategies as st
 from placefield.bus import inbox as inbox_module
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import CAPACITY, Inbox, Received
+from placefield.bus.keys import Keys
 from placefield.bus.messages import Header
 
+KEY = Keys("test").frame
 
-def received(sequence: int, *, live: bool = False, end: bool = False) -> Received:
+
+def received(sequence: int, *, live: bool = False, end: bool = False, key: str = KEY) -> Received:
     header = Header(stream="s", sequence=sequence, stamp_ns=0, live=live, end=end)
-    return Received("key", header, b"")
+    return Received(key, header, b"")
 
 
-def drain(inbox: Inbox) -> list[int]:
+def inbox_of(*runs: str, live_capacity: int = CAPACITY) -> tuple[Inbox, dict[str, Counter[str]]]:
+    counts: dict[str, Counter[str]] = {run: Counter() for run in runs or ("test",)}
+    return Inbox(counts, live_capacity=live_capacity), counts
+
+
+def drain(inbox: Inbox, limit: int = CAPACITY) -> list[int]:
     taken = []
-    while (message := inbox.take(0)) is not None:
-        taken.append(message.header.sequence)
+    while messages := inbox.take_all(0, limit):
+        assert len(messages) <= limit
+        taken += [message.header.sequence for message in messages]
     return taken
 
 
-def test_messages_come_out_in_the_order_in_which_they_went_in() -> None:
-    inbox = Inbox(Counter())
+@pytest.mark.parametrize("limit", [1, 3, 100])
+def test_messages_come_out_in_the_order_in_which_they_went_in(limit: int) -> None:
+    inbox, _ = inbox_of()
     for sequence in range(10):
         inbox.offer(received(sequence))
-    assert drain(inbox) == list(range(10))
+    assert drain(inbox, limit) == list(range(10))
+
+
+def test_all_that_waits_comes_out_together_up_to_the_limit() -> None:
+    inbox, _ = inbox_of()
+    for sequence in range(10):
+        inbox.offer(received(sequence))
+    assert [len(inbox.take_all(0, 4)) for _ in range(4)] == [4, 4, 2, 0]
 
 
 def test_a_live_stream_keeps_the_newest_and_its_end() -> None:
-    counts: Counter[str] = Counter()
-    inbox = Inbox(counts, live_capacity=2)
+    inbox, counts = inbox_of(live_capacity=2)
     for sequence in range(7):
         inbox.offer(received(sequence, live=True))
     inbox.offer(received(7, live=True, end=True))
     assert drain(inbox) == [5, 6, 7]
-    assert counts == {"dropped_old": 5}
+    assert counts == {"test": {"dropped_old": 5}}
+
+
+def test_each_run_keeps_its_newest_however_many_another_sends() -> None:
+    inbox, counts = inbox_of("calm", "flood", live_capacity=2)
+    calm, flood = Keys("calm").frame, Keys("flood").frame
+    for sequence in range(100):
+        if sequence in (10, 50):
+            inbox.offer(received(sequence, live=True, key=calm))
+        inbox.offer(received(sequence, live=True, key=flood))
+    taken = [(message.run, message.header.sequence) for message in inbox.take_all(0, 100)]
+    assert taken == [("calm", 10), ("calm", 50), ("flood", 98), ("flood", 99)]
+    assert counts == {"calm": {}, "flood": {"dropped_old": 98}}
+
+
+def test_a_run_that_fills_its_room_leaves_that_of_another() -> None:
+    inbox, counts = inbox_of("calm", "flood")
+    for sequence in range(CAPACITY + 5):
+        inbox.offer(received(sequence, key=Keys("flood").frame))
+    inbox.offer(received(0, key=Keys("calm").frame))
+    assert len(inbox.take_all(0, 2 * CAPACITY)) == CAPACITY + 1
+    assert counts == {"calm": {}, "flood": {"dropped_full": 5}}
+    inbox.offer(received(0, key=Keys("flood").frame))
+    assert len(drain(inbox)) == 1
 
 
 def test_a_lossless_stream_keeps_the_oldest_far_above_the_credit_window() -> None:
-    assert CAPACITY > 10 * WINDOW
-    counts: Counter[str] = Counter()
-    inbox = Inbox(counts, live_capacity=2)
+    assert CAPACITY > (1 + 64) * WINDOW  # the frame, and as many channels as a map may have
+    inbox, counts = inbox_of(live_capacity=2)
     for sequence in range(CAPACITY + 3):
         inbox.offer(received(sequence))
     assert drain(inbox) == list(range(CAPACITY))
-    assert counts == {"dropped_full": 3}
+    assert counts == {"test": {"dropped_full": 3}}
 
 
 def test_live_messages_displace_neither_a_lossless_stream_nor_the_end_of_one() -> None:
-    inbox = Inbox(Counter(), live_capacity=2)
+    inbox, _ = inbox_of(live_capacity=2)
     for sequence in range(5):
         inbox.offer(received(sequence))
     inbox.offer(received(5, live=True, end=True))
     for sequence in range(6, 9):
         inbox.offer(received(sequence, live=True))
-    assert drain(inbox) == list(range(9))
+    assert drain(inbox) == [*range(6), 7, 8]
 
 
-@given(st.lists(st.tuples(st.booleans(), st.booleans(), st.booleans()), max_size=60))
-def test_every_message_is_taken_in_order_or_counted(steps: list[tuple[bool, bool, bool]]) -> None:
+steps = st.tuples(st.booleans(), st.booleans(), st.integers(0, 3), st.sampled_from(["one", "two"]))
+
+
+@given(st.lists(steps, max_size=60))
+def test_every_message_is_taken_in_order_or_counted(
+    happening: list[tuple[bool, bool, int, str]],
+) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(inbox_module, "CAPACITY", 8)
-        counts: Counter[str] = Counter()
-        inbox = Inbox(counts, live_capacity=3)
-        taken = []
-        for sequence, (live, end, take) in enumerate(steps):
-            inbox.offer(received(sequence, live=live, end=end))
-            if take and (message := inbox.take(0)) is not None:
-                taken.append(message.header.sequence)
-        taken += drain(inbox)
+        inbox, counts = inbox_of("one", "two", live_capacity=3)
+        offered: Counter[str] = Counter()
+        messages = []
+        for sequence, (live, end, take, run) in enumerate(happening):
+            inbox.offer(received(sequence, live=live, end=end, key=Keys(run).frame))
+            offered[run] += 1
+            messages += inbox.take_all(0, take) if take else []
+        messages += inbox.take_all(0, 100)
+    taken = [message.header.sequence for message in messages]
     assert taken == sorted(set(taken))
-    assert len(taken) + counts.total() == len(steps)
+    for run, own in counts.items():
+        assert sum(message.run == run for message in messages) + own.total() == offered[run]
 
 
 def test_taking_waits_for_a_message_but_no_longer_than_asked() -> None:
-    inbox = Inbox(Counter())
-    assert inbox.take(0.01) is None
+    inbox, _ = inbox_of()
+    assert inbox.take_all(0.01, 5) == []
     timer = threading.Timer(0.05, inbox.offer, [received(3)])
     timer.start()
     began = time.monotonic()
-    message = inbox.take(30)
+    messages = inbox.take_all(30, 5)
     timer.join()
-    assert message == received(3)
+    assert messages == [received(3)]
     assert time.monotonic() - began < 15

@@ -1,6 +1,6 @@
 import pytest
 
-from placefield.bus.keys import Keys, channel_identity, channel_of, service_and_identity
+from placefield.bus.keys import Keys, channel_identity, channel_of, run_of, service_and_identity
 
 
 def test_no_two_keys_of_one_run_or_of_two_runs_are_one() -> None:
@@ -16,6 +16,12 @@ def test_service_and_identity_come_back_out_of_a_key() -> None:
     keys = Keys("default")
     assert service_and_identity(keys.alive("channel", "3-ab12")) == ("channel", "3-ab12")
     assert service_and_identity(keys.stats("fuser", "cd34")) == ("fuser", "cd34")
+
+
+def test_the_run_comes_back_out_of_a_key() -> None:
+    keys = Keys("night")
+    for key in (keys.frame, keys.candidate(3), keys.match, keys.alive("fuser", "a")):
+        assert run_of(key) == "night"
 
 
 @pytest.mark.parametrize("channel", [0, 7, 63])

@@ -49,6 +49,7 @@ all_messages: st.SearchStrategy[Message] = st.one_of(
         channel=st.integers(0, 2**16 - 1),
         place=st.integers(-1, 2**31 - 1),
         score=finite,
+        places=hnp.arrays(np.int32, st.integers(0, 40)),
         evidence=vectors,
     ),
     st.builds(
@@ -168,7 +169,12 @@ def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
         FrameMessage(image=b"image"),
         FeatureMessage(model="m", descriptor=None),
         CandidateMessage(
-            rule="evidence", channel=0, place=0, score=0.0, evidence=np.zeros(1, np.float32)
+            rule="evidence",
+            channel=0,
+            place=0,
+            score=0.0,
+            places=np.zeros(0, np.int32),
+            evidence=np.zeros(1, np.float32),
         ),
         MatchMessage(place=0, score=0.0),
         StatsMessage(service="s", counts={}),
@@ -221,6 +227,21 @@ def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
     packed = msgpack.packb({"version": 1, "model": "m", "descriptor": array})
     with pytest.raises(MessageError, match="FeatureMessage"):
         FeatureMessage.decode(packed)
+
+
+@pytest.mark.parametrize("places", [wire(), wire(dtype="int32", shape=(1, 2)), [1, 2], None])
+def test_places_that_are_no_vector_of_indices_are_refused(places: Any) -> None:
+    example = CandidateMessage(
+        rule="filter",
+        channel=0,
+        place=0,
+        score=1.0,
+        places=np.zeros(2, np.int32),
+        evidence=np.ones(2, np.float32),
+    )
+    fields = msgpack.unpackb(example.encode())
+    with pytest.raises(MessageError, match="CandidateMessage: 'places'"):
+        CandidateMessage.decode(msgpack.packb(fields | {"places": places}))
 
 
 @pytest.mark.parametrize("shape", [(0, 4), (8,), (1, 2, 2, 2), (2, 2, 2, 1), ()])

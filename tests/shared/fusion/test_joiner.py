@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from placefield.fusion.joiner import Joined, Joiner
-from placefield.matching.candidate import NO_EVIDENCE, Candidate
+from placefield.matching.candidate import NO_EVIDENCE, NO_PLACES, Candidate
 
 DEADLINE_S = 2.0
 
@@ -20,7 +20,7 @@ def joiner_of(
 
 
 def candidate(score: float = 0.0) -> Candidate:
-    return Candidate(7, score, NO_EVIDENCE)
+    return Candidate(7, score, NO_PLACES, NO_EVIDENCE)
 
 
 def sequences(released: list[Joined]) -> list[int]:

@@ -4,27 +4,40 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, UNANSWERED, Candidate
+from placefield.matching.candidate import (
+    NO_CANDIDATE,
+    NO_EVIDENCE,
+    NO_PLACES,
+    UNANSWERED,
+    Candidate,
+)
 
 
 def evidence_of(values: list[float]) -> Candidate:
     place = int(np.argmin(values))
-    return Candidate(place, values[place], np.array(values, np.float32))
+    return Candidate(place, values[place], NO_PLACES, np.array(values, np.float32))
 
 
 def belief_of(values: list[float]) -> Candidate:
-    place = int(np.argmax(values))
-    return Candidate(place, values[place], np.array(values, np.float32))
+    """Belief in all places."""
+    return belief_in(dict(enumerate(values)))
+
+
+def belief_in(values: dict[int, float]) -> Candidate:
+    """Belief in some places, ascending."""
+    place = max(values, key=lambda place: values[place])
+    places, beliefs = np.array([*values], np.int32), np.array([*values.values()], np.float32)
+    return Candidate(place, values[place], places, beliefs)
 
 
 def fine(place: int, score: float) -> Candidate:
-    return Candidate(place, score, NO_EVIDENCE)
+    return Candidate(place, score, NO_PLACES, NO_EVIDENCE)
 
 
 @st.composite
@@ -106,6 +119,59 @@ def test_belief_is_averaged_and_the_match_is_the_middle_of_the_places_believed_i
     assert match.score == pytest.approx(log_odds(within), rel=1e-3, abs=1e-9)
 
 
+@st.composite
+def sparse_beliefs(draw: st.DrawFn) -> list[dict[int, float]]:
+    """Channels that each tell of some places of a larger map, of others or the same ones.
+
+    In eighths, so that sums are exact and ties come; of 1, 2 or 4 channels the mean is exact, too.
+    What came over the bus may be no probability: it counts as 0 or 1.
+    """
+    places = draw(st.sampled_from([3, 15, 40]))
+    some = st.lists(st.integers(0, places - 1), min_size=1, max_size=12, unique=True).map(sorted)
+    eighths = st.sampled_from([0.0, 1 / 8, 1 / 8, 2 / 8, 3 / 8, 1.0, -2.0, 7.5])
+    return [
+        {place: draw(eighths) for place in draw(some)}
+        for _ in range(draw(st.sampled_from([1, 2, 4])))
+    ]
+
+
+@given(sparse_beliefs(), st.integers(0, 20))
+@settings(max_examples=500)
+def test_belief_in_some_places_is_fused_as_belief_in_all_of_them_of_which_the_others_have_none(
+    channels: list[dict[int, float]], tolerance: int
+) -> None:
+    """The dense one: mean beliefs, summed by a convolution over 2 tolerance + 1 places."""
+    mean = np.zeros(40)
+    for channel in channels:
+        for place, belief in channel.items():
+            mean[place] += min(max(belief, 0), 1) / len(channels)
+    padded = np.pad(mean, 2 * tolerance)
+    windows = np.convolve(padded, np.ones(2 * tolerance + 1), "valid")
+    first = int(np.argmax(windows))
+    weights = padded[first : first + 2 * tolerance + 1]
+    places = first - 2 * tolerance + np.arange(len(weights))
+    matched = fuse(
+        [belief_in(channel) for channel in channels],
+        MatchingConfig(rule="filter", tolerance=tolerance),
+    )
+    if not mean.any():
+        assert matched.place == min(min(channel) for channel in channels)
+        assert matched.probability == pytest.approx(0, abs=1e-11)
+        return
+    middle = round(Fraction(float(weights @ places)) / Fraction(weights.sum()))
+    within = mean[max(middle - tolerance, 0) : middle + tolerance + 1].sum()
+    assert matched.place == middle
+    assert matched.probability == pytest.approx(min(within, 1), abs=1e-9)
+
+
+def test_places_far_apart_and_at_the_end_of_what_an_index_holds_do_not_overflow() -> None:
+    last = 2**31 - 1
+    channels = [belief_in({0: 0.25, last - 1: 0.5, last: 0.125}), belief_in({last: 0.75})]
+    match = fuse(channels, MatchingConfig(rule="filter", tolerance=1))
+    assert match.place == last
+    assert match.probability == pytest.approx((0.5 + 0.125 + 0.75) / 2)
+
+
 def test_of_equally_believed_places_the_first_is_the_match() -> None:
     values = [0.0, 0.25, 0, 0, 0, 0.25, 0]
     for tolerance in (0, 1):
@@ -162,8 +228,7 @@ def test_channels_without_a_candidate_have_no_say(rule: Rule, answered: Candidat
 
 
 def test_a_tolerance_far_beyond_the_map_is_one_of_the_whole_map() -> None:
-    belief = np.array([0.1, 0.2, 0.4], np.float32)
-    whole = fuse([Candidate(2, 0.4, belief)], MatchingConfig(tolerance=10**12))
+    whole = fuse([belief_of([0.1, 0.2, 0.4])], MatchingConfig(tolerance=10**12))
     assert whole.place == 1
     assert whole.probability == pytest.approx(0.7)
 

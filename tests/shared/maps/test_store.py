@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.network import read_network
 from placefield.maps.map import Map, fingerprint
-from placefield.maps.store import check_map_path, open_map, save_map
+from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.opening import open_map
+from placefield.maps.store import check_map_path, save_map
 from placefield.maps.traverse import Traverse
 
 
@@ -63,7 +65,7 @@ def test_a_map_comes_back_as_it_was_memory_mapped_and_read_only(
     opened = open_map(pristine)
     assert_same(posed_map, opened)
     arrays = list(arrays_of(opened))
-    assert len(arrays) == 3 + 4 + 2 * 6
+    assert len(arrays) == 3 + 4 + 2 * (4 + 4)
     for array in arrays:
         assert isinstance(array, np.memmap)
         assert not array.flags.writeable
@@ -74,6 +76,29 @@ def test_a_map_without_poses_comes_back(small_map: Map, tmp_path: Path) -> None:
     opened = open_map(tmp_path / "route.pfmap")
     assert_same(small_map, opened)
     assert isinstance(opened.places.poses, np.memmap)
+
+
+@pytest.mark.parametrize("coarse", [False, True])
+def test_metrics_come_back_and_channels_that_shared_one_share_it(
+    posed_map: Map, tmp_path: Path, coarse: bool
+) -> None:
+    first, other = posed_map.channels
+    descriptors = (first.metric.unit * first.metric.places).astype(np.float32)
+    projection = np.random.default_rng(1).normal(size=(12, 30)).astype(np.float32)
+    learned = learned_metric(projection, descriptors, coarse=coarse)
+    shared = identity_metric(descriptors, coarse=coarse)
+    metrics = (shared, learned, shared)
+    channels = zip((first, other, other), metrics, strict=True)
+    built = replace(posed_map, channels=tuple(replace(c, metric=m) for c, m in channels))
+    save_map(built, tmp_path / "route.pfmap")
+    opened = open_map(tmp_path / "route.pfmap")
+    assert_same(built, opened)
+    one, two, three = (channel.metric for channel in opened.channels)
+    assert one is three
+    assert opened.metrics == (one, two)
+    assert [metric.learned for metric in opened.metrics] == [False, True]
+    assert [metric.coarse is not None for metric in opened.metrics] == [coarse, coarse]
+    assert len(list((tmp_path / "route.pfmap" / "metrics").iterdir())) == 2
 
 
 def test_a_map_keeps_its_network_and_is_another_under_another(
@@ -202,7 +227,8 @@ KILLED_IN_MID_WRITE = """
 import os, signal, sys
 import numpy as np
 from pathlib import Path
-from placefield.maps.store import open_map, save_map
+from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
 
 older, target = map(Path, sys.argv[1:])
 built = open_map(older)

@@ -3,39 +3,62 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from comparisons import compared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.config import Rule
-from placefield.maps.map import Map
+from placefield.maps.map import Map, MapMetric
+from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.channel_matcher import FilterMatcher, WindowMatcher, matcher_of
-from placefield.matching.distances import PlaceDistances
+from placefield.matching.channel_matcher import (
+    ChannelMatcher,
+    FilterMatcher,
+    WindowMatcher,
+    matcher_of,
+)
+from placefield.matching.comparing import Comparison
 
 Array = NDArray[np.float32]
 WINDOW_RULES: list[Rule] = ["evidence", "lowest-score"]
 
 
 def random_walk(frames: int, seed: int) -> Array:
-    steps = np.random.default_rng(seed).normal(size=(frames, 5))
-    return np.cumsum(steps, axis=0).astype(np.float32)
+    """Unit descriptors, each near the one before it."""
+    rng = np.random.default_rng(seed)
+    walk = rng.normal(size=8) + np.cumsum(0.3 * rng.normal(size=(frames, 8)), axis=0)
+    return np.asarray(walk / np.linalg.norm(walk, axis=1, keepdims=True), np.float32)
 
 
-def matcher(places: int, scales: list[int], rule: Rule) -> WindowMatcher:
-    projection = np.random.default_rng(9).normal(size=(5, 5)).astype(np.float32)
-    return WindowMatcher(PlaceDistances(projection, random_walk(places, 1)), scales, rule)
+def some_metric(places: Array) -> MapMetric:
+    projection = np.random.default_rng(9).normal(size=(8, 8)).astype(np.float32)
+    return learned_metric(projection, places)
 
 
-def bits(candidate: Candidate) -> tuple[int, float, bytes]:
-    return candidate.place, candidate.score, candidate.evidence.tobytes()
+def descriptors_of(metric: MapMetric) -> Array:
+    """Descriptors of the places, of a metric that was not learned."""
+    return np.asarray(metric.unit * metric.places, np.float32)
+
+
+def candidates_of(channel: ChannelMatcher, frames: list[Comparison | None]) -> list[Candidate]:
+    return [channel.push(frame) for frame in frames]
+
+
+def bits(candidate: Candidate) -> tuple[int, float, bytes, bytes]:
+    return (
+        candidate.place,
+        candidate.score,
+        candidate.places.tobytes(),
+        candidate.evidence.tobytes(),
+    )
 
 
 @pytest.mark.parametrize("rule", WINDOW_RULES)
 @given(
-    places=st.integers(3, 40),
+    places=st.integers(3, 40) | st.just(300),
     scales=st.lists(st.integers(2, 12), min_size=1, max_size=3, unique=True).map(sorted),
-    seen=st.lists(st.booleans(), min_size=1, max_size=40),
+    seen=st.lists(st.booleans(), min_size=1, max_size=60),
     seed=st.integers(0, 99),
 )
 @settings(max_examples=60)
@@ -43,29 +66,26 @@ def test_what_came_before_the_longest_window_changes_not_one_bit(
     rule: Rule, places: int, scales: list[int], seen: list[bool], seed: int
 ) -> None:
     """Where the window begins with frames unseen, the last frame seen before them is part of it."""
-    query = [
-        row if there else None
-        for row, there in zip(random_walk(len(seen), seed), seen, strict=True)
-    ]
-    old = matcher(places, scales, rule)
-    candidates = [old.push(descriptor) for descriptor in query]
-    begin = max(len(query) - old.memory, 0)
-    while begin > 0 and query[begin] is None:
+    metric = some_metric(random_walk(places, 1))
+    walk = random_walk(len(seen), seed)
+    frames = compared(
+        metric, [row if there else None for row, there in zip(walk, seen, strict=True)]
+    )
+    old, new = (WindowMatcher(metric, scales, rule) for _ in range(2))
+    candidates = candidates_of(old, frames)
+    begin = max(len(frames) - old.memory, 0)
+    while begin > 0 and frames[begin] is None:
         begin -= 1
-    new = matcher(places, scales, rule)
-    for descriptor in query[begin:]:
-        candidate = new.push(descriptor)
-    assert bits(candidate) == bits(candidates[-1])
+    assert bits(candidates_of(new, frames[begin:])[-1]) == bits(candidates[-1])
 
 
 @pytest.mark.parametrize("rule", WINDOW_RULES)
 def test_frames_unseen_leave_the_others_on_their_diagonal(rule: Rule) -> None:
     places = random_walk(60, 1)
-    channel = WindowMatcher(PlaceDistances(np.eye(5, dtype=np.float32), places), [4, 8, 12], rule)
-    for frame in range(60):
-        candidate = channel.push(None if frame in (20, 21, 40) else places[frame])
-        if frame >= 12:
-            assert candidate.place == frame
+    metric = identity_metric(places)
+    query = [None if frame in (20, 21, 40) else places[frame] for frame in range(60)]
+    candidates = candidates_of(WindowMatcher(metric, [4, 8, 12], rule), compared(metric, query))
+    assert [candidate.place for candidate in candidates[12:]] == list(range(12, 60))
 
 
 @pytest.mark.parametrize("rule", WINDOW_RULES)
@@ -74,85 +94,120 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
 ) -> None:
     channel = small_map.channels[1]
     made = matcher_of(channel, rule)
-    by_hand = WindowMatcher(
-        PlaceDistances(channel.projection, channel.places), [int(s) for s in channel.scales], rule
-    )
+    by_hand = WindowMatcher(channel.metric, [int(s) for s in channel.scales], rule)
     assert made.memory == channel.scales.max()
-    for descriptor in channel.places:
-        assert bits(made.push(descriptor)) == bits(by_hand.push(descriptor))
+    for frame in compared(channel.metric, descriptors_of(channel.metric)):
+        assert bits(made.push(frame)) == bits(by_hand.push(frame))
 
 
-def route_filter(places: Array) -> FilterMatcher:
-    return FilterMatcher(PlaceDistances(np.eye(5, dtype=np.float32), places), persistence=8)
+def route_filter(metric: MapMetric) -> FilterMatcher:
+    places = descriptors_of(metric).astype(np.float64)
+    there = np.roll(places, len(places) // 2, axis=0)
+    jumps = np.linalg.norm(places - there, axis=1).astype(np.float32)
+    return FilterMatcher(metric.steps, jumps, persistence=8)
 
 
 def test_the_filter_follows_a_route_past_frames_unseen() -> None:
     places = random_walk(60, 1)
-    channel = route_filter(places)
-    for frame in range(60):
-        candidate = channel.push(None if frame in (20, 21, 40) else places[frame])
-        assert candidate.evidence.shape == (60,)
+    metric = identity_metric(places)
+    query = [None if frame in (20, 21, 40) else places[frame] for frame in range(60)]
+    candidates = candidates_of(route_filter(metric), compared(metric, query))
+    for candidate in candidates:
+        assert candidate.places.dtype == np.int32
         assert candidate.evidence.dtype == np.float32
-        assert candidate.score == candidate.evidence[candidate.place] == candidate.evidence.max()
-        if frame >= 5:
-            assert candidate.place == frame
+        assert np.all(np.diff(candidate.places) > 0)
+        (best,) = candidate.evidence[candidate.places == candidate.place]
+        assert candidate.score == best == candidate.evidence.max()
+    assert [candidate.place for candidate in candidates[5:]] == list(range(5, 60))
 
 
 def test_the_filter_has_no_candidate_before_the_first_frame_that_was_seen() -> None:
     places = random_walk(30, 1)
-    late, prompt = route_filter(places), route_filter(places)
+    metric = identity_metric(places)
+    late, prompt = route_filter(metric), route_filter(metric)
     for _ in range(5):
         assert late.push(None) is NO_CANDIDATE
-    for descriptor in [*places[:10], None, None, *places[12:]]:
-        assert bits(late.push(descriptor)) == bits(prompt.push(descriptor))
+    for frame in compared(metric, [*places[:10], None, None, *places[12:]]):
+        assert bits(late.push(frame)) == bits(prompt.push(frame))
 
 
-def test_a_filters_candidate_stays_what_it_was() -> None:
-    places = random_walk(30, 1)
-    channel = route_filter(places)
-    candidate = channel.push(places[0])
-    kept = candidate.evidence.copy()
-    for descriptor in places[1:]:
-        channel.push(descriptor)
-    np.testing.assert_array_equal(candidate.evidence, kept)
+@pytest.mark.parametrize("rule", get_args(Rule))
+def test_a_candidate_stays_what_it_was(small_map: Map, rule: Rule) -> None:
+    channel = small_map.channels[0]
+    for reverse in (False, True):
+        matcher = matcher_of(channel, rule, reverse=reverse)
+        first, *others = compared(channel.metric, descriptors_of(channel.metric))
+        candidate = matcher.push(first)
+        kept = bits(candidate)
+        candidates_of(matcher, others)
+        assert bits(candidate) == kept
 
 
 def test_after_its_memory_the_filter_is_found_by_what_it_sees_next_alone() -> None:
     places = random_walk(300, 1)
-    back = places[30:40]
+    metric = identity_metric(places)
     found = []
     for unseen in (FilterMatcher.memory, 4 * FilterMatcher.memory):
-        channel = route_filter(places)
-        for descriptor in [*places[:60], *[None] * unseen, *back]:
-            candidate = channel.push(descriptor)
-        found.append(candidate)
-    assert [candidate.place for candidate in found] == [39, 39]
-    np.testing.assert_allclose(found[0].evidence, found[1].evidence, atol=0.01)
+        query = [*places[:60], *[None] * unseen, *places[30:40]]
+        candidate = candidates_of(route_filter(metric), compared(metric, query))[-1]
+        beliefs = np.zeros(300)
+        beliefs[candidate.places] = candidate.evidence
+        found.append((candidate.place, beliefs))
+    assert [place for place, _ in found] == [39, 39]
+    np.testing.assert_allclose(found[0][1], found[1][1], atol=0.01)
+
+
+def test_what_is_left_out_of_a_belief_is_next_to_nothing() -> None:
+    """As when it is spread over a long map, or is all on a single place of it."""
+    places = random_walk(5000, 1)
+    metric = identity_metric(places)
+    frames = compared(metric, [*places[:40], *[None] * 30])
+    matcher, whole = route_filter(metric), route_filter(metric)
+    for frame in frames:
+        candidate = matcher.push(frame)
+        whole.push(frame)
+        belief = whole._filter.belief
+        told = np.zeros(5000, np.float32)
+        told[candidate.places] = candidate.evidence
+        assert candidate.place == np.argmax(belief)
+        np.testing.assert_allclose(told, belief, rtol=1e-6, atol=1e-6)
+        assert belief.sum(dtype=np.float64) - told.sum(dtype=np.float64) < 0.005
 
 
 def test_a_speed_lasts_as_long_as_the_mean_scale_of_a_maps_channel(small_map: Map) -> None:
     channel = replace(small_map.channels[1], scales=np.array([4, 9, 20], np.int32))
-    distances = PlaceDistances(channel.projection, channel.places)
-    made, by_hand = matcher_of(channel, "filter"), FilterMatcher(distances, persistence=11)
+    places = descriptors_of(channel.metric)
+    made, by_hand = (
+        matcher_of(channel, "filter"),
+        matcher_of(replace(channel, scales=np.array([11], np.int32)), "filter"),
+    )
     assert made.memory == FilterMatcher.memory
-    for descriptor in channel.places:
-        assert bits(made.push(descriptor)) == bits(by_hand.push(descriptor))
+    for frame in compared(channel.metric, places):
+        assert bits(made.push(frame)) == bits(by_hand.push(frame))
 
 
 @pytest.mark.parametrize("rule", get_args(Rule))
+@pytest.mark.parametrize("count", [1, 2, 3, 90])
 def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
-    small_map: Map, rule: Rule
+    small_map: Map, rule: Rule, count: int
 ) -> None:
-    channel = small_map.channels[0]
-    last = len(channel.places) - 1
-    turned = matcher_of(replace(channel, places=channel.places[::-1].copy()), rule)
-    reverse = matcher_of(channel, rule, reverse=True)
+    """To the last bit under the windows' rules; the filter adds up its means in another order."""
+    forth = small_map.channels[0]
+    places = descriptors_of(forth.metric)[:count]
+    forth = replace(forth, metric=identity_metric(places))
+    back = replace(forth, metric=identity_metric(places[::-1]))
+    last = count - 1
+    reverse, turned = matcher_of(forth, rule, reverse=True), matcher_of(back, rule)
     assert reverse.memory == turned.memory
-    stream = [None, *channel.places[::-1][:10], None, *channel.places[::-1][11:]]
-    for descriptor in stream:
-        expected, candidate = turned.push(descriptor), reverse.push(descriptor)
+    query = [None, *places[::-1][:10], None, *places[::-1][11:]]
+    rtol = 1e-4 if rule == "filter" else 0
+    for there, here in zip(
+        compared(back.metric, query), compared(forth.metric, query), strict=True
+    ):
+        expected, candidate = turned.push(there), reverse.push(here)
         answered = expected.place != UNANSWERED
         assert candidate.place == (last - expected.place if answered else UNANSWERED)
-        assert candidate.score == expected.score
-        assert np.array_equal(candidate.evidence, expected.evidence[::-1])
-    assert candidate.place == 0
+        assert candidate.score == pytest.approx(expected.score, rel=rtol, abs=0)
+        assert candidate.places.tolist() == [last - place for place in expected.places[::-1]]
+        np.testing.assert_allclose(candidate.evidence, expected.evidence[::-1], rtol=rtol)
+    assert count < 90 or candidate.place == 0

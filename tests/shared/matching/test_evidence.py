@@ -5,16 +5,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.distances import on_grid
 from placefield.matching.evidence import evidence
 from placefield.matching.windows import WindowSums
 
+MOST = (2 * 4015) ** 2
+"""The largest squared distance between codes."""
 
-def made_up_distances(frames: int, places: int, seed: int) -> NDArray[np.float32]:
-    return on_grid(np.random.default_rng(seed).uniform(0, 4, (frames, places)).astype(np.float32))
+
+def made_up_distances(frames: int, places: int, seed: int) -> NDArray[np.int32]:
+    return np.random.default_rng(seed).integers(0, MOST + 1, (frames, places), np.int32)
 
 
-def literal_evidence(distances: NDArray[np.float32], lengths: list[int]) -> list[float]:
+def literal_evidence(distances: NDArray[np.int32], lengths: list[int]) -> list[float]:
     """Mean distance in each window, z-normalised over the places, averaged over the lengths."""
     newest, places = len(distances) - 1, distances.shape[1]
     total = [0.0] * places
@@ -50,14 +52,30 @@ def test_evidence_is_the_literal_one(
         expected = literal_evidence(distances[: newest + 1], lengths)
         np.testing.assert_allclose(candidate.evidence, expected, atol=1e-4)
         assert candidate.evidence.dtype == np.float32
-        assert candidate.score == candidate.evidence.min()
-        assert candidate.evidence[candidate.place] == candidate.score
+        assert np.float32(candidate.score) == candidate.evidence.min()
+        assert candidate.evidence[candidate.place] == candidate.evidence.min()
+        assert len(candidate.places) == 0
+
+
+@pytest.mark.parametrize("places", [2, 17, 200, 1261])
+def test_wherever_the_windows_have_come_to_the_evidence_has_the_same_bits(places: int) -> None:
+    """A worker that starts anew with the frames of its longest window goes on as before."""
+    distances = made_up_distances(60, places, seed=0)
+    old = WindowSums([3, 5, 9], places)
+    for newest in range(60):
+        old.push(distances[newest])
+        new = WindowSums([3, 5, 9], places)
+        for row in distances[max(newest - 8, 0) : newest + 1]:
+            new.push(row)
+        one, other = evidence(old), evidence(new)
+        assert (one.place, one.score) == (other.place, other.score)
+        assert one.evidence.tobytes() == other.evidence.tobytes()
 
 
 @pytest.mark.parametrize("places", [1, 10, 1261])
 def test_where_all_places_are_alike_there_is_no_candidate(places: int) -> None:
     windows = WindowSums([2, 3, 7], places)
-    for distance in on_grid(np.random.default_rng(0).uniform(0, 4, 20).astype(np.float32)):
+    for distance in made_up_distances(1, 20, 0)[0]:
         windows.push(np.full(places, distance))
         assert evidence(windows).place == UNANSWERED
 

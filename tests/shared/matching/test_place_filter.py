@@ -1,238 +1,209 @@
 """The filter against its model, state by state, and on routes made up of unit descriptors."""
 
 import math
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from comparisons import compared, comparison, comparison_at, metric_of_codes
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from literal_filter import LiteralFilter
 from numpy.typing import NDArray
 
-from placefield.matching.distances import PlaceDistances
-from placefield.matching.place_filter import (
-    _FIND,
-    _LOSE,
-    _LOST_EVIDENCE,
-    _NOISE,
-    _SHEETS,
-    _SLIP,
-    _SPEED_PRIOR,
-    _STEP_DEVIATION,
-    _STOP,
-    SPEEDS,
-    STEPS,
-    PlaceFilter,
-)
+from placefield.maps.map import MapMetric
+from placefield.maps.metrics import identity_metric
+from placefield.matching.channel_matcher import _jumps
+from placefield.matching.comparing import Comparison
+from placefield.matching.filter_step import _BLOCK
+from placefield.matching.place_filter import PlaceFilter
+from placefield.metric.codes import DESCRIPTOR_UNIT, Codes, codes_of
 
 Array = NDArray[np.float32]
-Point = list[float]
-State = tuple[int, float, int] | None
-"""Sheet (0 the map, 1 the decoy), speed and place; None where the vehicle is lost."""
+Point = list[int]
+UNIT = 0.25  # of small maps' codes
 
-PRIOR: dict[float, float] = dict(zip(SPEEDS.tolist(), _SPEED_PRIOR.tolist(), strict=True))
-LOST: State = None
-
-
-class LiteralFilter:
-    """Weights of all states that explain the frames so far, carried from state to state."""
-
-    def __init__(self, places: list[Point], persistence: float) -> None:
-        self.sheets = (places, places[::-1])
-        self.places = places
-        self.persistence = persistence
-        self.weights: dict[State, float] = {LOST: 0.5} | self.anywhere(0.5)
-        self.last: Point | None = None
-        self.begun = False
-
-    def anywhere(self, weight: float) -> dict[State, float]:
-        return {
-            (sheet, speed, place): weight * share * PRIOR[speed] / len(self.places)
-            for sheet, share in enumerate(_SHEETS)
-            for speed in PRIOR
-            for place in range(len(self.places))
-        }
-
-    def push(self, frame: Point | None) -> None:
-        if self.begun:
-            self.move(frame)
-        if frame is not None:
-            self.see(frame)
-            self.begun = True
-        self.last = frame
-
-    def move(self, frame: Point | None) -> None:
-        moved: dict[State, float] = defaultdict(float)
-        for state, weight in self.weights.items():
-            if state is None:
-                weight *= self.step_likelihood_anywhere(frame)
-                moved[LOST] += (1 - _FIND) * weight
-                for found, share in self.anywhere(_FIND * weight).items():
-                    moved[found] += share
-                continue
-            moved[LOST] += _LOSE * weight * self.jump_likelihood(frame)
-            sheet, speed, place = state
-            for new_speed in PRIOR:
-                for step in STEPS:
-                    arrival = place + step
-                    if arrival < len(self.places):
-                        chance = self.change_chance(speed, new_speed) * step_chance(new_speed, step)
-                        chance *= self.step_likelihood(frame, sheet, step, arrival)
-                        moved[sheet, new_speed, arrival] += (1 - _LOSE) * weight * chance
-        self.weights = moved
-
-    def change_chance(self, speed: float, new_speed: float) -> float:
-        change = 1 / max(self.persistence if speed > 0 else _STOP, 1)
-        return change * PRIOR[new_speed] + (1 - change) * (speed == new_speed)
-
-    def step_likelihood(self, frame: Point | None, sheet: int, step: int, arrival: int) -> float:
-        if frame is None or self.last is None:
-            return 1
-        floor = _NOISE * self.typical_step
-        expected = max(self.step_length(sheet, step, arrival), floor)
-        return student(max(math.dist(frame, self.last), floor) - expected)
-
-    def step_likelihood_anywhere(self, frame: Point | None) -> float:
-        total = 0.0
-        for speed in PRIOR:
-            for step in STEPS:
-                for place in range(len(self.places)):
-                    likelihood = self.step_likelihood(frame, 0, step, place)
-                    total += PRIOR[speed] * step_chance(speed, step) * likelihood
-        return total / len(self.places)
-
-    def jump_likelihood(self, frame: Point | None) -> float:
-        """A jump is as long as the way from a place to the one half the route behind it."""
-        if frame is None or self.last is None:
-            return 1
-        count = len(self.places)
-        lengths = [
-            math.dist(self.places[j], self.places[(j - count // 2) % count]) for j in range(count)
-        ]
-        return sum(student(math.dist(frame, self.last) - length) for length in lengths) / count
-
-    def step_length(self, sheet: int, step: int, arrival: int) -> float:
-        """Before a step can be made in the map, it has the mean length of those that can."""
-        places = self.sheets[sheet]
-        if arrival >= step:
-            return math.dist(places[arrival], places[arrival - step])
-        made = [self.step_length(sheet, step, place) for place in range(step, len(places))]
-        return sum(made) / len(made) if made else 0.0
-
-    @property
-    def typical_step(self) -> float:
-        return float(np.median([self.step_length(0, 1, j) for j in range(len(self.places))])) or 1
-
-    def see(self, frame: Point) -> None:
-        distances = [math.dist(frame, place) ** 2 for place in self.places]
-        mean = sum(distances) / len(distances)
-        variance = sum((distance - mean) ** 2 for distance in distances) / len(distances)
-        if math.isclose(variance, 0, abs_tol=1e-12):
-            return
-        novelty = self.novelty(frame)
-        # Likelihoods are up to a factor; relative to the mean distance none is 0.
-        likelihoods = [
-            math.exp(-novelty * (distance - mean) / math.sqrt(variance)) for distance in distances
-        ]
-        lost = math.exp(novelty * _LOST_EVIDENCE) * sum(likelihoods) / len(likelihoods)
-        for state in self.weights:
-            if state is None:
-                self.weights[state] *= lost
-            else:
-                sheet, _, place = state
-                self.weights[state] *= likelihoods[place if sheet == 0 else -1 - place]
-
-    def novelty(self, frame: Point) -> float:
-        if self.last is None:
-            return 1
-        return min(1, math.dist(frame, self.last) / self.typical_step)
-
-    @property
-    def belief(self) -> list[float]:
-        total = sum(self.weights.values())
-        return [
-            sum(self.weights[0, speed, place] for speed in PRIOR) / total
-            for place in range(len(self.places))
-        ]
+points = st.lists(st.integers(-6, 6), min_size=3, max_size=3)
+"""Coarse, so that some coincide."""
 
 
-def student(difference: float) -> float:
-    return float((1 + (difference / _STEP_DEVIATION) ** 2 / 2) ** -1.5)
+def filter_of(metric: MapMetric, persistence: float) -> PlaceFilter:
+    return PlaceFilter(metric.steps, _jumps(metric), persistence)
 
 
-def step_chance(speed: float, step: int) -> float:
-    return (1 - _SLIP) * max(1 - abs(speed - step), 0) + _SLIP / len(STEPS)
-
-
-def filter_of(places: Array, persistence: float) -> tuple[PlaceDistances, PlaceFilter]:
-    distances = PlaceDistances(np.eye(places.shape[1], dtype=np.float32), places)
-    return distances, PlaceFilter(distances, persistence)
-
-
-def push(distances: PlaceDistances, place_filter: PlaceFilter, frame: Array | None) -> None:
+def push(place_filter: PlaceFilter, frame: Comparison | None) -> None:
     if frame is None:
         place_filter.push_unseen()
     else:
-        place_filter.push(frame, distances.to(frame))
+        place_filter.push(frame)
 
 
-points = st.lists(st.integers(-6, 6).map(lambda n: n / 4), min_size=3, max_size=3)
-"""Coarse, so that distances are exact in float32 and points coincide."""
+def beliefs_of(place_filter: PlaceFilter) -> NDArray[np.float64]:
+    """By sheet, speed and place, (2, S, K)."""
+    return place_filter._belief.astype(np.float64) / place_filter._total
+
+
+def assert_the_model_is_followed(
+    places: Codes, unit: float, query: list[Codes | None], persistence: float
+) -> None:
+    """Assert that the beliefs are those of the literal filter after every frame."""
+    metric = metric_of_codes(places, unit)
+    place_filter = filter_of(metric, persistence)
+    literal = LiteralFilter(unit * places.astype(np.float64), persistence)
+    for frame in query:
+        push(place_filter, None if frame is None else comparison(metric, frame))
+        literal.push(None if frame is None else unit * frame.astype(np.float64))
+        expected = literal.beliefs
+        np.testing.assert_allclose(beliefs_of(place_filter), expected, rtol=1e-4, atol=1e-12)
+        np.testing.assert_allclose(
+            place_filter.belief, expected[0].sum(axis=0), rtol=1e-4, atol=1e-12
+        )
+        assert place_filter._lost / place_filter._total == pytest.approx(literal.lost, rel=1e-4)
 
 
 @st.composite
-def maps(draw: st.DrawFn) -> list[Point]:
+def maps(draw: st.DrawFn) -> Codes:
     places = draw(st.lists(points, min_size=1, max_size=7))
-    return draw(st.sampled_from([places, places[:1] * len(places)]))
+    return np.array(draw(st.sampled_from([places, places[:1] * len(places)])), np.int16)
 
 
 @st.composite
-def queries(draw: st.DrawFn) -> list[Point | None]:
+def queries(draw: st.DrawFn) -> list[Codes | None]:
     """Each frame is new, not seen, or the last one that was seen once more."""
-    frames: list[Point | None] = []
-    last: Point | None = None
+    frames: list[Codes | None] = []
+    last: Codes | None = None
     for frame in draw(st.lists(points | st.sampled_from(["unseen", "again"]), max_size=10)):
-        last = frame if isinstance(frame, list) else last
+        last = np.array(frame, np.int16) if isinstance(frame, list) else last
         frames.append(None if frame == "unseen" else last)
     return frames
 
 
 @given(maps(), st.sampled_from([0.5, 1, 4, 12.5]), queries())
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_belief_is_that_of_the_model(
-    places: list[Point], persistence: float, query: list[Point | None]
+    places: Codes, persistence: float, query: list[Codes | None]
 ) -> None:
-    distances, place_filter = filter_of(np.array(places, np.float32), persistence)
-    literal = LiteralFilter(places, persistence)
-    for frame in query:
-        push(distances, place_filter, None if frame is None else np.array(frame, np.float32))
-        literal.push(frame)
-        np.testing.assert_allclose(place_filter.belief, literal.belief, rtol=0, atol=1e-9)
+    assert_the_model_is_followed(places, UNIT, query, persistence)
 
 
-coordinates = st.floats(allow_nan=False, allow_infinity=False, width=32)
-seen = st.tuples(
-    st.lists(coordinates, min_size=3, max_size=3),
-    st.lists(coordinates.map(abs), min_size=7, max_size=7),
+def random_walk(count: int, seed: int) -> Codes:
+    """Codes of unit vectors, each near the one before it."""
+    rng = np.random.default_rng(seed)
+    walk = rng.normal(size=6) + np.cumsum(0.3 * rng.normal(size=(count, 6)), axis=0)
+    return codes_of(walk / np.linalg.norm(walk, axis=1, keepdims=True), DESCRIPTOR_UNIT)
+
+
+@pytest.mark.parametrize(
+    "count", [1, 2, 3, 999, 1000, 1001, _BLOCK - 1, _BLOCK, _BLOCK + 1, _BLOCK + 2, 5000]
 )
+def test_belief_is_that_of_the_model_in_maps_of_any_number_of_blocks(count: int) -> None:
+    places = random_walk(count, seed=1)
+    frames = random_walk(8, seed=2)
+    query = [*frames[:3], frames[2], None, *frames[3:]]
+    assert_the_model_is_followed(places, DESCRIPTOR_UNIT, query, persistence=9)
 
 
-@given(maps(), st.lists(seen | st.none(), min_size=1, max_size=12))
-def test_belief_is_a_probability_whatever_comes(
-    places: list[Point], query: list[tuple[Point, list[float]] | None]
+@pytest.mark.parametrize("step", [-2, -1, 1, 2])
+@pytest.mark.parametrize("border", [_BLOCK, 2 * _BLOCK])
+def test_belief_is_that_of_the_model_when_driving_from_block_to_block(
+    border: int, step: int
 ) -> None:
-    _, place_filter = filter_of(np.array(places, np.float32), 8)
+    """In the map, and the other way, as the decoy is driven."""
+    places = random_walk(2 * _BLOCK + 4, seed=1)
+    driven = np.arange(border - 6 * step, border + 4 * step, step)
+    noise = np.random.default_rng(2).integers(-40, 41, (len(driven), 6), np.int16)
+    query = [places[min(place, len(places) - 1)] + noise[i] for i, place in enumerate(driven)]
+    assert_the_model_is_followed(places, DESCRIPTOR_UNIT, query, persistence=9)
+
+
+def assert_is_a_probability(place_filter: PlaceFilter) -> None:
+    belief = place_filter.belief
+    assert np.isfinite(belief).all()
+    assert belief.min() >= 0
+    assert belief.sum() <= 1 + 1e-5
+    lost = place_filter._lost / place_filter._total
+    assert 0 <= lost <= 1
+    assert beliefs_of(place_filter).sum() + lost == pytest.approx(1, abs=1e-5)
+    best, places, beliefs = place_filter.believed(1e-6)
+    assert np.all(np.diff(places) > 0)
+    assert best in places
+    assert best == np.argmax(belief)
+    np.testing.assert_allclose(beliefs, belief[places], rtol=1e-6)
+    assert np.all(np.delete(belief, places) < 1.001e-6)
+
+
+codes = st.lists(st.integers(-2300, 2300), min_size=3, max_size=3)
+seen = st.tuples(codes, st.lists(st.integers(0, (2 * 4015) ** 2), min_size=7, max_size=7))
+
+
+@given(maps(), st.lists(seen | st.none(), max_size=12))
+def test_belief_is_a_probability_whatever_comes(
+    places: Codes, query: list[tuple[Point, list[int]] | None]
+) -> None:
+    metric = metric_of_codes(places, DESCRIPTOR_UNIT)
+    place_filter = filter_of(metric, 8)
     for frame in query:
         if frame is None:
-            place_filter.push_unseen()
+            push(place_filter, None)
         else:
-            projected, distances = (np.array(values, np.float32) for values in frame)
-            place_filter.push(projected, distances[: len(places)])
+            frame_codes, distances = frame
+            there = np.array(distances[: len(places)])
+            push(place_filter, comparison_at(metric, np.array(frame_codes, np.int16), there))
+        assert_is_a_probability(place_filter)
+
+
+def test_one_place_of_very_many_that_stands_out_takes_the_others_belief_but_does_no_harm() -> None:
+    """So far from the mean that the others' likelihood is below what float32 has."""
+    metric = metric_of_codes(random_walk(30_000, seed=1), DESCRIPTOR_UNIT)
+    place_filter = filter_of(metric, 8)
+    for frame, place in enumerate((7, 8, 20_000, 20_001, 20_002)):
+        distances = np.full(30_000, 5_000_000, np.int32)
+        distances[place] = 0
+        push(place_filter, comparison_at(metric, metric.places[place], distances))
+        assert_is_a_probability(place_filter)
+        assert place_filter.believed(1e-6)[0] == place or frame == 2
+
+
+LONG = 20_000  # frames
+ROUTE = metric_of_codes(random_walk(50, seed=1), DESCRIPTOR_UNIT)
+AROUND = [comparison(ROUTE, place) for place in ROUTE.places]
+ELSEWHERE = [comparison(ROUTE, codes_of(axis, DESCRIPTOR_UNIT)) for axis in np.eye(6)]
+ALIKE = [comparison_at(ROUTE, place, np.full(50, 10_000)) for place in ROUTE.places]
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [AROUND, AROUND[20:21], ELSEWHERE, ALIKE, [AROUND[5], *[None] * (LONG - 2), AROUND[7]]],
+    ids=["around and around", "standing", "elsewhere", "alike", "unseen"],
+)
+def test_belief_is_a_probability_after_a_long_stream(stream: list[Comparison | None]) -> None:
+    place_filter = filter_of(ROUTE, 8)
+    for frame in range(LONG):
+        push(place_filter, stream[frame % len(stream)])
+        if frame % 1000 == 0 or frame == LONG - 1:
+            assert_is_a_probability(place_filter)
+    if stream is AROUND:
+        assert np.argmax(place_filter.belief) == (LONG - 1) % 50
+
+
+@pytest.mark.parametrize("count", [1, 2, 50, 3000])
+def test_what_is_believed_in_is_told_as_long_as_it_is_as_likely_as_asked(count: int) -> None:
+    metric = metric_of_codes(random_walk(count, seed=1), DESCRIPTOR_UNIT)
+    place_filter = filter_of(metric, 8)
+    for frame in metric.places[:20]:
+        push(place_filter, comparison(metric, frame))
         belief = place_filter.belief
-        assert np.isfinite(belief).all()
-        assert np.all(belief >= 0)
-        assert belief.sum() <= 1 + 1e-12
+        for least in (0, 1e-6, 1e-3, 0.1, 2):
+            best, places, beliefs = place_filter.believed(least)
+            assert (places.dtype, beliefs.dtype) == (np.int32, np.float32)
+            assert np.all(np.diff(places) > 0)
+            assert best == np.argmax(belief)
+            assert best in places
+            np.testing.assert_allclose(beliefs, belief[places], rtol=1e-6)
+            left_out = np.delete(belief, places)
+            assert len(left_out) == 0 or left_out.max() <= least * (1 + 1e-6)
+            assert len(places) == 1 or beliefs.min() >= least * (1 - 1e-6)
+    assert len(place_filter.believed(0)[1]) == count
 
 
 DIMENSIONS = 32
@@ -281,10 +252,11 @@ def seen_with_noise(looks: NDArray[np.float64], rng: np.random.Generator) -> Arr
 
 def filtered(places: Array, frames: Array) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the most believed place and the probability of being lost, after each frame."""
-    distances, place_filter = filter_of(places, persistence=16)
+    metric = identity_metric(places)
+    place_filter = filter_of(metric, persistence=16)
     most_believed, lost = [], []
-    for frame in frames:
-        push(distances, place_filter, frame)
+    for frame in compared(metric, [*frames]):
+        push(place_filter, frame)
         most_believed.append(int(np.argmax(place_filter.belief)))
         lost.append(1 - place_filter.belief.sum())
     return np.array(most_believed), np.array(lost)

@@ -1,38 +1,43 @@
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from placefield.matching.distances import GRID
 from placefield.matching.windows import WindowSums
 
-Array = NDArray[np.float32]
+Array = NDArray[np.int32]
+MOST = (2 * 4015) ** 2
+"""The largest squared distance between codes."""
+
 scales = st.lists(st.integers(1, 9), min_size=1, max_size=4, unique=True).map(sorted)
 
 
 def made_up_distances(frames: int, places: int, seed: int = 0) -> Array:
-    """Distances between 0 and 4, on the grid."""
-    steps = np.random.default_rng(seed).integers(0, int(4 / GRID), (frames, places))
-    return np.asarray(steps * GRID, np.float32)
+    return np.random.default_rng(seed).integers(0, MOST + 1, (frames, places), np.int32)
 
 
-def literal_sum(distances: Array, length: int, place: int) -> float:
+def literal_sum(distances: Array, length: int, place: int) -> int:
     """Add up the window of a length that ends at the newest frame and at a place."""
-    total = 0.0
+    total = 0
     newest = len(distances) - 1
     for back in range(min(length, newest + 1)):
-        row = [float(distance) for distance in distances[newest - back]]
+        row = [int(distance) for distance in distances[newest - back]]
         if place - back >= 0:
             total += row[place - back]
         else:
-            total += round(sum(row) / len(row) / GRID) * GRID
+            total += round(Fraction(sum(row), len(row)))
     return total
 
 
-@given(scales, st.integers(1, 12), st.integers(1, 30), st.integers(0, 99))
+@given(scales, st.integers(1, 12), st.integers(1, 60), st.integers(0, 99))
 def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int, seed: int) -> None:
-    """With young streams, windows that begin before the first place, and maps shorter than them."""
+    """With young streams, windows that begin before the first place, maps shorter than them, even
+
+    of one place, and streams whose columns have come around several times.
+    """
     distances = made_up_distances(frames, places, seed)
     windows = WindowSums(lengths, places)
     for newest in range(frames):
@@ -43,6 +48,15 @@ def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int,
         ]
         np.testing.assert_array_equal(windows.sums, expected)
     assert windows.frames == frames
+
+
+def test_sums_stay_exact_in_a_long_stream_of_the_largest_distances() -> None:
+    windows = WindowSums([1, 700], 40)
+    for distances in made_up_distances(3000, 40):
+        windows.push(distances)
+    for _ in range(700):
+        windows.push(np.full(40, MOST, np.int32))
+    np.testing.assert_array_equal(windows.sums, [[MOST] * 40, [700 * MOST] * 40])
 
 
 @given(scales, st.integers(1, 12), st.integers(0, 99), st.data())
@@ -68,10 +82,10 @@ def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_averag
     for row in distances:
         windows.push(row)
         by_hand.push(row)
-    mean = round(float(distances[-1].astype(np.float64).mean()) / GRID) * GRID
+    mean = round(Fraction(int(distances[-1].sum(dtype=np.int64)), places))
     for _ in range(4):
         windows.push_unseen()
-        by_hand.push(np.full(places, mean, np.float32))
+        by_hand.push(np.full(places, mean, np.int32))
         np.testing.assert_array_equal(windows.sums, by_hand.sums)
     np.testing.assert_array_equal(windows.sums[0], 2 * mean)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from placefield.maps.map import MapChannel
+from placefield.maps.metrics import learned_metric
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluating import judge
 from placefield_tools.study.ablation import ablate
@@ -15,13 +16,12 @@ def learned(trial: Trial) -> Trial:
     """The trial, had its map a metric, and were the query hard to recognise."""
     rng = np.random.default_rng(0)
 
+    reference = trial.placemap.model.of_reference(trial.traverse.raw)
+
     def learn(channel: MapChannel) -> MapChannel:
-        size = len(channel.projection)
+        size = reference.shape[1]
         projection = np.eye(size) + 0.3 * rng.standard_normal((size, size))
-        projected = (trial.plain.places @ projection.T).astype(np.float32)
-        return replace(
-            channel, learned=True, projection=projection.astype(np.float32), places=projected
-        )
+        return replace(channel, metric=learned_metric(projection.astype(np.float32), reference))
 
     noise = 0.2 * rng.standard_normal((60, trial.traverse.raw.shape[1])).astype(np.float32)
     raws = [raw + added for raw, added in zip(trial.query.raws, noise, strict=True)]

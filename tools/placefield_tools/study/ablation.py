@@ -1,6 +1,7 @@
 """What each part of the method is worth: it is left out, and all else stays."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from placefield.config import Rule
 from placefield.maps.map import MapChannel
@@ -8,7 +9,7 @@ from placefield_tools.evaluating import judge
 from placefield_tools.progress import tracked
 from placefield_tools.study.matching import match_channels, median_scale, with_scales
 from placefield_tools.study.results import AblationResult, LeftOut
-from placefield_tools.study.trial import Trial, without_metric
+from placefield_tools.study.trial import Trial
 
 ABLATED_RULES: tuple[Rule, ...] = ("filter", "evidence")
 FIXED_SCALES = (8, 16, 32, 52)
@@ -38,8 +39,8 @@ def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:
         "adaptive scales": [with_scales(one, fixed) for one in channels],
         "channels": channels[:1],
     }
-    if any(channel.learned for channel in channels):
-        variants["metric"] = [without_metric(one, trial.plain.places) for one in channels]
+    if any(channel.metric.learned for channel in channels):
+        variants["metric"] = [replace(one, metric=trial.plain.metric) for one in channels]
     return variants
 
 

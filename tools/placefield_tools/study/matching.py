@@ -12,6 +12,7 @@ from placefield.fusion.rules import fuse
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
 
 Descriptors = Sequence[NDArray[np.float32] | None]
 
@@ -28,7 +29,10 @@ def candidates_of(
 ) -> list[Candidate]:
     """Return one channel's candidate for each frame of a stream."""
     matcher = matcher_of(channel, config.rule, reverse=config.reverse)
-    return [matcher.push(descriptor) for descriptor in descriptors]
+    seen = [one for one in descriptors if one is not None]
+    places = MetricPlaces(channel.metric, exact=config.compares_exactly)
+    frames = places.compare(np.stack(seen)) if seen else iter(())
+    return [matcher.push(None if one is None else next(frames)) for one in descriptors]
 
 
 def fuse_channels(candidates: Sequence[Sequence[Candidate]], config: MatchingConfig) -> list[Match]:

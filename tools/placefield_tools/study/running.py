@@ -1,10 +1,13 @@
 """A reference and a query to a study."""
 
+from dataclasses import replace
+
 from placefield.baselines.fabmap import Vocabulary
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.evaluation.protocols import drive_of
 from placefield.features.extract import feature_of
+from placefield.maps.metrics import identity_metric
 from placefield_tools.evaluating import Query, TruthOf
 from placefield_tools.progress import CONSOLE
 from placefield_tools.sources import Source, open_source
@@ -23,7 +26,6 @@ from placefield_tools.study.trial import (
     Trial,
     build_reference,
     descriptors_of,
-    without_metric,
 )
 
 
@@ -86,7 +88,10 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         traverse=traverse,
         network=feature.network,
         placemap=placemap,
-        plain=without_metric(placemap.channels[0], placemap.model.of_reference(traverse.raw)),
+        plain=replace(
+            placemap.channels[0],
+            metric=identity_metric(placemap.model.of_reference(traverse.raw)),
+        ),
         reference=described_reference,
         query=driven,
         descriptors=descriptors_of(placemap.model, driven.raws),

@@ -1,7 +1,7 @@
 """What every method is given: a drive of a query along a reference."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ from placefield.features.network import Network
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.traverse import Traverse
-from placefield.matching.distances import PlaceDistances
+from placefield.matching.comparing import distance_matrix
 from placefield.scales.channels import Channel
 from placefield_tools.evaluating import RawFeature
 from placefield_tools.study.describing import Described
@@ -59,11 +59,7 @@ class Trial:
     @cached_property
     def distances(self) -> Array:
         """Of the driven frames to the places without a metric, (Q, K); 0 where not seen."""
-        places = PlaceDistances(self.plain.projection, self.plain.places)
-        unseen = np.zeros(places.count, np.float32)
-        return np.stack(
-            [unseen if one is None else places.to(places.project(one)) for one in self.descriptors]
-        )
+        return distance_matrix(self.plain.metric, self.descriptors, 0)
 
     @cached_property
     def published(self) -> Map:
@@ -114,9 +110,3 @@ def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[A
     """Return the descriptors (N,) of a stream of frames, None where a frame was not seen."""
     stream = DescriptorStream(model)
     return [None if raw is None else stream.push(raw) for raw in raws]
-
-
-def without_metric(channel: MapChannel, descriptors: Array) -> MapChannel:
-    """Return a channel under the identity metric, given the descriptors of the places (K, N)."""
-    identity = np.eye(descriptors.shape[1], dtype=np.float32)
-    return replace(channel, learned=False, projection=identity, places=descriptors)

@@ -1,0 +1,70 @@
+"""Which array of a map lies in which file."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from placefield.maps.map import Map
+
+# The arrays of each folder, by their file: dtype and axes. An axis of one letter has one length in
+# all files of a folder; K places, P poses, N descriptor, M projected and D raw dimensions.
+Layout = Mapping[str, tuple[str, str]]
+MODEL_FILES: Layout = {
+    "mean": ("float32", "D"),
+    "deviation": ("float32", "D"),
+    "components": ("float32", "ND"),
+}
+NETWORK_FILES: Layout = {"onnx": ("uint8", "o")}
+PLACE_FILES: Layout = {
+    "stamps": ("int64", "K"),
+    "poses": ("float64", "P3"),
+    "thumbnails": ("uint8", "b"),
+    "thumbnail_ends": ("int64", "K"),
+}
+METRIC_FILES: Layout = {
+    "projection": ("float32", "MN"),
+    "places": ("int16", "KM"),
+    "squares": ("int32", "K"),
+    "steps": ("float32", "2K"),
+}
+COARSE_FILES: Layout = {
+    "axes": ("float32", "RM"),
+    "codes": ("int8", "KR"),
+    "spread": ("float64", "VV"),
+}
+CHANNEL_FILES: Layout = {
+    "labels": ("int32", "K"),
+    "segments": ("int32", "s2"),
+    "scales": ("int32", "n"),
+    "curve": ("float64", "t2"),
+}
+
+
+def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a map by their files."""
+    parts: list[tuple[str, Any, Layout]] = [
+        ("features", built.model, MODEL_FILES),
+        ("places", built.places, PLACE_FILES),
+    ]
+    if built.model.network is not None:
+        parts.append(("features", built.model.network, NETWORK_FILES))
+    for number, metric in enumerate(built.metrics):
+        parts.append((f"metrics/{number}", metric, METRIC_FILES))
+        if metric.coarse is not None:
+            parts.append((f"metrics/{number}/coarse", metric.coarse, COARSE_FILES))
+    for number, channel in enumerate(built.channels):
+        parts.append((f"channels/{number}", channel, CHANNEL_FILES))
+    return {
+        f"{folder}/{name}.npy": getattr(part, name)
+        for folder, part, names in parts
+        for name in names
+    }
+
+
+def sha256_of(file: Path) -> str:
+    """Return the checksum of a file."""
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()

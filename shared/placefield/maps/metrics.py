@@ -1,0 +1,71 @@
+"""A projection and a reference traverse to a map's metric."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.maps.map import MapMetric
+from placefield.metric.coarse import coarse_look
+from placefield.metric.codes import (
+    DESCRIPTOR_UNIT,
+    CodedProjection,
+    Codes,
+    codes_of,
+    projected_unit,
+)
+
+_BLOCK = 1024  # places held as floats at once
+
+Array = NDArray[np.float32]
+
+
+def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
+    """Make the metric that was not learned, with the places (K, N) of these descriptors.
+
+    They are to be searched by a coarse look first, or not.
+    """
+    identity = np.eye(descriptors.shape[1], dtype=np.float32)
+    places = np.empty(descriptors.shape, np.int16)
+    for block in _blocks(len(places)):
+        places[block] = codes_of(descriptors[block], DESCRIPTOR_UNIT)
+    return _metric(False, identity, DESCRIPTOR_UNIT, places, coarse)
+
+
+def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = False) -> MapMetric:
+    """Make the metric of a learned projection (M, N), likewise."""
+    unit = projected_unit(projection)
+    project = CodedProjection(projection, unit)
+    places = np.empty((len(descriptors), len(projection)), np.int16)
+    for block in _blocks(len(places)):
+        places[block] = project(codes_of(descriptors[block], DESCRIPTOR_UNIT))
+    return _metric(True, projection, unit, places, coarse)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
+
+
+def _metric(
+    learned: bool, projection: Array, unit: float, places: Codes, coarse: bool
+) -> MapMetric:
+    return MapMetric(
+        learned,
+        projection,
+        unit,
+        places,
+        squares=np.einsum("km,km->k", places, places, dtype=np.int32),
+        steps=_steps(places, unit),
+        coarse=coarse_look(places) if coarse else None,
+    )
+
+
+def _steps(places: Codes, unit: float) -> Array:
+    steps = np.zeros((2, len(places)), np.float32)
+    for row, step in zip(steps, (1, 2), strict=True):
+        for start in range(step, len(places), _BLOCK):
+            arrived = places[start : start + _BLOCK].astype(np.float64)
+            left = places[start - step : start - step + len(arrived)]
+            row[start : start + _BLOCK] = unit * np.linalg.norm(arrived - left, axis=1)
+        row[:step] = row[step:].mean(dtype=np.float64) if len(places) > step else 0
+    return steps

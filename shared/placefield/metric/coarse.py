@@ -1,0 +1,64 @@
+"""A coarse look at many places: along few axes, in few bits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.metric.codes import Codes
+
+AXES = 64
+"""Along which places are looked at: the row of one is as long as a cache line."""
+
+_SAMPLE = 20_000  # places that the axes are found from
+_BLOCK = 4096  # places whose float32 copy is held at once
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """The places of a metric, along the principal axes of a sample of them.
+
+    Attributes:
+        axes: (R, M) float32, orthonormal rows.
+        codes: (K, R) int8, the places along them.
+        spread: (M + 1, M + 1) float64, covariance of the places' codes, and of their squared
+            lengths, which are the last row and column.
+        unit: of these codes, in codes of the places.
+    """
+
+    axes: NDArray[np.float32]
+    codes: NDArray[np.int8]
+    spread: NDArray[np.float64]
+    unit: float
+
+    def deviation(self, codes: Codes) -> float:
+        """Standard deviation of the exact squared distances of a vector (M,) to all places.
+
+        These are |x|² + |r_j|² - 2 x r_j, so that their variance is a quadratic form of x.
+        """
+        form = np.append(-2.0 * codes, 1.0)
+        return float(np.sqrt(max(form @ self.spread @ form, 0.0)))
+
+
+def coarse_look(places: Codes) -> Coarse:
+    """Look at places (K, M) along their ``AXES`` principal axes, or all of them if fewer."""
+    sample = places[:: -(-len(places) // _SAMPLE)].astype(np.float32)
+    axes = np.linalg.svd(sample, full_matrices=False)[2][:AXES]
+    unit = max(float(np.abs(sample @ axes.T).max()), 1.0) / np.iinfo(np.int8).max
+    codes = np.empty((len(places), len(axes)), np.int8)
+    for start in range(0, len(places), _BLOCK):
+        along = places[start : start + _BLOCK].astype(np.float32) @ axes.T
+        codes[start : start + _BLOCK] = np.clip(np.rint(along / unit), -127, 127)
+    return Coarse(np.ascontiguousarray(axes), codes, _spread(places), unit)
+
+
+def _spread(places: Codes) -> NDArray[np.float64]:
+    total = np.zeros(places.shape[1] + 1)
+    products = np.zeros((len(total), len(total)))
+    for start in range(0, len(places), _BLOCK):
+        block = places[start : start + _BLOCK].astype(np.float64)
+        block = np.column_stack([block, np.einsum("km,km->k", block, block)])
+        total += block.sum(axis=0)
+        products += block.T @ block
+    mean = total / len(places)
+    return np.asarray(products / len(places) - np.outer(mean, mean))

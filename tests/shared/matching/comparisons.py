@@ -1,0 +1,48 @@
+"""Comparisons of made-up queries, for tests of what matches by them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.maps.map import MapMetric
+from placefield.matching.comparing import Comparison, MetricPlaces
+
+Array = NDArray[np.float32]
+
+
+def compared(metric: MapMetric, query: Sequence[Array | None]) -> list[Comparison | None]:
+    """Compare descriptors (N,) with every place exactly, one after another."""
+    places = MetricPlaces(metric, exact=True)
+    return [None if one is None else next(places.compare(one[None])) for one in query]
+
+
+def metric_of_codes(places: NDArray[np.int16], unit: float) -> MapMetric:
+    """Make a metric of these places (K, M), as if they were codes of this unit."""
+    points = unit * places.astype(np.float64)
+    steps = np.zeros((2, len(points)))
+    for step in (1, 2):
+        made = np.linalg.norm(points[step:] - points[:-step], axis=1)
+        steps[step - 1] = made.mean() if len(made) else 0
+        steps[step - 1, step:] = made
+    return MapMetric(
+        learned=False,
+        projection=np.eye(places.shape[1], dtype=np.float32),
+        unit=unit,
+        places=places,
+        squares=(places.astype(np.int32) ** 2).sum(axis=1, dtype=np.int32),
+        steps=steps.astype(np.float32),
+    )
+
+
+def comparison(metric: MapMetric, codes: NDArray[np.int16]) -> Comparison:
+    """Compare a frame of these codes (M,) with the places."""
+    apart = metric.places.astype(np.int32) - codes
+    return comparison_at(metric, codes, (apart**2).sum(axis=1))
+
+
+def comparison_at(
+    metric: MapMetric, codes: NDArray[np.int16], distances: NDArray[np.integer]
+) -> Comparison:
+    """Compare a frame as if these were its distances, (K,)."""
+    return Comparison(metric, codes, distances.astype(np.int32), float(distances.std()))
