@@ -2,9 +2,12 @@
 
 import threading
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
 
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.keys import Keys
 from placefield.bus.messages import FeatureMessage, FrameMessage
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamFollower
@@ -17,51 +20,74 @@ from placefield_services.process import ServiceProcess
 
 SERVICE = "featurizer"
 
-_LIVE_FRAMES = 2  # of a live stream, that may wait: older ones are dropped
+_LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
 
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
-    keys = Keys(config.run)
     with open_bus(config.bus, stop) as bus:
-        process = ServiceProcess(SERVICE, bus, keys)
+        process = ServiceProcess(SERVICE, bus, config.runs)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
-        bus.subscribe(keys.frame, inbox.offer, process.counts)
-        featurizer = Featurizer(placemap.model, bus.publisher(keys.feature), process.counts)
+        publishers = {}
+        for run, keys in process.keys.items():
+            bus.subscribe(keys.frame, inbox.offer, process.counts[run])
+            publishers[run] = bus.publisher(keys.feature)
+        featurizer = Featurizer(placemap.model, publishers, process.counts)
+        featurizer.rehearse()
         with process.sole():
-            process.serve(inbox, featurizer.handle, stop)
+            # Frames share no work; one that waits may still make room for a newer one.
+            process.serve(inbox, featurizer.handle, stop, at_once=1)
+
+
+@dataclass
+class _Run:
+    publisher: Publisher
+    counts: Counter[str]
+    follower: StreamFollower
+    descriptors: DescriptorStream
 
 
 class Featurizer:
-    """Makes each frame of a stream into its descriptor.
+    """Makes each frame of a stream into its descriptor, in one stream per run at a time.
 
     Counts ``unreadable`` frames; they go on as frames that were not seen, so that none is missing.
     """
 
-    def __init__(self, model: DescriptorModel, publisher: Publisher, counts: Counter[str]) -> None:
+    def __init__(
+        self,
+        model: DescriptorModel,
+        publishers: Mapping[str, Publisher],
+        counts: Mapping[str, Counter[str]],
+    ) -> None:
+        """Publish and count by run."""
         self._model = model
         self._feature = feature_of_model(model)
         self._fingerprint = fingerprint(model)
-        self._publisher = publisher
-        self._counts = counts
-        self._follower = StreamFollower(counts)
-        self._descriptors = DescriptorStream(model)
+        self._runs = {
+            run: _Run(publisher, counts[run], StreamFollower(counts[run]), DescriptorStream(model))
+            for run, publisher in publishers.items()
+        }
+
+    def rehearse(self) -> None:
+        """Describe a frame of no stream, so that what is made at its first use is made."""
+        self._feature.describe(np.zeros((48, 64, 3), np.uint8))
 
     def handle(self, received: Received) -> None:
         """Take a frame, publish its descriptor."""
-        frame = None if received.header.end else FrameMessage.decode(received.payload)
-        arrival = self._follower.follow(received.header)
+        header, run = received.header, self._runs[received.run]
+        frame = None if header.end else FrameMessage.decode(received.payload)
+        arrival = run.follower.follow(header)
         if arrival is Arrival.DROPPED:
             return
         if arrival is Arrival.NEW_STREAM:
-            self._descriptors = DescriptorStream(self._model)
-        feature = None if frame is None else self._describe(frame)
-        self._publisher.put(received.header, feature)
+            run.descriptors = DescriptorStream(self._model)
+        feature = None if frame is None else self._describe(run, frame)
+        run.publisher.put(header, feature)
 
-    def _describe(self, frame: FrameMessage) -> FeatureMessage:
+    def _describe(self, run: _Run, frame: FrameMessage) -> FeatureMessage:
         try:
             raw = self._feature.describe(frame.image)
         except FrameError:
-            self._counts["unreadable"] += 1
+            run.counts["unreadable"] += 1
             return FeatureMessage(model=self._fingerprint, descriptor=None)
-        return FeatureMessage(model=self._fingerprint, descriptor=self._descriptors.push(raw))
+        return FeatureMessage(model=self._fingerprint, descriptor=run.descriptors.push(raw))

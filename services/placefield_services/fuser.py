@@ -5,12 +5,14 @@ import threading
 import time
 from collections import Counter
 
+import numpy as np
+
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, channel_of, service_and_identity
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
-from placefield.config import Config
+from placefield.config import Config, MatchingConfig
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.rules import fuse
@@ -23,25 +25,35 @@ SERVICE = "fuser"
 
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over."""
-    keys = Keys(config.run)
     with open_bus(config.bus, stop) as bus:
-        process = ServiceProcess(SERVICE, bus, keys)
+        process = ServiceProcess(SERVICE, bus, config.runs)
         inbox = Inbox(process.counts)
-        bus.subscribe(keys.feature, inbox.offer, process.counts)
-        bus.subscribe(keys.all_candidates, inbox.offer, process.counts)
-        channels = LiveChannels(len(placemap.channels))
-        bus.watch_alive(keys.all_alive("channel"), channels.change)
-        fuser = Fuser(
-            placemap,
-            config,
-            channels,
-            bus.publisher(keys.match),
-            bus.publisher(keys.ack),
-            process.counts,
-        )
-        channels.wait_for_all(config.bus.connect_timeout_s, stop)
+        fusers = {}
+        for run, keys in process.keys.items():
+            bus.subscribe(keys.feature, inbox.offer, process.counts[run])
+            bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run])
+            channels = LiveChannels(len(placemap.channels))
+            bus.watch_alive(keys.all_alive("channel"), channels.change)
+            publishers = bus.publisher(keys.match), bus.publisher(keys.ack)
+            fusers[run] = Fuser(placemap, config, channels, *publishers, process.counts[run])
+        rehearse(placemap.places.count, config.matching)
+        end = time.monotonic() + config.bus.connect_timeout_s
+        for fuser in fusers.values():
+            fuser.channels.wait_for_all(end - time.monotonic(), stop)
         with process.sole():
-            process.serve(inbox, fuser.handle, stop, idle=fuser.release)
+            process.serve(
+                inbox,
+                lambda received: fusers[received.run].handle(received),
+                stop,
+                settle=lambda run: fusers[run].release(),
+            )
+
+
+def rehearse(count: int, matching: MatchingConfig) -> None:
+    """Fuse a candidate of no frame, so that what is made at its first use is made."""
+    places = np.arange(count, dtype=np.int32)
+    belief = np.full(count, 1 / count, np.float32)
+    fuse([Candidate(0, float(belief[0]), places, belief)], matching)
 
 
 class LiveChannels:
@@ -49,6 +61,8 @@ class LiveChannels:
 
     def __init__(self, count: int) -> None:
         self.all = range(count)
+        self.alive: frozenset[int] = frozenset()
+        """The channels with a worker now."""
         self._tokens: set[tuple[int, str]] = set()
         self._changed = threading.Condition()
 
@@ -60,13 +74,8 @@ class LiveChannels:
             return
         with self._changed:
             (self._tokens.add if is_alive else self._tokens.discard)((channel, identity))
+            self.alive = frozenset(channel for channel, _ in self._tokens)
             self._changed.notify_all()
-
-    @property
-    def alive(self) -> frozenset[int]:
-        """The channels with a worker now."""
-        with self._changed:
-            return frozenset(channel for channel, _ in self._tokens)
 
     def wait_for_all(self, timeout: float, stop: threading.Event) -> None:
         """Wait until every channel has a worker, at most ``timeout`` seconds."""
@@ -80,7 +89,7 @@ class LiveChannels:
 
 
 class Fuser:
-    """Joins the candidates of a stream and answers each frame once, with what came in time.
+    """Joins the candidates of a run's stream and answers each frame once, with what came in time.
 
     The stream ends when the featurizer has said so and every frame has been answered.
     """
@@ -96,17 +105,16 @@ class Fuser:
     ) -> None:
         self._map = placemap
         self._config = config
-        self._channels = channels
+        self.channels = channels
         self._matches = matches
         self._acks = acks
         self._counts = counts
-        self._feature_key = Keys(config.run).feature
         self._switch = StreamSwitch(counts)
         self._begin(live=False)
 
     def _begin(self, *, live: bool) -> None:
         self._joiner = Joiner(
-            self._channels.all, self._config.fusion.deadline_s, self._counts, gaps_expected=live
+            self.channels.all, self._config.fusion.deadline_s, self._counts, gaps_expected=live
         )
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
@@ -125,15 +133,15 @@ class Fuser:
         if isinstance(message, FeatureMessage):
             self._joiner.announce(header.sequence, now)
         elif isinstance(message, CandidateMessage):
-            candidate = Candidate(message.place, message.score, message.evidence)
+            candidate = Candidate(message.place, message.score, message.places, message.evidence)
             self._joiner.add(header.sequence, message.channel, candidate, now)
-        elif received.key == self._feature_key:
+        elif _is_of_featurizer(received):
             self._end = header
         if self._joiner.is_pending(header.sequence):
             self._headers[header.sequence] = header
 
     def _decode(self, received: Received) -> FeatureMessage | CandidateMessage:
-        if received.key == self._feature_key:
+        if _is_of_featurizer(received):
             return FeatureMessage.decode(received.payload)
         message = CandidateMessage.decode(received.payload)
         rule, places = self._config.matching.rule, self._map.places.count
@@ -141,23 +149,25 @@ class Fuser:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        has_evidence = rule != "lowest-score" and message.place != UNANSWERED
-        if message.place >= places or len(message.evidence) != (places if has_evidence else 0):
+        if message.place >= places or not _fits(message, places):
             raise MessageError(f"candidate of another map: this fuser's has {places} places")
         return message
 
     def release(self) -> None:
-        """Publish the matches of frames that are complete or due, and their credits."""
-        self._joiner.set_alive(self._channels.alive)
+        """Publish the matches of frames that are complete or due, and the last one's credit."""
+        self._joiner.set_alive(self.channels.alive)
         self._release(time.monotonic())
 
     def _release(self, now: float) -> None:
+        last = None
         for joined in self._joiner.release(now):
-            self._publish(self._headers.pop(joined.sequence), joined)
+            last = self._headers.pop(joined.sequence)
+            self._publish(last, joined)
         if self._end is not None and not self._joiner.pending:
-            self._matches.put(self._end)
-            self._acks.put(self._end)
-            self._end = None
+            last, self._end = self._end, None
+            self._matches.put(last)
+        if last is not None:  # stands for all before it
+            self._acks.put(last)
 
     def _publish(self, header: Header, joined: Joined) -> None:
         match = fuse(
@@ -173,5 +183,19 @@ class Fuser:
             pose=self._map.places.pose(match.place) if answered else None,
         )
         self._matches.put(header, message)
-        self._acks.put(header)
         self._counts["matches"] += 1
+
+
+def _is_of_featurizer(received: Received) -> bool:
+    return received.key == Keys(received.run).feature
+
+
+def _fits(message: CandidateMessage, count: int) -> bool:
+    """Whether the evidence is what the rule has, of a map of so many places."""
+    places, evidence = message.places, message.evidence
+    if message.rule == "lowest-score" or message.place == UNANSWERED:
+        return len(places) == len(evidence) == 0
+    if message.rule == "evidence":
+        return len(places) == 0 and len(evidence) == count
+    is_ascending = bool((np.diff(places, prepend=-1, append=count) > 0).all())
+    return is_ascending and len(places) == len(evidence) > 0

@@ -3,6 +3,7 @@
 What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``.
 """
 
+import itertools
 import logging
 import os
 import subprocess
@@ -10,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from placefield.bus.keys import Keys, channel_of, service_and_identity
+from placefield.bus.keys import Keys, channel_of, run_of, service_and_identity
 from placefield.bus.session import Bus, open_router
 from placefield.config import ENV_PREFIX, Config
 from placefield.errors import BusError
@@ -23,6 +24,8 @@ _PATIENCE_S = 1.2
 _RESTART_AFTER_S = 0.5
 _YOUNG_S = 5.0  # a process that dies younger than this has failed to start
 _MOST_FAILED_STARTS = 5
+
+_Role = tuple[str, int | None]  # a service, and which channel if it is one
 
 
 def run_host(
@@ -37,15 +40,15 @@ def run_host(
     Args:
         commands: command lines of the services, by a name for the log.
         channels: how many channels they serve together.
-        config: its bus and run.
+        config: its bus and runs.
         stop: ends the host.
-        on_ready: called once, when featurizer, fuser and all channels are.
+        on_ready: called once, when featurizer, fuser and all channels are in all runs.
 
     Raises:
         BusError: the endpoint is in use, or a service fails to start again and again.
     """
     with open_router(config.bus) as bus:
-        readiness = _Readiness(bus, Keys(config.run), channels)
+        readiness = _Readiness(bus, config.runs, channels)
         children = [_Child(name, command) for name, command in commands.items()]
         try:
             while not stop.is_set():
@@ -61,24 +64,28 @@ def run_host(
 class _Readiness:
     """Whether all services have been alive together, told once."""
 
-    def __init__(self, bus: Bus, keys: Keys, channels: int) -> None:
-        self._needed: set[tuple[str, int | None]] = {("featurizer", None), ("fuser", None)}
-        self._needed |= {("channel", channel) for channel in range(channels)}
+    def __init__(self, bus: Bus, runs: Sequence[str], channels: int) -> None:
+        roles: list[_Role] = [("featurizer", None), ("fuser", None)]
+        roles += [("channel", channel) for channel in range(channels)]
+        self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
         self._told = False
-        bus.watch_alive(keys.all_alive(), self._change)
+        for run in runs:
+            bus.watch_alive(Keys(run).all_alive(), self._change)
 
     def _change(self, key: str, is_alive: bool) -> None:
         (self._alive.add if is_alive else self._alive.discard)(key)
 
     def is_reached(self) -> bool:
-        if self._told or not self._needed <= {_role(key) for key in tuple(self._alive)}:
+        if self._told:
+            return False
+        if not self._needed <= {(run_of(key), _role(key)) for key in tuple(self._alive)}:
             return False
         self._told = True
         return True
 
 
-def _role(key: str) -> tuple[str, int | None]:
+def _role(key: str) -> _Role:
     service, identity = service_and_identity(key)
     return service, channel_of(identity) if service == "channel" else None
 

@@ -8,8 +8,9 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import NoReturn, TypeVar
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
@@ -22,68 +23,123 @@ log = logging.getLogger(__name__)
 _POLL_S = 0.1
 _STATS_EVERY_S = 1.0
 
+AT_ONCE = 16
+"""Messages that a service takes together: they share what can be shared, and the next stage does
+not wait long for them."""
+
 SUPERVISED = "PLACEFIELD_SUPERVISED"
 """Set in the environment of a service whose standard input ends when its host does."""
 
+Work = TypeVar("Work")
+
 
 class ServiceProcess:
-    """The life of one service on the bus."""
+    """The life of one service on the bus, in one or more runs."""
 
-    def __init__(self, service: str, bus: Bus, keys: Keys) -> None:
+    def __init__(self, service: str, bus: Bus, runs: Sequence[str]) -> None:
         self.identity = uuid.uuid4().hex[:8]
-        self.counts: Counter[str] = Counter()
+        self.keys = {run: Keys(run) for run in runs}
+        self.counts: dict[str, Counter[str]] = {run: Counter() for run in runs}
         self._service = service
         self._bus = bus
-        self._keys = keys
-        self._stats_key = keys.stats(service, self.identity)
         self._stats_due = 0.0
 
-    def sole(self) -> AbstractContextManager[None]:
-        """Hold the token of a service of which a run has one; see ``Bus.sole``."""
-        return self._bus.sole(self._keys, self._service, self.identity)
+    @contextmanager
+    def sole(self) -> Iterator[None]:
+        """Hold the tokens of a service of which a run has one; see ``Bus.sole``."""
+        with ExitStack() as tokens:
+            for keys in self.keys.values():
+                tokens.enter_context(self._bus.sole(keys, self._service, self.identity))
+            yield
 
     def declare_ready(self, identity: str) -> None:
-        """Declare the liveliness token; do so after subscribing, for it says that all is ready."""
-        self._bus.declare_alive(self._keys.alive(self._service, identity))
+        """Declare the liveliness tokens; do so after subscribing: they say that all is ready."""
+        for keys in self.keys.values():
+            self._bus.declare_alive(keys.alive(self._service, identity))
 
     def serve(
         self,
         inbox: Inbox,
-        handle: Callable[[Received], None],
+        accept: Callable[[Received], Work | None],
         stop: threading.Event,
         *,
-        idle: Callable[[], None] = lambda: None,
+        at_once: int = AT_ONCE,
+        work: Callable[[Sequence[Work]], None] = lambda accepted: None,
+        settle: Callable[[str], None] | None = None,
     ) -> None:
-        """Handle what comes until ``stop`` is set; call ``idle`` after each message and each wait.
+        """Serve until ``stop`` is set: what waits is taken together.
 
-        A message that does not parse is counted as ``malformed`` and a call that fails as
-        ``failed``: neither stops the service.
+        A message that does not parse is counted as ``malformed`` and one that is lost to a defect
+        as ``failed``, in its run: neither stops the service.
+
+        Args:
+            inbox: of all runs.
+            accept: called with each message; returns what there is to do for it, if anything.
+            stop: ends the service.
+            at_once: how many messages are taken together at most.
+            work: called with what was accepted, in order.
+            settle: called with each run, after that and after each wait.
         """
         while not stop.is_set():
-            received = inbox.take(_POLL_S)
-            try:
-                if received is not None:
-                    self._handle(received, handle)
-                idle()
-            except Exception:
-                self.counts["failed"] += 1
-                log.exception("%s: a defect; going on with the next message", self._service)
+            accepted = list(self._accept(inbox.take_all(_POLL_S, at_once), accept))
+            if accepted:
+                with self._counting_failure([run for run, _ in accepted]):
+                    work([todo for _, todo in accepted])
+            if settle is not None:
+                self._settle(settle)
             self._publish_stats()
 
-    def _handle(self, received: Received, handle: Callable[[Received], None]) -> None:
-        self.counts["received"] += 1
+    def _accept(
+        self, received: Sequence[Received], accept: Callable[[Received], Work | None]
+    ) -> Iterator[tuple[str, Work]]:
+        """Yield what there is to do, and in which run."""
+        for message in received:
+            run = message.run
+            self.counts[run]["received"] += 1
+            with self._counting_failure([run]):
+                try:
+                    todo = accept(message)
+                except MessageError as error:
+                    self.counts[run]["malformed"] += 1
+                    self._bus.log_dropped(message.key, error)
+                    continue
+                if todo is not None:
+                    yield run, todo
+
+    def _settle(self, settle: Callable[[str], None]) -> None:
+        for run in self.counts:
+            with self._counting_failure([run]):
+                settle(run)
+
+    @contextmanager
+    def _counting_failure(self, runs: Iterable[str]) -> Iterator[None]:
+        """Outlive a defect that costs these runs a message each."""
         try:
-            handle(received)
-        except MessageError as error:
-            self.counts["malformed"] += 1
-            self._bus.log_dropped(received.key, error)
+            yield
+        except Exception:
+            for run in runs:
+                self.counts[run]["failed"] += 1
+            log.exception("%s: a defect; going on with the next message", self._service)
 
     def _publish_stats(self) -> None:
         now = time.monotonic()
         if now >= self._stats_due:
             self._stats_due = now + _STATS_EVERY_S
-            stats = StatsMessage(service=self._service, counts=dict(self.counts))
-            self._bus.put(self._stats_key, stats)
+            for run, keys in self.keys.items():
+                stats = StatsMessage(service=self._service, counts=dict(self.counts[run]))
+                self._bus.put(keys.stats(self._service, self.identity), stats)
+
+
+def leave() -> NoReturn:
+    """End this process, which has nothing left to do.
+
+    To take the interpreter and its compiler down piece by piece takes longer than all else at the
+    end, and a host has many services to wait for.
+    """
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def stop_event() -> threading.Event:

@@ -1,13 +1,17 @@
 import threading
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher, header, received
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
 from placefield.config import Config, MatchingConfig, Rule
@@ -16,11 +20,14 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
 from placefield_services.channel import ChannelWorker, run_channels
 
-KEY = Keys("test").feature
+RUNS = ("day", "night")
 RULES: tuple[Rule, ...] = get_args(Rule)
 Descriptor = NDArray[np.float32]
+Told = tuple[int, int, float, bytes, bytes]
+"""Sequence, place, score, places and evidence of a candidate."""
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +39,7 @@ def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
 
 
 class Stage:
-    """A channel worker, what it published and what it counted."""
+    """A channel worker of two runs, what it published and what it counted."""
 
     def __init__(
         self,
@@ -43,32 +50,60 @@ class Stage:
         reverse: bool = False,
     ) -> None:
         self.model = fingerprint(placemap.model)
-        self.publishers = {channel: RecordingPublisher() for channel in channels}
-        self.counts: Counter[str] = Counter()
+        self.publishers = {
+            run: {channel: RecordingPublisher() for channel in channels} for run in RUNS
+        }
+        self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
-        self._worker = ChannelWorker(placemap, self.publishers, matching, self.counts)
+        self._worker = ChannelWorker(placemap, channels, self.publishers, matching, self.counts)
+        self._worker.rehearse()
 
-    def handle(self, about: Header, message: FeatureMessage | bytes = b"") -> None:
-        self._worker.handle(received(KEY, about, message))
+    def feature(
+        self, about: Header, descriptor: Descriptor | None = None, *, run: str = RUNS[0]
+    ) -> Received:
+        message = FeatureMessage(model=self.model, descriptor=descriptor)
+        return received(Keys(run).feature, about, b"" if about.end else message)
+
+    def handle(self, *batch: Received) -> None:
+        accepted = [self._worker.accept(message) for message in batch]
+        self._worker.match([frame for frame in accepted if frame is not None])
 
     def send(self, about: Header, descriptor: Descriptor | None) -> None:
-        self.handle(about, FeatureMessage(model=self.model, descriptor=descriptor))
+        self.handle(self.feature(about, descriptor))
 
-    def candidates(self, channel: int) -> list[tuple[int, int, float, bytes]]:
-        """Sequence, place, score and evidence of what was published."""
+    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
+        """What was published."""
         return [
-            (about.sequence, message.place, message.score, message.evidence.tobytes())
-            for about, message in self.publishers[channel].sent
+            (
+                about.sequence,
+                message.place,
+                message.score,
+                message.places.tobytes(),
+                message.evidence.tobytes(),
+            )
+            for about, message in self.publishers[run][channel].sent
             if isinstance(message, CandidateMessage)
         ]
 
 
 def offline(
-    placemap: Map, channel: int, rule: Rule, descriptors: list[Descriptor | None]
-) -> list[tuple[int, int, float, bytes]]:
-    matcher = matcher_of(placemap.channels[channel], rule)
-    candidates = [matcher.push(descriptor) for descriptor in descriptors]
-    return [(s, c.place, c.score, c.evidence.tobytes()) for s, c in enumerate(candidates)]
+    placemap: Map,
+    channel: int,
+    rule: Rule,
+    descriptors: list[Descriptor | None],
+    *,
+    reverse: bool = False,
+) -> list[Told]:
+    matcher = matcher_of(placemap.channels[channel], rule, reverse=reverse)
+    places = MetricPlaces(placemap.channels[channel].metric, exact=False)
+    candidates = [
+        matcher.push(None if descriptor is None else next(iter(places.compare(descriptor[None]))))
+        for descriptor in descriptors
+    ]
+    return [
+        (s, c.place, c.score, c.places.tobytes(), c.evidence.tobytes())
+        for s, c in enumerate(candidates)
+    ]
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -78,12 +113,12 @@ def test_each_channel_answers_each_frame_as_its_matcher_does(
     stage = Stage(route_map, rule)
     for sequence, descriptor in enumerate(descriptors):
         stage.send(header(sequence), descriptor)
-    for channel, publisher in stage.publishers.items():
+    for channel, publisher in stage.publishers[RUNS[0]].items():
         assert stage.candidates(channel) == offline(route_map, channel, rule, [*descriptors])
         for _, message in publisher.sent:
             assert isinstance(message, CandidateMessage)
             assert (message.channel, message.rule) == (channel, rule)
-    assert any(place >= 0 for _, place, _, _ in stage.candidates(0))
+    assert any(place >= 0 for _, place, *_ in stage.candidates(0))
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -98,7 +133,7 @@ def test_frames_that_did_not_come_are_matched_as_frames_not_seen(
     seen = [None if s in missing else descriptor for s, descriptor in enumerate(descriptors)]
     expected = [c for c in offline(route_map, 0, rule, seen) if c[0] not in missing]
     assert stage.candidates(0) == expected
-    assert stage.counts["gaps"] == len(missing)
+    assert stage.counts[RUNS[0]]["gaps"] == len(missing)
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -137,8 +172,8 @@ def test_a_new_stream_begins_afresh(
 
 def test_the_end_of_the_stream_is_passed_on_by_every_channel(route_map: Map) -> None:
     stage = Stage(route_map, "evidence")
-    stage.handle(header(0, end=True))
-    for publisher in stage.publishers.values():
+    stage.handle(stage.feature(header(0, end=True)))
+    for publisher in stage.publishers[RUNS[0]].values():
         assert publisher.sent == [(header(0, end=True), None)]
 
 
@@ -160,10 +195,83 @@ def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
         for message, reason in refusals:
             for about in (header(sequence), header(9, stream="another"), header(2**40)):
                 with pytest.raises(MessageError, match=reason):
-                    stage.handle(about, message)
+                    stage.handle(received(Keys(RUNS[0]).feature, about, message))
         stage.send(header(sequence), descriptor)
     assert stage.candidates(0) == offline(route_map, 0, "evidence", [*descriptors])
-    assert stage.counts == {"streams": 1, "gaps": 0}
+    assert stage.counts == {RUNS[0]: {"streams": 1, "gaps": 0}, RUNS[1]: {}}
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What is sent to a worker: a run, a frame of its stream, and how many more in one batch."""
+
+    run: str
+    gap: int
+    seen: bool
+
+
+traffic = st.lists(
+    st.lists(st.builds(Sent, st.sampled_from(RUNS), st.sampled_from([0, 0, 0, 2]), st.booleans())),
+    max_size=8,
+)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("rule", RULES)
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(traffic=traffic)
+def test_runs_and_batches_change_no_bit_of_a_candidate(
+    route_map: Map,
+    descriptors: list[Descriptor],
+    rule: Rule,
+    reverse: bool,
+    traffic: list[list[Sent]],
+) -> None:
+    stage = Stage(route_map, rule, reverse=reverse)
+    pushed: dict[str, list[Descriptor | None]] = {run: [] for run in RUNS}
+    answered: dict[str, list[int]] = {run: [] for run in RUNS}
+    for number, batch in enumerate(traffic):
+        messages = []
+        for place, sent in enumerate(batch):
+            of_run = pushed[sent.run]
+            of_run += [None] * (sent.gap if of_run else 0)
+            seen = descriptors[(7 * number + place) % len(descriptors)] if sent.seen else None
+            about = header(len(of_run), stream=sent.run)
+            messages.append(stage.feature(about, seen, run=sent.run))
+            answered[sent.run].append(len(of_run))
+            of_run.append(seen)
+        stage.handle(*messages)
+    for run in RUNS:
+        alone = offline(route_map, 2, rule, pushed[run], reverse=reverse)
+        assert stage.candidates(2, run=run) == [alone[sequence] for sequence in answered[run]]
+
+
+def test_a_stream_that_follows_another_in_one_batch_begins_afresh(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    stage = Stage(route_map, "filter")
+    first = [stage.feature(header(s), d) for s, d in enumerate(descriptors[:5])]
+    second = [stage.feature(header(s, stream="next"), d) for s, d in enumerate(descriptors)]
+    stage.handle(*first, stage.feature(header(5, end=True)), *second)
+    expected = offline(route_map, 0, "filter", [*descriptors])
+    assert stage.candidates(0) == expected[:5] + expected
+    assert stage.publishers[RUNS[0]][0].sequences == [*range(5), 5, *range(len(descriptors))]
+
+
+def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = Stage(route_map, "filter")
+    messages = [stage.feature(header(s), d) for s, d in enumerate(descriptors)]
+    stage.handle(*messages[:4])
+    with monkeypatch.context() as patch:
+        patch.setattr(MetricPlaces, "compare", lambda *_: 1 // 0)
+        with pytest.raises(ZeroDivisionError):
+            stage.handle(*messages[4:6])
+    stage.handle(*messages[6:])
+    seen = [None if s in (4, 5) else d for s, d in enumerate(descriptors)]
+    expected = offline(route_map, 0, "filter", seen)
+    assert stage.candidates(0) == expected[:4] + expected[6:]
 
 
 def test_a_channel_that_the_map_has_not_is_refused(route_map: Map) -> None:

@@ -28,7 +28,12 @@ class Stage:
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher()
         self.counts: Counter[str] = Counter()
-        self._featurizer = Featurizer(placemap.model, self.publisher, self.counts)
+        self._featurizer = Featurizer(
+            placemap.model,
+            {"test": self.publisher, "other": RecordingPublisher()},
+            {"test": self.counts, "other": Counter()},
+        )
+        self._featurizer.rehearse()
 
     def handle(self, message: Received) -> None:
         self._featurizer.handle(message)
@@ -143,3 +148,16 @@ def test_garbage_under_a_good_header_leaves_the_stream_as_it_was(
             disturbed.handle(received(KEY, header(sequence, stream=stream), garbage))
     assert disturbed.descriptors == clean.descriptors
     assert disturbed.counts == clean.counts
+
+
+def test_another_run_changes_no_bit_of_a_descriptor(route_map: Map, images: list[bytes]) -> None:
+    alone, shared = Stage(route_map), Stage(route_map)
+    wanted = [*images[:3], b"no image", *images[3:]]
+    for sequence, image in enumerate(wanted):
+        alone.send(header(sequence), image)
+        shared.send(header(sequence), image)
+        other = FrameMessage(image=wanted[-1 - sequence])
+        shared.handle(received(Keys("other").frame, header(sequence, stream="other"), other))
+    assert shared.publisher.sequences == list(range(len(wanted)))
+    assert shared.descriptors == alone.descriptors
+    assert shared.counts == alone.counts

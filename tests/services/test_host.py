@@ -21,7 +21,7 @@ RUNS_ON = "import time\ntime.sleep(60)"
 
 @pytest.fixture
 def config(endpoint: str) -> Config:
-    return Config(run="test", bus=BusConfig(endpoint=endpoint))
+    return Config(runs=("test",), bus=BusConfig(endpoint=endpoint))
 
 
 @pytest.fixture(autouse=True)
@@ -92,14 +92,14 @@ def test_what_does_not_listen_is_killed(config: Config, tmp_path: Path) -> None:
 def test_services_take_their_settings_from_their_command_alone(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PLACEFIELD_RUN", "from-outside")
+    monkeypatch.setenv("PLACEFIELD_RUNS", "from-outside")
     monkeypatch.setenv("HOME", "/home")
     seen = tmp_path / "seen"
     script = f"import os, sys\nopen({str(seen)!r}, 'w').write(chr(10).join(os.environ))\n"
     run({"service": script + RUNS_ON}, config, lambda: bool(lines(seen)))
     assert "HOME" in lines(seen)
-    assert "PLACEFIELD_RUN" not in lines(seen)
-    assert "PLACEFIELD_RUN" in os.environ
+    assert "PLACEFIELD_RUNS" not in lines(seen)
+    assert "PLACEFIELD_RUNS" in os.environ
 
 
 def test_an_endpoint_in_use_is_refused_before_anything_is_started(

@@ -2,8 +2,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 from bus_doubles import header, received
@@ -13,7 +12,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Message, StatsMessage
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
-from placefield_services.process import SUPERVISED, ServiceProcess
+from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess
 
 KEYS = Keys("test")
 
@@ -34,21 +33,30 @@ class QuietBus(Bus):
 
 def serve(
     process: ServiceProcess,
-    handle: Callable[[Received], None],
-    messages: int,
-    idle: Callable[[], None] = lambda: None,
+    accept: Callable[[Received], int | None],
+    messages: Sequence[Received],
+    work: Callable[[Sequence[int]], None] = lambda accepted: None,
+    settle: Callable[[str], None] = lambda run: None,
 ) -> None:
-    """Let a process serve so many messages, and then stop."""
-    inbox, stop = Inbox(Counter()), threading.Event()
-    for sequence in range(messages):
-        inbox.offer(received(KEYS.frame, header(sequence)))
+    """Let a process serve these messages, and then stop."""
+    inbox, stop = Inbox(process.counts), threading.Event()
+    for message in messages:
+        inbox.offer(message)
 
-    def handle_and_stop(message: Received) -> None:
-        if message.header.sequence == messages - 1:
+    def accept_and_stop(message: Received) -> int | None:
+        if message is messages[-1]:
             stop.set()
-        handle(message)
+        return accept(message)
 
-    process.serve(inbox, handle_and_stop, stop, idle=idle)
+    process.serve(inbox, accept_and_stop, stop, work=work, settle=settle)
+
+
+def messages_of(count: int, run: str = "test") -> list[Received]:
+    return [received(Keys(run).frame, header(sequence)) for sequence in range(count)]
+
+
+def sequence_of(message: Received) -> int:
+    return message.header.sequence
 
 
 @pytest.fixture
@@ -58,41 +66,69 @@ def bus() -> QuietBus:
 
 @pytest.fixture
 def process(bus: QuietBus) -> ServiceProcess:
-    return ServiceProcess("fuser", bus, KEYS)
+    return ServiceProcess("fuser", bus, ["test", "other"])
 
 
 def test_messages_that_do_not_parse_or_fail_stop_nothing_and_are_counted(
     bus: QuietBus, process: ServiceProcess
 ) -> None:
-    handled = []
+    worked: list[int] = []
 
-    def handle(message: Received) -> None:
-        handled.append(message.header.sequence)
-        if message.header.sequence == 1:
+    def accept(message: Received) -> int | None:
+        if sequence_of(message) == 1:
             raise MessageError("no msgpack")
-        if message.header.sequence == 2:
+        if sequence_of(message) == 2:
             raise ZeroDivisionError
+        return None if sequence_of(message) == 3 else sequence_of(message)
 
-    serve(process, handle, 5)
-    assert handled == [0, 1, 2, 3, 4]
-    assert process.counts == {"received": 5, "malformed": 1, "failed": 1}
+    serve(process, accept, messages_of(6), worked.extend)
+    assert worked == [0, 4, 5]
+    assert process.counts == {"test": {"received": 6, "malformed": 1, "failed": 1}, "other": {}}
     assert bus.dropped == ["no msgpack"]
 
 
-def test_what_is_done_between_messages_may_fail_too(process: ServiceProcess) -> None:
-    def idle() -> None:
-        raise ZeroDivisionError
+def test_every_message_of_work_that_fails_is_counted_in_its_run(process: ServiceProcess) -> None:
+    batches: list[list[int]] = []
 
-    serve(process, lambda _: None, 3, idle)
-    assert process.counts == {"received": 3, "failed": 3}
+    def work(accepted: Sequence[int]) -> None:
+        batches.append([*accepted])
+        if len(batches) == 1:
+            raise ZeroDivisionError
+
+    more = AT_ONCE + 2
+    serve(process, sequence_of, [*messages_of(3, "other"), *messages_of(more)], work)
+    assert [len(batch) for batch in batches] == [AT_ONCE, 5]
+    assert process.counts == {
+        "test": {"received": more, "failed": AT_ONCE - 3},
+        "other": {"received": 3, "failed": 3},
+    }
 
 
-def test_counts_are_published_under_the_process_own_name(
+def test_a_run_that_does_not_settle_keeps_no_other_from_it(process: ServiceProcess) -> None:
+    settled = []
+
+    def settle(run: str) -> None:
+        if run == "test":
+            raise ZeroDivisionError
+        settled.append(run)
+
+    serve(process, sequence_of, messages_of(3), settle=settle)
+    assert settled == ["other"]
+    assert process.counts == {"test": {"received": 3, "failed": 1}, "other": {}}
+
+
+def test_counts_are_published_by_run_under_the_process_own_name(
     bus: QuietBus, process: ServiceProcess
 ) -> None:
-    serve(process, lambda _: None, 1)
-    stats = StatsMessage(service="fuser", counts={"received": 1})
-    assert bus.published == [(KEYS.stats("fuser", process.identity), stats)]
+    serve(process, sequence_of, messages_of(1))
+    own, other = (
+        StatsMessage(service="fuser", counts={"received": 1}),
+        StatsMessage(service="fuser", counts={}),
+    )
+    assert bus.published == [
+        (KEYS.stats("fuser", process.identity), own),
+        (Keys("other").stats("fuser", process.identity), other),
+    ]
 
 
 _WAITS_FOR_STOP = """

@@ -195,17 +195,17 @@ class Host(Process):
         return replayed
 
     @contextmanager
-    def listener(self) -> "Iterator[Listener]":
+    def listener(self, run: str = "default") -> "Iterator[Listener]":
         with open_bus(BusConfig(endpoint=self.endpoint)) as bus:
-            yield Listener(bus)
+            yield Listener(bus, run)
 
 
 class Listener:
     """What a run publishes, from now on."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, run: str = "default") -> None:
         self.bus = bus
-        self.keys = Keys("default")
+        self.keys = Keys(run)
         self._matches = MatchQueue(bus, self.keys)
         self._counts: dict[tuple[str, str], dict[str, int]] = {}
         bus.subscribe_raw(self.keys.all_stats, self._receive)

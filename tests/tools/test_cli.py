@@ -183,7 +183,7 @@ def test_a_query_shorter_than_the_smallest_scale_is_evaluated(
 
 
 def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_path: Path) -> None:
-    printed = placefield("config", "--set", "scales.channels=9", "--set", "run=night")
+    printed = placefield("config", "--set", "scales.channels=9", "--set", "runs=night")
     assert printed.code == 0
     file = tmp_path / "run.toml"
     file.write_text(printed.out)
@@ -256,7 +256,7 @@ def bad_input(
     paths["unreadable"].mkdir()
     (paths["unreadable"] / "0.jpg").write_bytes(b"no image")
     copytree(map_path, paths["broken"])
-    projection = paths["broken"] / "channels" / "1" / "projection.npy"
+    projection = paths["broken"] / "metrics" / "0" / "projection.npy"
     projection.write_bytes(projection.read_bytes()[:-1] + b"\x55")
     paths["truth"].write_text("query,first,last\n0,0,1\n1,two,3\n")
     return paths

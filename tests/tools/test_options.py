@@ -36,7 +36,7 @@ def test_without_anything_the_defaults_hold() -> None:
 
 
 def test_a_set_value_is_read_as_toml_and_a_bare_word_as_text() -> None:
-    settings = ["features.standardise=false", "bus.connect_timeout_s = 0.5", "run=night"]
+    settings = ["features.standardise=false", "bus.connect_timeout_s = 0.5", "runs=night"]
     settings += ["matching.rule='lowest-score'", "metric.kind=identity"]
     config = effective_config(None, settings)
     assert config.features.standardise is False
@@ -56,7 +56,7 @@ def test_a_set_value_is_read_as_toml_and_a_bare_word_as_text() -> None:
         ("scales.channels.more=3", "setting scales.channels"),
         ("scales.channels", "--set 'scales.channels': write it as KEY=VALUE"),
         ("", "--set '': write it as KEY=VALUE"),
-        ("run='no good name'", "setting run"),
+        ("runs='no good name'", "setting runs"),
     ],
 )
 def test_a_setting_that_is_unknown_or_malformed_is_named(setting: str, named: str) -> None:

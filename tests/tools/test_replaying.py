@@ -28,7 +28,7 @@ KEYS = Keys("test")
 
 @pytest.fixture
 def config(endpoint: str) -> Config:
-    return Config(run="test", bus=BusConfig(endpoint=endpoint, connect_timeout_s=0.5))
+    return Config(runs=("test",), bus=BusConfig(endpoint=endpoint, connect_timeout_s=0.5))
 
 
 @pytest.fixture

@@ -49,6 +49,7 @@ def _host(map_path: Path, config: Config) -> Iterator[None]:
     command += ["--precision", str(config.matching.precision)]
     command += ["--set", f"matching.neighbourhood={config.matching.neighbourhood}"]
     command += ["--set", f"matching.reverse={str(config.matching.reverse).lower()}"]
+    command += ["--set", f"matching.exact={str(config.matching.exact).lower()}"]
     command += ["--set", f"fusion.deadline_s={config.fusion.deadline_s}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:

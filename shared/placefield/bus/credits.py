@@ -2,8 +2,8 @@
 
 import threading
 
-WINDOW = 16
-"""Frames under way at most: enough that no service waits for the next one."""
+WINDOW = 32
+"""Frames under way at most: enough that no service waits for the next one, and takes several."""
 
 
 class Credits:

@@ -63,6 +63,11 @@ class Keys:
         return f"{ROOT}/{self.run}/stats/*/*"
 
 
+def run_of(key: str) -> str:
+    """Return the run that a key is of."""
+    return key.split("/", 2)[1]
+
+
 def service_and_identity(key: str) -> tuple[str, str]:
     """Return the last two parts of an ``alive`` or ``stats`` key."""
     _, service, identity = key.rsplit("/", 2)

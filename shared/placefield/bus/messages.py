@@ -26,7 +26,7 @@ from placefield.fusion.match import Match
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
-_DTYPES = {"uint8": np.uint8, "float32": np.float32}
+_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32}
 
 
 def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
@@ -52,6 +52,13 @@ def _float_vector(value: Any) -> NDArray[np.float32]:
     return array
 
 
+def _index_vector(value: Any) -> NDArray[np.int32]:
+    array = _array_from_wire(value)
+    if array.dtype != np.int32 or array.ndim != 1:
+        raise ValueError("expected a vector of int32")
+    return array
+
+
 def _image(value: Any) -> bytes | NDArray[np.uint8]:
     """An encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
     if isinstance(value, bytes):
@@ -68,6 +75,9 @@ def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
 
 FloatVector = Annotated[
     NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
+]
+IndexVector = Annotated[
+    NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)
 ]
 Image = Annotated[
     bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
@@ -144,12 +154,22 @@ class FeatureMessage(Message):
 
 
 class CandidateMessage(Message):
-    """A channel's candidate; evidence, (K,), is empty under ``lowest-score`` and without answer."""
+    """A channel's candidate.
+
+    Attributes:
+        rule: how it was made.
+        channel: whose it is.
+        place: index of the place, or -1 where there is no answer.
+        score: of that place.
+        places: (n,) ascending, whose the evidence is; empty where it is every place's.
+        evidence: (n,), or (K,) of every place; empty under ``lowest-score`` and without answer.
+    """
 
     rule: Rule
     channel: int = Field(ge=0, lt=2**16)
     place: int = Field(ge=-1, lt=2**31)
     score: FiniteFloat
+    places: IndexVector
     evidence: FloatVector
 
 

@@ -52,8 +52,6 @@ class StreamFollower:
         self._counts = counts
         self._switch = StreamSwitch(counts)
         self._next = 0
-        self.gap = 0
-        """How many frames did not come between the last message and the one before it."""
 
     def follow(self, header: Header) -> Arrival:
         """Say what the message with this header is."""
@@ -64,7 +62,6 @@ class StreamFollower:
         if header.sequence < expected:
             self._counts["duplicate"] += 1
             return Arrival.DROPPED
-        self.gap = header.sequence - expected
-        self._counts["gaps"] += self.gap
+        self._counts["gaps"] += header.sequence - expected
         self._next = header.sequence + 1
         return arrival

@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from placefield.errors import ConfigError
-from placefield.maps.store import SUFFIX
+from placefield.maps.manifest import SUFFIX
 from placefield_tools.cli import options
-from placefield_tools.reporting import figures, print_table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -49,6 +48,7 @@ def _evaluate(
     from placefield_tools.building import map_of
     from placefield_tools.evaluating import Query, evaluate
     from placefield_tools.pictures import draw
+    from placefield_tools.reporting import figures, print_table
 
     options.check_truth(tolerance, truth)
     effective = options.effective_config(

@@ -26,7 +26,7 @@ def _inspect(
     ] = None,
 ) -> None:
     """Print what a map holds, and draw its segments per channel."""
-    from placefield.maps.store import open_map
+    from placefield.maps.opening import open_map
     from placefield_tools.inspecting import draw_segments, print_map
 
     opened = open_map(map_path)

@@ -28,10 +28,11 @@ def _listen(
     from placefield_services.process import stop_event
     from placefield_tools.listening import MatchQueue
 
-    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
+    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop) as bus:
-        matches = MatchQueue(bus, Keys(effective.run))
+        matches = MatchQueue(bus, keys)
         while not stop.is_set():
             try:
                 taken = matches.take(0.1)

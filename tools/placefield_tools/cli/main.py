@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from placefield.errors import PlacefieldError
 from placefield_tools.cli import (
+    bench,
     build,
     config,
     demo,
@@ -28,7 +29,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (build, inspect, up, services, replay, listen, status, evaluate, study, config, demo):
+_streaming = (up, services, replay, listen, status)
+for module in (build, inspect, *_streaming, evaluate, study, bench, config, demo):
     module.add_to(app)
 
 

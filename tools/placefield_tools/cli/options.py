@@ -25,7 +25,13 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="any setting, as scales.channels=8"),
 ]
-Run = Annotated[str | None, typer.Option(help="name of the run", show_default=_DEFAULTS.run)]
+Run = Annotated[
+    str | None, typer.Option("--run", help="name of the run", show_default=_DEFAULTS.run)
+]
+Runs = Annotated[
+    list[str] | None,
+    typer.Option("--run", help="name of a run; may be repeated", show_default=_DEFAULTS.run),
+]
 Endpoint = Annotated[
     str | None,
     typer.Option(metavar="ENDPOINT", help="the router", show_default=_DEFAULTS.bus.endpoint),
@@ -33,6 +39,14 @@ Endpoint = Annotated[
 RuleOption = Annotated[
     Rule | None,
     typer.Option("--rule", help="how places are matched", show_default=_DEFAULTS.matching.rule),
+]
+Exact = Annotated[
+    bool | None,
+    typer.Option(
+        "--exact",
+        help="compare with every place exactly, also where the map is built for a coarse look",
+        show_default=False,
+    ),
 ]
 Precision = Annotated[
     float | None,
@@ -128,14 +142,14 @@ def effective_config(file: Path | None, settings: Sequence[str] | None, **flags:
     Args:
         file: of ``--config``.
         settings: of ``--set``.
-        flags: values of the command's own flags by key, ``scales__channels``; None: not given.
+        flags: values of the command's own flags by key, ``scales__channels``; None or []: none.
 
     Raises:
         ConfigError: something does not fit.
     """
     nested: dict[str, Any] = {}
     for key, value in [*map(_setting, settings or ()), *flags.items()]:
-        if value is None:
+        if value is None or value == []:
             continue
         *sections, name = key.split("__")
         table = nested

@@ -44,13 +44,14 @@ def _replay(
     from placefield_tools.replaying import replay
     from placefield_tools.sources import open_source
 
-    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
+    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    keys = Keys(effective.run)
     stop = stop_event()
     odometry = Odometry()
     opened = open_source(
         source, start=start, stride=stride, spacing_m=spacing, metres=odometry.metres
     )
     with opened as frames, open_bus(effective.bus, stop) as bus:
-        odometry.listen(bus, Keys(effective.run))
+        odometry.listen(bus, keys)
         sent = replay(frames, bus, effective, stop, rate=rate, loop=loop)
     print(f"{sent} frames replayed")

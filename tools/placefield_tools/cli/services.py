@@ -17,18 +17,19 @@ def add_to(app: typer.Typer) -> None:
 
 def _featurizer(
     map_path: options.MapPath,
-    run: options.Run = None,
+    run: options.Runs = None,
     endpoint: options.Endpoint = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
     """Serve as featurizer: frames in, descriptors out."""
-    from placefield.maps.store import open_map
+    from placefield.maps.opening import open_map
     from placefield_services.featurizer import run_featurizer
-    from placefield_services.process import stop_event
+    from placefield_services.process import leave, stop_event
 
-    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
-    run_featurizer(open_map(map_path), effective, stop_event())
+    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    run_featurizer(open_map(map_path, whole=False), effective, stop_event())
+    leave()
 
 
 def _channel(
@@ -36,26 +37,33 @@ def _channel(
     channel: Annotated[
         list[int], typer.Option(min=0, help="number of a channel of the map; may be repeated")
     ],
-    run: options.Run = None,
+    run: options.Runs = None,
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
+    exact: options.Exact = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
     """Serve as channel worker: descriptors in, a candidate per channel out."""
-    from placefield.maps.store import open_map
+    from placefield.maps.opening import open_map
     from placefield_services.channel import run_channels
-    from placefield_services.process import stop_event
+    from placefield_services.process import leave, stop_event
 
     effective = options.effective_config(
-        config, settings, run=run, bus__endpoint=endpoint, matching__rule=rule
+        config,
+        settings,
+        runs=run,
+        bus__endpoint=endpoint,
+        matching__rule=rule,
+        matching__exact=exact,
     )
-    run_channels(open_map(map_path), channel, effective, stop_event())
+    run_channels(open_map(map_path, whole=False), channel, effective, stop_event())
+    leave()
 
 
 def _fuser(
     map_path: options.MapPath,
-    run: options.Run = None,
+    run: options.Runs = None,
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
@@ -70,17 +78,18 @@ def _fuser(
     settings: options.Settings = None,
 ) -> None:
     """Serve as fuser: candidates in, one match per frame out."""
-    from placefield.maps.store import open_map
+    from placefield.maps.opening import open_map
     from placefield_services.fuser import run_fuser
-    from placefield_services.process import stop_event
+    from placefield_services.process import leave, stop_event
 
     effective = options.effective_config(
         config,
         settings,
-        run=run,
+        runs=run,
         bus__endpoint=endpoint,
         matching__rule=rule,
         matching__precision=precision,
         fusion__deadline_s=deadline,
     )
-    run_fuser(open_map(map_path), effective, stop_event())
+    run_fuser(open_map(map_path, whole=False), effective, stop_event())
+    leave()

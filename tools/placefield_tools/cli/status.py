@@ -27,7 +27,7 @@ def _status(
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError
 
-    effective = options.effective_config(config, settings, run=run, bus__endpoint=endpoint)
+    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
     keys = Keys(effective.run)
     counts: dict[tuple[str, str], dict[str, int]] = {}
     lock = threading.Lock()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from placefield.errors import ConfigError
-from placefield.maps.store import SUFFIX
+from placefield.maps.manifest import SUFFIX
 from placefield_tools.cli import options
 
 

@@ -3,6 +3,8 @@
 import os
 import sys
 import tempfile
+from collections.abc import Hashable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -22,10 +24,11 @@ def _up(
         int | None,
         typer.Option(min=1, help="channel workers", show_default="one per core"),
     ] = None,
-    run: options.Run = None,
+    run: options.Runs = None,
     endpoint: options.Endpoint = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
+    exact: options.Exact = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -33,7 +36,7 @@ def _up(
 
     What dies is started again; Ctrl-C stops all.
     """
-    from placefield.maps.store import open_map
+    from placefield.maps.opening import open_map
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
 
@@ -41,16 +44,19 @@ def _up(
     effective = options.effective_config(
         config,
         settings,
-        run=run,
+        runs=run,
         bus__endpoint=endpoint,
         matching__rule=rule,
         matching__precision=precision,
+        matching__exact=exact,
     )
-    channels = len(open_map(map_path).channels)
+    channels = open_map(map_path).channels
+    runs = ", ".join(map(repr, effective.runs))
 
     def ready() -> None:
         print(
-            f"ready: run {effective.run!r} at {effective.bus.endpoint}, {channels} channels; "
+            f"ready: {'run' if len(effective.runs) == 1 else 'runs'} {runs} at "
+            f"{effective.bus.endpoint}, {len(channels)} channels; "
             "now 'placefield replay SOURCE' and 'placefield listen'",
             flush=True,
         )
@@ -58,20 +64,31 @@ def _up(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         file.write_text(effective.to_toml())
-        commands = _commands(map_path, channels, workers or os.cpu_count() or 1, file)
-        run_host(commands, channels, effective, stop, ready)
+        dealt = deal([c.metric for c in channels], workers or os.cpu_count() or 1)
+        run_host(_commands(map_path, dealt, file), len(channels), effective, stop, ready)
 
 
-def _commands(map_path: Path, channels: int, workers: int, config: Path) -> dict[str, list[str]]:
-    """Return the command lines of the services; channels are dealt out to the workers in turn."""
+def deal(metrics: Sequence[Hashable], workers: int) -> list[list[int]]:
+    """Deal channels, given the metric of each, to workers as evenly as it goes.
+
+    Channels of one metric stay together where they can: frames are compared under it once.
+    """
+    first_of_metric = {metric: first for first, metric in reversed(list(enumerate(metrics)))}
+    in_order = sorted(range(len(metrics)), key=lambda channel: first_of_metric[metrics[channel]])
+    workers = min(workers, len(metrics))
+    ends = [len(metrics) * worker // workers for worker in range(workers + 1)]
+    return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
+
+
+def _commands(map_path: Path, dealt: Sequence[Sequence[int]], config: Path) -> dict[str, list[str]]:
+    """Return the command lines of the services, with a worker for each lot of channels."""
 
     def command(service: str, *arguments: str) -> list[str]:
         program = [sys.executable, "-m", "placefield_tools"]
         return [*program, service, str(map_path), "--config", str(config), *arguments]
 
     commands = {"featurizer": command("featurizer"), "fuser": command("fuser")}
-    for worker in range(min(workers, channels)):
-        own = range(worker, channels, workers)
+    for worker, own in enumerate(dealt):
         flags = [flag for channel in own for flag in ("--channel", str(channel))]
         commands[f"channel worker {worker}"] = command("channel", *flags)
     return commands

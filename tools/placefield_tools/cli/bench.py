@@ -1,0 +1,82 @@
+"""``placefield bench``: our way against the plain one, in one run."""
+
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from placefield.errors import ConfigError
+from placefield_tools.cli import options
+
+if TYPE_CHECKING:
+    from placefield_tools.bench.figure import Figure
+
+_app = typer.Typer(
+    help="Measure speed, as ratios in one run, beside the bars it is held to.",
+    no_args_is_help=True,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(_app, name="bench")
+
+
+@_app.command("match")
+def _match(as_json: options.Json = False) -> None:
+    """Query frames to candidates: beside the equations, and beside bare distances."""
+    _measure("match", as_json)
+
+
+@_app.command("features")
+def _features(as_json: options.Json = False) -> None:
+    """Frames to descriptors: beside a plain rendering of GIST, and beside decoding alone."""
+    _measure("features", as_json)
+
+
+@_app.command("build")
+def _build(as_json: options.Json = False) -> None:
+    """Frames to maps: beside metric-learn's LMNN, with time and memory of the command."""
+    _measure("build", as_json)
+
+
+@_app.command("chain")
+def _chain(as_json: options.Json = False) -> None:
+    """Frames through the services: beside processes that do no work; then of 16 cameras."""
+    _measure("chain", as_json)
+
+
+@_app.command("scale")
+def _scale(
+    as_json: options.Json = False,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="draw time and memory by size: a PNG")
+    ] = None,
+) -> None:
+    """Maps of a thousand to a million places: what a frame costs, and what memory they take."""
+    figures = _measure("scale", as_json)
+    if picture is not None:
+        from placefield_tools.bench.figure import as_object
+        from placefield_tools.bench.scale import SIZES
+        from placefield_tools.bench.scale_picture import draw_scale
+
+        draw_scale(picture, as_object(figures), SIZES)
+
+
+def _measure(part: str, as_json: bool) -> "Sequence[Figure]":
+    try:
+        module = import_module(f"placefield_tools.bench.{part}")
+        from placefield_tools.bench.figure import as_object, print_figures
+    except ModuleNotFoundError as missing:
+        raise ConfigError(
+            f"bench {part} needs {missing.name}: pip install 'placefield[bench]'"
+        ) from None
+    figures: Sequence[Figure] = getattr(module, f"bench_{part}")()
+    if as_json:
+        print(json.dumps(as_object(figures)))
+    else:
+        print_figures(f"placefield bench {part}", figures)
+    return figures
