@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 
-.PHONY: demo test lint
+.PHONY: demo test lint bench
 
 demo: $(INSTALLED)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
@@ -15,6 +15,9 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+bench: $(INSTALLED)
+	for part in match features build chain scale; do $(BIN)/placefield bench $$part || exit; done
 
 $(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv .venv

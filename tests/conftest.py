@@ -12,7 +12,8 @@ import pytest
 from placefield.config import Config
 from placefield.features.images import decode
 from placefield.maps.map import Map
-from placefield.maps.store import open_map, save_map
+from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
 from placefield_tools.building import build_from
 
 _DATA = Path(

@@ -21,7 +21,7 @@ from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
-from placefield.maps.store import open_map
+from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
 from placefield.recognizer import Recognizer
 from placefield_tools.parallel import map_in_order

@@ -1,0 +1,52 @@
+"""Figures as a table and as JSON."""
+
+import pytest
+
+from placefield_tools.bench.figure import Figure, as_object, print_figures
+
+
+@pytest.mark.parametrize(
+    ("figure", "bar", "is_met"),
+    [
+        (Figure("speed", 9.0, "", at_least=8), "≥ 8", True),
+        (Figure("speed", 7.9, "", at_least=8), "≥ 8", False),
+        (Figure("lost", 0, "", at_most=0), "≤ 0", True),
+        (Figure("lost", 1, "", at_most=0), "≤ 0", False),
+        (Figure("lost", float("nan"), "", at_most=0), "≤ 0", False),
+        (Figure("time", 3.0, ""), "", True),
+    ],
+)
+def test_a_figure_is_held_to_its_bar(figure: Figure, bar: str, is_met: bool) -> None:
+    assert figure.bar == bar
+    assert figure.is_met == is_met
+
+
+def test_the_object_has_a_key_per_figure() -> None:
+    figures = [Figure("speedup", 9.5, "how much faster", at_least=8), Figure("lost", 0, "frames")]
+    assert as_object(figures) == {"speedup": 9.5, "lost": 0}
+
+
+def test_two_figures_of_one_key_are_a_defect() -> None:
+    with pytest.raises(ValueError, match="same key"):
+        as_object([Figure("speedup", 9.5, ""), Figure("speedup", 8, "")])
+
+
+def test_the_table_says_what_was_measured_and_whether_it_will_do(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    figures = [
+        Figure("speedup", 9.5, "how much faster", at_least=8),
+        Figure("frames_lost", 3, "of all", at_most=0),
+        Figure("frames_per_s", 171.25, "through the services"),
+    ]
+    print_figures("placefield bench part", figures)
+    lines = capsys.readouterr().out.splitlines()
+    rows = {cells[0]: cells[1:] for line in lines if len(cells := _cells(line)) == 5}
+    assert rows["speedup"] == ["how much faster", "9.5", "≥ 8", "yes"]
+    assert rows["frames_lost"] == ["of all", "3", "≤ 0", "no"]
+    assert rows["frames_per_s"] == ["through the services", "171.2", "", ""]
+    assert any("placefield bench part" in line for line in lines)
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("│┃").split("│")]

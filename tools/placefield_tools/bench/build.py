@@ -1,0 +1,188 @@
+"""Building maps: the metric beside metric-learn's, and the command with its time and memory."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from placefield.config import Config
+from placefield.maps.build import build_map
+from placefield.maps.traverse import Traverse
+from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbours
+from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.timing import Timings
+from placefield_tools.parallel import cores
+
+_FRAMES = 1261  # of the paper's longest route
+_CHANNELS = 8
+_NEIGHBOURS, _PUSH = 3, 0.5
+_PLAIN_STEPS = 48  # of metric-learn: max_iter is 50
+_STEPS = 30  # in which ours is to get as low
+_LARGE = 6000  # frames whose features are much larger than the libraries
+
+Array = NDArray[np.float32]
+
+
+def bench_build() -> list[Figure]:
+    """Measure; takes a few minutes, most of them metric-learn's."""
+    return [*_command_figures(), *_memory_figures(), *_lmnn_figures()]
+
+
+@dataclass(frozen=True)
+class _Build:
+    """What a build took."""
+
+    seconds: float
+    peak_mb: float
+
+
+def _command_figures() -> list[Figure]:
+    with tempfile.TemporaryDirectory(prefix="placefield-bench-") as name:
+        folder = Path(name)
+        one = _write_frames(folder / "day", shift=0)
+        two = [*one, *_write_frames(folder / "other", shift=8)]
+        first = _build(one, folder / "one.pfmap")
+        both = _build(two, folder / "two.pfmap")
+        alone = _on_one_core(lambda: _build(two, folder / "alone.pfmap"))
+    speed_up = alone.seconds / both.seconds
+    return [
+        Figure("build_s", first.seconds, f"{_FRAMES} frames, {_CHANNELS} channels", at_most=60),
+        Figure("build_peak_mb", first.peak_mb, "the same: peak memory of the process"),
+        Figure("build_learning_s", both.seconds, "of two traverses, with LMNN", at_most=60),
+        Figure("build_learning_peak_mb", both.peak_mb, "the same: peak memory of the process"),
+        Figure("build_cores_speedup", speed_up, f"the same, {cores()} cores over one"),
+    ]
+
+
+def _write_frames(folder: Path, *, shift: int) -> list[str]:
+    folder.mkdir()
+    for number, frame in enumerate(street_frames(_FRAMES, size=(320, 240), shift=shift)):
+        (folder / f"{number:05}.jpg").write_bytes(frame)
+    return [str(folder)]
+
+
+def _build(references: Sequence[str], output: Path) -> _Build:
+    """Run the command and watch its memory."""
+    flags = ["-o", str(output), "--feature", "gist", "--channels", str(_CHANNELS)]
+    command = [sys.executable, "-m", "placefield_tools", "build", *references, *flags]
+    start, peak = time.perf_counter(), 0.0
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            peak = max(peak, _peak_mb(process.pid))
+            time.sleep(0.02)
+    if process.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}")
+    return _Build(time.perf_counter() - start, peak)
+
+
+def _on_one_core(build: Callable[[], _Build]) -> _Build:
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    try:
+        return build()
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def _memory_figures() -> list[Figure]:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:  # it has done nothing yet
+        ratio = pool.submit(_memory_ratio).result()
+    what = "peak memory of building over features and descriptors"
+    return [Figure("build_memory_ratio", ratio, what, at_most=3)]
+
+
+def _memory_ratio() -> float:
+    """Memory that a build of made-up features takes, theirs too, over theirs and descriptors'."""
+    raw = _walk(_LARGE, 512)
+    with threadpool_limits(1):
+        _learn(raw[:100], clusters=4)  # all libraries are loaded and all kernels compiled
+        before = _peak_mb(os.getpid())
+        dimensions = _learn(raw, clusters=_LARGE // 30)
+    added = 1e6 * (_peak_mb(os.getpid()) - before)
+    return float((raw.nbytes + added) / (raw.nbytes + 4 * _LARGE * dimensions))
+
+
+def _learn(raw: Array, *, clusters: int) -> int:
+    """Build a map with LMNN and return the number of dimensions of its descriptors."""
+    count = len(raw)
+    traverse = Traverse("made-up", raw, np.arange(count), np.empty((0, 3)), (b"",) * count)
+    scales = {"channels": 1, "clusters": clusters}
+    config = {"scales": scales, "metric": {"gate": False, "steps": 2}}
+    return len(build_map([traverse], Config.model_validate(config)).model.components)
+
+
+def _peak_mb(process: int) -> float:
+    """Return the most memory that a process has held; 0 where it is gone or nobody can tell."""
+    try:
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return sum(float(line.split()[1]) * 1.024e-3 for line in lines if line.startswith("VmHWM"))
+
+
+def _lmnn_figures() -> list[Figure]:
+    points, labels = _labelled_route()
+    start = time.perf_counter()
+    plain = _metric_learn(points, labels)
+    plain_s = time.perf_counter() - start
+    targets = target_neighbours(points, labels, _NEIGHBOURS)
+    goal = objective(plain, points.astype(np.float64), labels, targets, _PUSH)[0]
+    fit = _fit(points, labels, _STEPS)
+    steps = int(np.argmax(fit.objective <= goal)) if fit.objective[-1] <= goal else _STEPS
+    ours = Timings.of([lambda: _fit(points, labels, steps)], rounds=3)
+    reached = fit.objective[steps] / goal
+    return [
+        Figure("lmnn_speedup", plain_s / ours.median(0), "metric-learn over ours", at_least=20),
+        Figure("lmnn_objective_ratio", reached, "ours over metric-learn's", at_most=1),
+        Figure("lmnn_s", ours.median(0), f"ours, {steps} steps of {points.shape}"),
+        Figure("metric_learn_s", plain_s, f"metric-learn, {_PLAIN_STEPS} steps"),
+    ]
+
+
+def _fit(points: Array, labels: NDArray[np.intp], steps: int) -> LmnnFit:
+    return fit_lmnn(points, labels, neighbours=_NEIGHBOURS, push=_PUSH, steps=steps)
+
+
+def _metric_learn(points: Array, labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    from metric_learn import LMNN
+
+    learner = LMNN(
+        init="identity",
+        n_neighbors=_NEIGHBOURS,
+        regularization=1 - _PUSH,
+        max_iter=_PLAIN_STEPS + 2,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.asarray(learner.fit(points, labels).components_)
+
+
+def _labelled_route() -> tuple[Array, NDArray[np.intp]]:
+    """1200 x 500 in 48 segments; two thirds of the frames are inactive and share a label.
+
+    Neighbours are 0.3 apart, so that the margin of 1 reaches some ten frames far.
+    """
+    points = _walk(1200, 500)
+    points *= np.float32(0.3) / np.linalg.norm(np.diff(points, axis=0), axis=1).mean()
+    number, within = np.divmod(np.arange(1200), 25)
+    return points, np.where(within < 8, 1 + number, 0)
+
+
+def _walk(frames: int, dimensions: int) -> Array:
+    """Frames that change gradually: a random walk, (frames, dimensions), of variance 1 in all."""
+    walk = np.cumsum(np.random.default_rng(0).normal(size=(frames, dimensions)), axis=0)
+    walk -= walk.mean(axis=0)
+    scale = np.sqrt((walk**2).sum(axis=1).mean())
+    return np.asarray(walk / scale, np.float32)

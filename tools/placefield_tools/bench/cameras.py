@@ -1,0 +1,105 @@
+"""Many cameras on one map: one set of services for all, beside a set for each."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from placefield.bus.session import open_bus
+from placefield.config import BusConfig
+from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.hosting import Chain, started
+from placefield_tools.bench.load import Answers, LiveCamera, play
+
+CAMERAS = 16
+_RATE = 10.0  # frames per second and camera
+_SECONDS = 10.0
+_WARM_UP_S = 2.0
+_FRAMES = 640  # of the route that they drive
+_SIZE = (320, 240)
+_CONNECT_S = 180  # many processes start at once
+
+
+@dataclass(frozen=True)
+class Load:
+    """What the services did with all cameras' frames, and how long they computed for it.
+
+    Attributes:
+        answers: of all cameras.
+        cpu_s: seconds of computing time, of all processes.
+    """
+
+    answers: Answers
+    cpu_s: float
+
+    def figures(self, prefix: str, whose: str, *, at_most: float | None = None) -> list[Figure]:
+        """Make figures of it; the bar is on the frames lost."""
+        median, late = np.quantile(self.answers.latencies * 1e3, (0.5, 0.95))
+        sent, lost = self.answers.sent, self.answers.lost
+        return [
+            Figure(f"{prefix}_lost_frames", lost, f"{whose}: of {sent} frames", at_most=at_most),
+            Figure(f"{prefix}_latency_ms", median, f"{whose}: median latency"),
+            Figure(f"{prefix}_latency_95_ms", late, f"{whose}: 95th percentile"),
+            Figure(f"{prefix}_cpu_ms", self.cpu_ms, f"{whose}: computing time per answered frame"),
+        ]
+
+    @property
+    def cpu_ms(self) -> float:
+        """Computing time per answered frame, milliseconds."""
+        return 1e3 * self.cpu_s / len(self.answers.latencies)
+
+
+def camera_figures(map_path: Path) -> list[Figure]:
+    """Measure 16 cameras at 10 frames/s, JPEGs of 320 x 240, through one set and through 16.
+
+    Args:
+        map_path: of a map.
+    """
+    frames = street_frames(_FRAMES, size=_SIZE, shift=8)
+    runs = [f"camera{number}" for number in range(CAMERAS)]
+    together = _load(map_path, [runs], frames)
+    separate = _load(map_path, [[run] for run in runs], frames)
+    return load_figures(together, separate)
+
+
+def load_figures(together: Load, separate: Load) -> list[Figure]:
+    """Compare the cameras' frames through one set of services with those through a set each."""
+    return [
+        *together.figures("cameras", "one set of services for 16 cameras", at_most=0),
+        *separate.figures("cameras_separate", "16 sets of services"),
+        Figure(
+            "cameras_cpu_ratio",
+            separate.cpu_ms / together.cpu_ms,
+            "computing time per answered frame, 16 sets over one",
+        ),
+    ]
+
+
+def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]) -> Load:
+    """Let all cameras play through sets of services of which each serves some runs."""
+    commands = [_up(map_path, runs) for runs in sets]
+    with started(commands) as chains, _cameras(chains, sets) as cameras:
+        play(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)
+        before = sum(chain.cpu_seconds() for chain in chains)
+        answers = play(cameras, frames, rate=_RATE, seconds=_SECONDS)
+        return Load(answers, sum(chain.cpu_seconds() for chain in chains) - before)
+
+
+def _up(map_path: Path, runs: Sequence[str]) -> list[str]:
+    command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
+    command += ["--set", f"bus.connect_timeout_s={_CONNECT_S}"]
+    return [*command, *(flag for run in runs for flag in ("--run", run))]
+
+
+@contextmanager
+def _cameras(chains: Sequence[Chain], sets: Sequence[Sequence[str]]) -> Iterator[list[LiveCamera]]:
+    with ExitStack() as stack:
+        cameras = []
+        for chain, runs in zip(chains, sets, strict=True):
+            bus = stack.enter_context(open_bus(BusConfig(endpoint=chain.endpoint)))
+            cameras += [LiveCamera(bus, run) for run in runs]
+        yield cameras

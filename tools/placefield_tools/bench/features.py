@@ -1,0 +1,91 @@
+"""GIST beside a plain rendering of its definition, and a frame's way to its descriptor."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.features.descriptors import DescriptorModel, DescriptorStream, fit_descriptors
+from placefield.features.extract import GIST_SIZE, default_dimensions, feature_of
+from placefield.features.gist import DIMENSIONS, gist
+from placefield.features.images import decode
+from placefield.features.shrink import small_grey
+from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.plain_gist import PlainGist
+from placefield_tools.bench.timing import Timings
+
+_BATCH = 16
+_ROUNDS = 15
+
+Array = NDArray[np.float32]
+
+
+def bench_features() -> list[Figure]:
+    """Measure on JPEGs of 640 x 480, on one core."""
+    jpegs = street_frames(_BATCH)
+    small = np.stack([small_grey(decode(jpeg), GIST_SIZE, GIST_SIZE) for jpeg in jpegs])
+    return [*_gist_figures(small), *_descriptor_figures(jpegs)]
+
+
+def _gist_figures(images: Array) -> list[Figure]:
+    plain = PlainGist(GIST_SIZE)
+    expected = np.array([plain(image) for image in images])
+    difference = np.abs(gist(images) - expected).max() / np.abs(expected).max()
+    times = Timings.of(
+        [
+            lambda: [plain(image) for image in images],
+            lambda: [gist(image) for image in images],
+            lambda: gist(images),
+        ],
+        rounds=_ROUNDS,
+    )
+    return [
+        Figure("gist_speedup", times.ratio(0, 1), "plain GIST over ours, by frame", at_least=8),
+        Figure("gist_batch_speedup", times.ratio(0, 2), f"in batches of {_BATCH}", at_least=8),
+        Figure(
+            "gist_difference",
+            float(difference),
+            "largest difference from the plain one, over its largest value",
+            at_most=1e-5,
+        ),
+        Figure("gist_ms", 1e3 * times.median(1) / _BATCH, "ours, a frame"),
+    ]
+
+
+def _descriptor_figures(jpegs: list[bytes]) -> list[Figure]:
+    feature, stream = feature_of("gist"), DescriptorStream(_model())
+
+    def describe_all() -> None:
+        for raw in feature.describe_all(jpegs):
+            assert isinstance(raw, np.ndarray)
+            stream.push(raw)
+
+    times = Timings.of(
+        [
+            lambda: [stream.push(feature.describe(jpeg)) for jpeg in jpegs],
+            describe_all,
+            lambda: [cv2.imdecode(_as_array(jpeg), cv2.IMREAD_COLOR) for jpeg in jpegs],
+        ],
+        rounds=_ROUNDS,
+    )
+    return [
+        Figure(
+            "descriptor_over_decoding",
+            times.ratio(0, 2),
+            "JPEG 640 x 480 to descriptor, over the time of cv2.imdecode",
+            at_most=2.5,
+        ),
+        Figure("descriptor_batch_over_decoding", times.ratio(1, 2), f"in batches of {_BATCH}"),
+        Figure("features_frames_per_s", _BATCH / times.median(1), "JPEG to descriptor, one core"),
+    ]
+
+
+def _as_array(jpeg: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(jpeg, np.uint8)
+
+
+def _model() -> DescriptorModel:
+    """Fit a model of the usual size; what it was fitted on makes no difference to its speed."""
+    dimensions = default_dimensions("gist")
+    raws = np.random.default_rng(0).random((2 * dimensions, DIMENSIONS), np.float32)
+    return fit_descriptors([raws], "gist", dimensions=dimensions, standardise=True)[0]

@@ -1,0 +1,99 @@
+"""Chains of services to measure: whole hosts, each on a port of its own."""
+
+import os
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import psutil  # type: ignore[import-untyped]
+
+from placefield.config import ENV_PREFIX
+from placefield.errors import BusError
+
+_START_S = 180.0  # that many processes at once take their time on few cores
+_END_S = 30.0
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A host that is ready.
+
+    Attributes:
+        endpoint: of its router.
+        pid: of the process that started all others.
+    """
+
+    endpoint: str
+    pid: int
+
+    def cpu_seconds(self) -> float:
+        """Return how long all its processes have computed since they started."""
+        host = psutil.Process(self.pid)
+        times = [process.cpu_times() for process in (host, *host.children(recursive=True))]
+        return float(sum(time.user + time.system for time in times))
+
+    def resident_bytes(self) -> int:
+        """Return how much memory all its processes take; what they share counts once."""
+        host = psutil.Process(self.pid)
+        processes = (host, *host.children(recursive=True))
+        return sum(process.memory_full_info().pss for process in processes)
+
+
+@contextmanager
+def started(commands: Sequence[Sequence[str]]) -> Iterator[list[Chain]]:
+    """Start hosts together; they are ready inside the block and gone after it.
+
+    Args:
+        commands: that take ``--endpoint`` and print a line when they are ready.
+
+    Raises:
+        BusError: one does not get ready.
+    """
+    hosts = []
+    try:
+        for command in commands:
+            endpoint = free_endpoint()
+            hosts.append((endpoint, _start([*command, "--endpoint", endpoint])))
+        for _, process in hosts:
+            _await_ready(process)
+        yield [Chain(endpoint, process.pid) for endpoint, process in hosts]
+    finally:
+        for _, process in hosts:
+            process.terminate()  # all at once: each takes a while to end
+        for _, process in hosts:
+            _await_end(process)
+
+
+def _start(command: Sequence[str]) -> subprocess.Popen[str]:
+    """Start a command with default settings."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=kept)
+
+
+def _await_ready(process: subprocess.Popen[str]) -> None:
+    timer = threading.Timer(_START_S, process.kill)
+    timer.start()
+    try:
+        assert process.stdout is not None
+        if not process.stdout.readline().startswith("ready"):
+            raise BusError(f"the services did not start within {_START_S:g} s; see above")
+    finally:
+        timer.cancel()
+
+
+def _await_end(process: subprocess.Popen[str]) -> None:
+    with process:
+        try:
+            process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()  # its services notice
+
+
+def free_endpoint() -> str:
+    """Return an endpoint on loopback that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

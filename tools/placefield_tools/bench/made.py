@@ -1,0 +1,43 @@
+"""Maps of made descriptors, with nothing to look at."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Config, FeatureConfig
+from placefield.features.descriptors import DescriptorModel
+from placefield.maps.manifest import TraverseRecord
+from placefield.maps.map import Map, MapChannel, Places
+from placefield.maps.metrics import learned_metric
+from placefield_tools.bench.walks import near_identity
+
+CHANNELS = 4
+SCALES = (4, 6, 8, 11, 14, 18, 22, 27, 33, 39, 45, 52)
+"""Of every channel, frames: as many, and as long, as the paper's."""
+
+Array = NDArray[np.float32]
+
+
+def made_map(walk: Array, *, coarse: bool = False) -> Map:
+    """Make a map of a walk (K, N), whose channels have metrics of their own."""
+    count, dimensions = walk.shape
+    identity = np.eye(dimensions, dtype=np.float32)
+    nothing = np.zeros(0, np.uint8)
+    return Map(
+        seed=0,
+        features=FeatureConfig(kind="gist", dimensions=dimensions),
+        scales=Config().scales,
+        metric=Config().metric,
+        traverses=(TraverseRecord(name="a walk", frames=count),),
+        pose_frame=None,
+        model=DescriptorModel("gist", True, identity[0], identity[0], identity),
+        places=Places(np.arange(count), np.empty((0, 3)), nothing, np.zeros(count, np.int64)),
+        channels=tuple(made_channel(walk, number, coarse=coarse) for number in range(CHANNELS)),
+    )
+
+
+def made_channel(walk: Array, number: int, *, coarse: bool = False) -> MapChannel:
+    """Make a channel of a walk (K, N), with a metric as if it had been learned."""
+    metric = learned_metric(near_identity(walk.shape[1], seed=number), walk, coarse=coarse)
+    labels, segments = np.ones(len(walk), np.int32), np.array([[0, len(walk)]], np.int32)
+    scales = np.array(SCALES, np.int32)
+    return MapChannel(1.1, 1, metric, labels, segments, scales, np.zeros((0, 2)))

@@ -1,0 +1,140 @@
+"""Matching at the size of the paper, beside its equations and beside bare distances."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from typing import get_args
+
+import faiss  # type: ignore[import-not-found,import-untyped,unused-ignore]
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig, Rule
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.maps.map import MapChannel
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
+from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.literal import literal_match
+from placefield_tools.bench.made import CHANNELS, SCALES, made_channel
+from placefield_tools.bench.timing import Timings
+from placefield_tools.bench.walks import random_walk, seen_again
+
+PLACES, DIMENSIONS = 1261, 500
+BATCH = 64
+"""Frames of a micro-batch."""
+
+_ROUNDS = 15
+
+Array = NDArray[np.float32]
+OfFrames = Callable[[Array], object]
+
+
+def bench_match() -> list[Figure]:
+    """Measure matching on one core: every rule, the route driven both ways, by frame and batch.
+
+    Each channel has a metric of its own, as if all had been learned.
+    """
+    places = random_walk(PLACES, DIMENSIONS, seed=0)
+    query = seen_again(places[200 : 200 + BATCH], 0.5, seed=1)
+    channels = [made_channel(places, number) for number in range(CHANNELS)]
+    bare, peer = _bare_distances(places), _faiss_search(places)
+    variants = {
+        f"{rule}{'_reverse' * reverse}": _matching(channels, rule, reverse)
+        for rule, reverse in product(get_args(Rule), (False, True))
+    }
+    ways: list[Callable[[], object]] = [
+        _one_by_one(bare, query),
+        partial(bare, query),
+        _one_by_one(peer, query),
+    ]
+    for match in variants.values():
+        ways += [_one_by_one(match, query), partial(match, query)]
+    times = Timings.of(ways, rounds=_ROUNDS)
+    figures = _distance_figures(times)
+    for number, name in enumerate(variants):
+        figures += _match_figures(name, times, 3 + 2 * number)
+    ours_s = times.median(3 + 2 * list(variants).index("lowest-score")) / BATCH
+    return [_literal_figure(channels, places, ours_s), *figures]
+
+
+def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames:
+    """Return what matches the next descriptors (B, N) of a stream."""
+    config = MatchingConfig(rule=rule, reverse=reverse)
+    places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
+    matchers = [matcher_of(channel, rule, reverse=reverse) for channel in channels]
+
+    def match(descriptors: Array) -> list[Match]:
+        compared = zip(*(one.compare(descriptors) for one in places), strict=True)
+        return [
+            fuse([m.push(frame) for m, frame in zip(matchers, frames, strict=True)], config)
+            for frames in compared
+        ]
+
+    return match
+
+
+def _bare_distances(places: Array) -> OfFrames:
+    """Return what multiplies descriptors with the places of every channel, and nothing else."""
+    of_channels = [places + np.float32(number) for number in range(CHANNELS)]
+
+    def multiply(descriptors: Array) -> None:
+        for of_channel in of_channels:
+            if len(descriptors) == 1:
+                of_channel @ descriptors[0]
+            else:
+                descriptors @ of_channel.T
+
+    return multiply
+
+
+def _faiss_search(places: Array) -> OfFrames:
+    faiss.omp_set_num_threads(1)
+    indexes = []
+    for number in range(CHANNELS):
+        indexes.append(faiss.IndexFlatL2(DIMENSIONS))
+        indexes[-1].add(places + np.float32(number))
+    return lambda descriptors: [index.search(descriptors, 1) for index in indexes]
+
+
+def _one_by_one(of_frames: OfFrames, query: Array) -> Callable[[], object]:
+    return lambda: [of_frames(frame[None]) for frame in query]
+
+
+def _distance_figures(times: Timings) -> list[Figure]:
+    bytes_read = 4 * CHANNELS * PLACES * DIMENSIONS * BATCH
+    return [
+        Figure("distances_us", 1e6 * times.median(0) / BATCH, "bare distances, a frame"),
+        Figure("distances_gb_per_s", 1e-9 * bytes_read / times.median(0), "they read"),
+        Figure("distances_batch_speedup", times.ratio(0, 1), f"them in batches of {BATCH}"),
+    ]
+
+
+def _match_figures(name: str, times: Timings, way: int) -> list[Figure]:
+    """The figures of one rule: ``way`` is by frame, the next one in batches."""
+    rate = BATCH / times.median(way)
+    return [
+        Figure(f"{name}_frames_per_s", rate, f"{name}, one core", at_least=1000),
+        Figure(f"{name}_over_distances", times.ratio(way, 0), "over bare distances", at_most=1.5),
+        Figure(f"{name}_faiss_over_match", times.ratio(2, way), "IndexFlatL2 over it", at_least=1),
+        Figure(
+            f"{name}_batch_over_distances",
+            times.ratio(way + 1, 1),
+            "in batches, over bare distances in batches",
+            at_most=1.5,
+        ),
+        Figure(
+            f"{name}_batch_speedup", times.ratio(way, way + 1), "by frame over batches", at_least=3
+        ),
+    ]
+
+
+def _literal_figure(channels: list[MapChannel], places: Array, ours_s: float) -> Figure:
+    projections = [(channel.metric.projection, places) for channel in channels]
+    start = time.perf_counter()
+    literal_match(places[: SCALES[-1]], projections, SCALES)
+    literal_s = time.perf_counter() - start
+    what = "the equations, to the letter, over lowest-score"
+    return Figure("literal_over_match", literal_s / ours_s, what, at_least=100)
