@@ -228,7 +228,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("evaluate", "{map}", "{query}", "-o", "{truth}"), "{truth}"),
         (("channel", "{map}", "--channel", "3"), "--channel 3: the map has channels 0 to 2"),
         (("featurizer", "no.pfmap"), "no.pfmap: no map there"),
-        (("fuser", "{broken}"), "projection.npy: damaged"),
+        (("channel", "{broken}", "--channel", "0"), "projection.npy: damaged"),
         (("demo", "{ref}", "{empty}"), "{empty}: no image files"),
     ],
 )

@@ -1,6 +1,6 @@
 """Opening a map: its arrays are memory-mapped, and what does not fit is refused."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, overload
@@ -29,12 +29,12 @@ from placefield.metric.coarse import Coarse
 _REBUILD = "build the map again with 'placefield build'"
 
 
-def open_map(path: Path, *, whole: bool = True) -> Map:
+def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
     """Open a map; its arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
         path: of the map.
-        whole: whether all channels are read and checked now; else one is when it is first asked
+        channels: that are read and checked now, None for all; another one is when it is first asked
             for, which may then raise what is below.
 
     Raises:
@@ -56,7 +56,8 @@ def open_map(path: Path, *, whole: bool = True) -> Map:
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {_REBUILD}")
     places = Places(*_load(path, manifest, "places", PLACE_FILES, sizes))
-    channels = _Channels(path, manifest, sizes)
+    all_channels = _Channels(path, manifest, sizes)
+    all_channels.open(channels or ())
     return Map(
         seed=manifest.seed,
         features=manifest.features,
@@ -66,7 +67,7 @@ def open_map(path: Path, *, whole: bool = True) -> Map:
         pose_frame=manifest.pose_frame,
         model=model,
         places=places,
-        channels=tuple(channels) if whole else channels,
+        channels=tuple(all_channels) if channels is None else all_channels,
     )
 
 
@@ -86,6 +87,11 @@ class _Channels(Sequence[MapChannel]):
 
     def __len__(self) -> int:
         return len(self._manifest.channels)
+
+    def open(self, numbers: Collection[int]) -> None:
+        """Open those of these that there are."""
+        for number in set(numbers) & set(range(len(self))):
+            self._channel(number)
 
     @overload
     def __getitem__(self, index: int) -> MapChannel: ...

@@ -40,12 +40,14 @@ def test_the_table_says_what_was_measured_and_whether_it_will_do(
         Figure("frames_per_s", 171.25, "through the services"),
     ]
     print_figures("placefield bench part", figures)
-    lines = capsys.readouterr().out.splitlines()
-    rows = {cells[0]: cells[1:] for line in lines if len(cells := _cells(line)) == 5}
-    assert rows["speedup"] == ["how much faster", "9.5", "≥ 8", "yes"]
-    assert rows["frames_lost"] == ["of all", "3", "≤ 0", "no"]
-    assert rows["frames_per_s"] == ["through the services", "171.2", "", ""]
-    assert any("placefield bench part" in line for line in lines)
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    rows = {cells[0]: cells[1:] for line in lines if len(cells := _cells(line)) == 4}
+    assert rows["speedup"] == ["9.5", "≥ 8", "yes"]
+    assert rows["frames_lost"] == ["3", "≤ 0", "no"]
+    assert rows["frames_per_s"] == ["171.2", "", ""]
+    for text in ("placefield bench part", "how much faster", "of all", "through the services"):
+        assert text in out
 
 
 def _cells(line: str) -> list[str]:

@@ -28,7 +28,7 @@ def _featurizer(
     from placefield_services.process import leave, stop_event
 
     effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
-    run_featurizer(open_map(map_path, whole=False), effective, stop_event())
+    run_featurizer(open_map(map_path, channels=()), effective, stop_event())
     leave()
 
 
@@ -57,7 +57,7 @@ def _channel(
         matching__rule=rule,
         matching__exact=exact,
     )
-    run_channels(open_map(map_path, whole=False), channel, effective, stop_event())
+    run_channels(open_map(map_path, channels=channel), channel, effective, stop_event())
     leave()
 
 
@@ -91,5 +91,5 @@ def _fuser(
         matching__precision=precision,
         fusion__deadline_s=deadline,
     )
-    run_fuser(open_map(map_path, whole=False), effective, stop_event())
+    run_fuser(open_map(map_path, channels=()), effective, stop_event())
     leave()
