@@ -64,31 +64,44 @@ def _up(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         file.write_text(effective.to_toml())
-        dealt = deal([c.metric for c in channels], workers or os.cpu_count() or 1)
-        run_host(_commands(map_path, dealt, file), len(channels), effective, stop, ready)
+        cores = os.cpu_count() or 1
+        commands = _commands(
+            [str(map_path), "--config", str(file)],
+            deal([channel.metric for channel in channels], workers or cores),
+            [[effective.runs[run] for run in own] for own in deal(effective.runs, cores)],
+        )
+        run_host(commands, len(channels), effective, stop, ready)
 
 
-def deal(metrics: Sequence[Hashable], workers: int) -> list[list[int]]:
-    """Deal channels, given the metric of each, to workers as evenly as it goes.
+def deal(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
+    """Deal what there is, given the kind of each, to processes as evenly as it goes.
 
-    Channels of one metric stay together where they can: frames are compared under it once.
+    What is of one kind stays together where it can: frames are compared once under the metric of
+    several channels.
     """
-    first_of_metric = {metric: first for first, metric in reversed(list(enumerate(metrics)))}
-    in_order = sorted(range(len(metrics)), key=lambda channel: first_of_metric[metrics[channel]])
-    workers = min(workers, len(metrics))
-    ends = [len(metrics) * worker // workers for worker in range(workers + 1)]
+    first_of_kind = {kind: first for first, kind in reversed(list(enumerate(kinds)))}
+    in_order = sorted(range(len(kinds)), key=lambda number: first_of_kind[kinds[number]])
+    processes = min(processes, len(kinds))
+    ends = [len(kinds) * process // processes for process in range(processes + 1)]
     return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
 
 
-def _commands(map_path: Path, dealt: Sequence[Sequence[int]], config: Path) -> dict[str, list[str]]:
-    """Return the command lines of the services, with a worker for each lot of channels."""
+def _commands(
+    common: Sequence[str], channels: Sequence[Sequence[int]], runs: Sequence[Sequence[str]]
+) -> dict[str, list[str]]:
+    """Return the command lines of the services, by a name for each.
 
-    def command(service: str, *arguments: str) -> list[str]:
-        program = [sys.executable, "-m", "placefield_tools"]
-        return [*program, service, str(map_path), "--config", str(config), *arguments]
+    There is a worker for each lot of channels, and a featurizer and a fuser for each lot of runs.
+    """
 
-    commands = {"featurizer": command("featurizer"), "fuser": command("fuser")}
-    for worker, own in enumerate(dealt):
-        flags = [flag for channel in own for flag in ("--channel", str(channel))]
-        commands[f"channel worker {worker}"] = command("channel", *flags)
+    def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
+        flags = [part for value in own for part in (flag, str(value))]
+        return [sys.executable, "-m", "placefield_tools", service, *common, *flags]
+
+    commands = {}
+    for number, own_runs in enumerate(runs):
+        commands[f"featurizer {number}"] = command("featurizer", "--run", own_runs)
+        commands[f"fuser {number}"] = command("fuser", "--run", own_runs)
+    for number, own_channels in enumerate(channels):
+        commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
     return commands
