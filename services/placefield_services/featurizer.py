@@ -70,7 +70,10 @@ class Featurizer:
 
     def rehearse(self) -> None:
         """Describe a frame of no stream, so that what is made at its first use is made."""
-        self._feature.describe(np.zeros((48, 64, 3), np.uint8))
+        frame = np.zeros((48, 64, 3), np.uint8)
+        self._feature.describe(frame)
+        frame.flags.writeable = False  # as frames of pixels come from the bus
+        self._feature.describe(frame)
 
     def handle(self, received: Received) -> None:
         """Take a frame, publish its descriptor."""

@@ -33,7 +33,7 @@ class Received:
 
 
 class Inbox:
-    """What was received and not yet handled, oldest first."""
+    """What was received and not yet handled: of each run oldest first, the runs in turn."""
 
     def __init__(
         self, counts: Mapping[str, Counter[str]], *, live_capacity: int = CAPACITY
@@ -41,9 +41,8 @@ class Inbox:
         """Serve the runs that have ``counts``; keep ``live_capacity`` live messages of each."""
         self._counts = counts
         self._live_capacity = live_capacity
-        self._waiting: deque[Received] = deque()
-        self._held: Counter[str] = Counter()  # of each run
-        self._live: Counter[str] = Counter()  # of these, what may be dropped
+        self._waiting: dict[str, deque[Received]] = {run: deque() for run in counts}
+        self._turns = deque(counts)  # whose turn it is, is first
         self._changed = threading.Condition()
 
     def offer(self, received: Received) -> None:
@@ -51,36 +50,37 @@ class Inbox:
 
         What does not fit is dropped. A lossless stream and the end of any are never displaced.
         """
-        run, may_be_dropped = received.run, _may_be_dropped(received)
+        run = received.run
         with self._changed:
-            if may_be_dropped and self._live[run] >= self._live_capacity:
-                self._drop_oldest(run)
-            if self._held[run] >= CAPACITY:
+            waiting = self._waiting[run]
+            if _may_be_dropped(received):
+                self._make_room(waiting, run)
+            if len(waiting) >= CAPACITY:
                 self._counts[run]["dropped_full"] += 1
                 return
-            self._waiting.append(received)
-            self._held[run] += 1
-            self._live[run] += may_be_dropped
+            waiting.append(received)
             self._changed.notify()
 
-    def _drop_oldest(self, run: str) -> None:
-        for place, waiting in enumerate(self._waiting):
-            if waiting.run == run and _may_be_dropped(waiting):
-                del self._waiting[place]
-                break
-        self._held[run] -= 1
-        self._live[run] -= 1
-        self._counts[run]["dropped_old"] += 1
+    def _make_room(self, waiting: deque[Received], run: str) -> None:
+        live = [place for place, old in enumerate(waiting) if _may_be_dropped(old)]
+        if len(live) >= self._live_capacity:
+            del waiting[live[0]]
+            self._counts[run]["dropped_old"] += 1
 
     def take_all(self, timeout: float, limit: int) -> list[Received]:
-        """Take what waits, the oldest ``limit`` at most; empty if none comes in ``timeout`` s."""
+        """Take what waits, ``limit`` at most; empty if nothing comes within ``timeout`` seconds."""
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting, timeout)
-            taken = [self._waiting.popleft() for _ in range(min(limit, len(self._waiting)))]
-            for received in taken:
-                self._held[received.run] -= 1
-                self._live[received.run] -= _may_be_dropped(received)
-        return taken
+            self._changed.wait_for(lambda: any(self._waiting.values()), timeout)
+            held = sum(map(len, self._waiting.values()))
+            return [self._take() for _ in range(min(limit, held))]
+
+    def _take(self) -> Received:
+        """Take the oldest message of the next run that has one; one has."""
+        while not self._waiting[self._turns[0]]:
+            self._turns.rotate(-1)
+        run = self._turns[0]
+        self._turns.rotate(-1)
+        return self._waiting[run].popleft()
 
 
 def _may_be_dropped(received: Received) -> bool:

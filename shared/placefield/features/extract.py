@@ -1,6 +1,6 @@
 """Images to raw features, by the feature's kind."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import ONNX, FeatureKind
-from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
@@ -41,16 +40,6 @@ class Feature:
             FrameError: the image cannot be read.
         """
         return self._describe(decode(image) if isinstance(image, bytes) else image)
-
-    def describe_all(self, images: Sequence[bytes | Pixels]) -> list[Array | FrameError]:
-        """Return for each image what ``describe`` returns, bit for bit, or raises."""
-        return [self._describe_or_refuse(image) for image in images]
-
-    def _describe_or_refuse(self, image: bytes | Pixels) -> Array | FrameError:
-        try:
-            return self.describe(image)
-        except FrameError as error:
-            return error
 
 
 def feature_of(kind: FeatureKind) -> Feature:

@@ -7,9 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
-from placefield.metric.codes import DESCRIPTOR_UNIT, CodedProjection, Codes, codes_of, products
+from placefield.metric.codes import (
+    DESCRIPTOR_UNIT,
+    LONGEST,
+    CodedProjection,
+    Codes,
+    codes_of,
+    products,
+)
 
 _AT_ONCE = 2**22  # distances held at once
 _LOOKED_AT = 64  # one of so many places is near enough at the coarse look for an exact one
@@ -90,6 +97,8 @@ class MetricPlaces:
         distances = products(metric.places, codes)
         for vector, row in zip(codes, distances, strict=True):
             deviation = _to_distances(row, 1.0, metric.squares, vector)
+            if not vector.any():
+                deviation = _tell_nothing(row)
             yield Comparison(metric, vector, row, deviation)
 
     def _coarsely(self, codes: Codes) -> Iterator[Comparison]:
@@ -101,7 +110,14 @@ class MetricPlaces:
             _to_distances(row, look.unit, metric.squares, vector)
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
             _measure(metric.places, metric.squares, vector, near, row)
-            yield Comparison(metric, vector, row, look.deviation(vector), is_exact=False)
+            deviation = look.deviation(vector) if vector.any() else _tell_nothing(row)
+            yield Comparison(metric, vector, row, deviation, is_exact=not vector.any())
+
+
+def _tell_nothing(distances: Distances) -> float:
+    """Make the distances of a frame in which nothing was to be seen alike: places have length 1."""
+    distances[:] = LONGEST**2
+    return 0.0
 
 
 def _nearness(distances: Distances) -> np.int32:
@@ -124,11 +140,10 @@ def _to_distances(
         products[place] = distance
         total += int(distance)
     mean = total / len(products)
-    squares = 0.0
+    squares = np.empty(len(products))
     for place in range(len(products)):
-        difference = products[place] - mean
-        squares += difference * difference
-    return math.sqrt(squares / len(products))
+        squares[place] = (products[place] - mean) * (products[place] - mean)
+    return math.sqrt(sum_of(squares) / len(products))
 
 
 @kernel

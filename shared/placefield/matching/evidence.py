@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, sum_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.windows import Sums, WindowSums
 
@@ -38,7 +38,7 @@ def _mean_of_normalised(columns: Sums, first: int, scores: NDArray[np.float64]) 
     for row in range(len(columns)):
         sums[:before_wrap] = columns[row, first : first + before_wrap]
         sums[before_wrap:] = columns[row, : places - before_wrap]
-        mean = _sum(sums) / places
+        mean = sum_of(sums) / places
         squares = _squares(sums, mean)
         if squares > 0:
             telling += 1
@@ -49,20 +49,11 @@ def _mean_of_normalised(columns: Sums, first: int, scores: NDArray[np.float64]) 
 
 
 @kernel
-def _sum(sums: Sums) -> float:
-    total = 0.0
-    for column in range(len(sums)):
-        total += sums[column]
-    return total
-
-
-@kernel
 def _squares(sums: Sums, mean: float) -> float:
-    squares = 0.0
+    squares = np.empty_like(sums)
     for column in range(len(sums)):
-        difference = sums[column] - mean
-        squares += difference * difference
-    return squares
+        squares[column] = (sums[column] - mean) * (sums[column] - mean)
+    return sum_of(squares)
 
 
 @kernel

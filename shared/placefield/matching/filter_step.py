@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, sum_of
 
 Array = NDArray[np.float32]
 
@@ -132,7 +132,7 @@ def advance(
         of_place,
     )
     now_lost = (1 - motion.find) * stray + motion.lose * jumping * (1 - was_lost)
-    now_lost *= lost_evidence * _sum(likelihood) / len(likelihood)
+    now_lost *= lost_evidence * sum_of(likelihood) / len(likelihood)
     return now_lost, moved + now_lost
 
 
@@ -182,7 +182,7 @@ def _move(
                     arrived += two * by_two[i] * two_before[i]
                     after[i] = (arrived + gain) * seen[i]
                 _add(np.float32(1), after, sums[:size])
-            total += _sum(sums[:size])
+            total += sum_of(sums[:size])
             if forward:
                 of_place[start : start + size] = sums[:size]
     return total
@@ -242,14 +242,6 @@ def _mix(
 
 
 @kernel
-def _sum(values: Array) -> float:
-    total = 0.0
-    for i in range(len(values)):
-        total += values[i]
-    return total
-
-
-@kernel
 def _students(lengths: Array, step: np.float32, deviation: float, likelihoods: Array) -> None:
     for row in range(len(lengths)):
         for i in range(lengths.shape[1]):
@@ -258,10 +250,10 @@ def _students(lengths: Array, step: np.float32, deviation: float, likelihoods: A
 
 @kernel
 def _mean_student(lengths: Array, step: np.float32, deviation: float) -> float:
-    total = 0.0
+    likelihoods = np.empty_like(lengths)
     for i in range(len(lengths)):
-        total += float(_student(step - lengths[i], deviation))
-    return total / len(lengths)
+        likelihoods[i] = _student(step - lengths[i], deviation)
+    return sum_of(likelihoods) / len(lengths)
 
 
 @kernel

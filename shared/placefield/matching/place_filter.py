@@ -28,6 +28,7 @@ from placefield.matching.filter_step import (
     exponents_of,
     step_length,
 )
+from placefield.metric.codes import Codes
 
 Array = NDArray[np.float32]
 Rows = TypeVar("Rows", bound=NDArray[np.generic])
@@ -77,14 +78,14 @@ class PlaceFilter:
         self._next = np.empty_like(self._belief)
         self._of_place = self._belief[0].sum(axis=0)
         self._lost, self._total = 1.0, 2.0
-        self._last: Comparison | None = None
+        self._last: Codes | None = None
         self.begun = False
 
     def push(self, frame: Comparison) -> None:
         """Take the next frame."""
         step, novelty = _UNSEEN, 1.0
         if self._last is not None:
-            step = step_length(frame.codes, self._last.codes, frame.metric.unit)
+            step = step_length(frame.codes, self._last, frame.metric.unit)
             # A frame like the last one says again what that has said.
             novelty = min(1.0, step / self._typical_step)
         likelihood, lost_evidence = _see(frame, novelty)
@@ -92,7 +93,7 @@ class PlaceFilter:
             self._advance(step, likelihood, lost_evidence)
         else:
             self._begin(likelihood, lost_evidence)
-        self._last = frame
+        self._last = frame.codes
 
     def push_unseen(self) -> None:
         """Take a frame that was not seen: the vehicle has moved on all the same."""

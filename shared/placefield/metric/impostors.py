@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, sum_of
 
 Floats = NDArray[np.floating[Any]]
 Labels = NDArray[np.integer[Any]]
@@ -43,11 +43,11 @@ def mark_invasions(
         for target in range(len(row_radii)):
             radius, radii = row_radii[target, row], column_radii[target]
             of_columns = column_triplets[target]
-            of_row = none
+            of_row = 0
             for column in range(len(near)):
                 invades_row = one if near[column] < radius else none
                 invades_column = one if near[column] < radii[column] else none
-                of_row += invades_row
+                of_row += 1 if near[column] < radius else 0
                 of_columns[column] += invades_column
                 weights[column] += invades_row + invades_column
             row_triplets[target, row] += of_row
@@ -65,11 +65,13 @@ def sum_hinges(
     distances is (A, B).
     """
     total = 0.0
+    depths = np.empty_like(distances[0])
     for row in range(len(distances)):
         near, label = distances[row], row_labels[row]
         for target in range(len(row_radii)):
             radius = row_radii[target, row]
             for column in range(len(near)):
                 inside = near[column] < radius and column_labels[column] != label
-                total += np.float64(radius - near[column]) if inside else 0.0
+                depths[column] = radius - near[column] if inside else 0
+            total += sum_of(depths)
     return total

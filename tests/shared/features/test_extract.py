@@ -1,4 +1,3 @@
-import re
 from pathlib import Path
 
 import cv2
@@ -47,22 +46,6 @@ def test_grayscale_is_the_mean_of_blocks_row_by_row(image: NDArray[np.uint8]) ->
 def test_a_damaged_image_is_refused(image: NDArray[np.uint8], feature: Feature) -> None:
     with pytest.raises(FrameError):
         feature.describe(png(image)[:500])
-
-
-def test_frames_together_have_the_features_that_they_have_alone(
-    image: NDArray[np.uint8], feature: Feature
-) -> None:
-    images = [png(image), image[:, ::-1], png(image)[:500], image[..., 0], b"", png(image[::-1])]
-    described = feature.describe_all(images)
-    assert len(described) == len(images)
-    for one, found in zip(images, described, strict=True):
-        if isinstance(found, FrameError):
-            with pytest.raises(FrameError, match=re.escape(str(found))):
-                feature.describe(one)
-        else:
-            np.testing.assert_array_equal(found, feature.describe(one))
-    assert [isinstance(found, FrameError) for found in described] == [0, 0, 1, 0, 1, 0]
-    assert feature.describe_all([]) == []
 
 
 def test_a_network_that_is_not_there_is_named(tmp_path: Path) -> None:

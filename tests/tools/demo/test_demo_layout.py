@@ -18,7 +18,8 @@ def test_a_longer_street_begins_like_a_shorter_one(seed):
     for kind in ("buildings", "gaps", "lamps"):
         assert set(getattr(short, kind)) <= set(getattr(long, kind))
     for kind in ("trees", "parked"):
-        near = [{t for t in getattr(s, kind) if t.arc < 60 + SIGHT} for s in (short, long)]
+        # At the end of sight a side street of the longer one may take what the shorter one has.
+        near = [{t for t in getattr(s, kind) if t.arc < 50 + SIGHT} for s in (short, long)]
         assert near[0] <= near[1]
     assert np.array_equal(short.route.yaw, long.route.yaw[: len(short.route.yaw)])
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import get_args
@@ -14,6 +15,7 @@ from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import MapChannel
+from placefield.maps.metrics import identity_metric
 from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import MetricPlaces
 from placefield_tools.bench.figure import Figure
@@ -35,7 +37,8 @@ OfFrames = Callable[[Array], object]
 def bench_match() -> list[Figure]:
     """Measure matching on one core: every rule, the route driven both ways, by frame and batch.
 
-    Each channel has a metric of its own, as if all had been learned.
+    Each channel has a metric of its own, as if all had been learned; once more they share one, as
+    they do where none was.
     """
     places = random_walk(PLACES, DIMENSIONS, seed=0)
     query = seen_again(places[200 : 200 + BATCH], 0.5, seed=1)
@@ -50,6 +53,10 @@ def bench_match() -> list[Figure]:
         partial(bare, query),
         _one_by_one(peer, query),
     ]
+    unlearned = identity_metric(places)
+    variants["filter_shared_metric"] = _matching(
+        [replace(channel, metric=unlearned) for channel in channels], "filter", False
+    )
     for match in variants.values():
         ways += [_one_by_one(match, query), partial(match, query)]
     times = Timings.of(ways, rounds=_ROUNDS)
@@ -63,13 +70,17 @@ def bench_match() -> list[Figure]:
 def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames:
     """Return what matches the next descriptors (B, N) of a stream."""
     config = MatchingConfig(rule=rule, reverse=reverse)
-    places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
-    matchers = [matcher_of(channel, rule, reverse=reverse) for channel in channels]
+    metrics = dict.fromkeys(channel.metric for channel in channels)
+    places = [MetricPlaces(metric, exact=True) for metric in metrics]
+    matchers = [
+        (list(metrics).index(channel.metric), matcher_of(channel, rule, reverse=reverse))
+        for channel in channels
+    ]
 
     def match(descriptors: Array) -> list[Match]:
         compared = zip(*(one.compare(descriptors) for one in places), strict=True)
         return [
-            fuse([m.push(frame) for m, frame in zip(matchers, frames, strict=True)], config)
+            fuse([matcher.push(frames[metric]) for metric, matcher in matchers], config)
             for frames in compared
         ]
 

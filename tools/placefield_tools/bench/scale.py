@@ -74,20 +74,19 @@ def _figures_of(walk: Array) -> list[Figure]:
             Figure(f"right_{size}", _right(matches, drive), "share of matches that is right"),
         ]
         if size >= config.matching.coarse_from:
-            figures += _beside_exact(path, model, query, matches)
+            figures += _beside_exact(size, path, model, query, matches)
     return figures
 
 
 def _beside_exact(
-    path: Path, model: str, query: list[Array], matches: Sequence[Match]
+    size: int, path: Path, model: str, query: list[Array], matches: Sequence[Match]
 ) -> list[Figure]:
     exact, seconds, gigabytes = _run(path, model, query, "--exact")
     same = np.mean([one.place == other.place for one, other in zip(matches, exact, strict=True)])
-    size = f"{max(SIZES):,}"
     return [
-        Figure("agreement", float(same), f"{size} places: same place as exact", at_least=0.99),
-        Figure("exact_frames_per_s", len(query) / seconds, "exact: frames per second"),
-        Figure("exact_resident_gb", gigabytes, "exact: resident memory, GB"),
+        Figure(f"agreement_{size}", float(same), "share with the same place", at_least=0.99),
+        Figure(f"exact_frames_per_s_{size}", len(query) / seconds, "exact: frames per second"),
+        Figure(f"exact_resident_gb_{size}", gigabytes, "exact: resident memory, GB"),
     ]
 
 

@@ -1,6 +1,5 @@
 """``placefield up``: a whole host."""
 
-import os
 import sys
 import tempfile
 from collections.abc import Hashable, Sequence
@@ -34,11 +33,14 @@ def _up(
 ) -> None:
     """Run a whole host: router, featurizer, channel workers and fuser.
 
+    Of several runs each core's featurizer and fuser serve a share.
+
     What dies is started again; Ctrl-C stops all.
     """
     from placefield.maps.opening import open_map
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
+    from placefield_tools.parallel import cores
 
     stop = stop_event()
     effective = options.effective_config(
@@ -64,11 +66,10 @@ def _up(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         file.write_text(effective.to_toml())
-        cores = os.cpu_count() or 1
         commands = _commands(
             [str(map_path), "--config", str(file)],
-            deal([channel.metric for channel in channels], workers or cores),
-            [[effective.runs[run] for run in own] for own in deal(effective.runs, cores)],
+            deal([channel.metric for channel in channels], workers or cores()),
+            [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
         )
         run_host(commands, len(channels), effective, stop, ready)
 
