@@ -1,7 +1,6 @@
 """What all tests share."""
 
 import os
-import socket
 from pathlib import Path
 from shutil import copy
 
@@ -15,6 +14,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.building import build_from
+from placefield_tools.hosting import free_endpoint
 
 _DATA = Path(
     os.environ.get("PLACEFIELD_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -118,6 +118,4 @@ def route_map(map_path: Path) -> Map:
 @pytest.fixture
 def endpoint() -> str:
     """A free port of loopback, as the bus spells it."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return free_endpoint()

@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ from placefield.config import ENV_PREFIX, BusConfig, MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
+from placefield_tools.hosting import free_endpoint
 from placefield_tools.listening import MatchQueue
 
 PLACEFIELD = (sys.executable, "-m", "placefield_tools")
@@ -35,12 +35,6 @@ UNREADABLE = {0: 0, 25: 300, 26: 0}
 Answer = tuple[Header, MatchMessage]
 
 _DEFAULT_RULE = MatchingConfig().rule
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def wait_until(condition: Callable[[], object], what: str) -> None:

@@ -1,6 +1,5 @@
 """A query through the services: real processes on a bus of their own."""
 
-import socket
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield.fusion.match import Match
+from placefield_tools.hosting import await_ready, free_endpoint
 from placefield_tools.listening import MatchQueue, stream_matches
 from placefield_tools.replaying import replay
 from placefield_tools.sources import Source
@@ -28,7 +28,7 @@ def match_through_services(map_path: Path, source: Source, config: Config) -> li
         BusError: the services do not start or stop answering.
     """
     alone = config.model_copy(
-        update={"bus": config.bus.model_copy(update={"endpoint": _free_endpoint()})}
+        update={"bus": config.bus.model_copy(update={"endpoint": free_endpoint()})}
     )
     with _host(map_path, alone), open_bus(alone.bus) as bus:
         matches = MatchQueue(bus, Keys(alone.run))
@@ -53,24 +53,7 @@ def _host(map_path: Path, config: Config) -> Iterator[None]:
     command += ["--set", f"fusion.deadline_s={config.fusion.deadline_s}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            _await_ready(process)
+            await_ready(process, _START_S)
             yield
         finally:
             process.terminate()
-
-
-def _await_ready(process: subprocess.Popen[str]) -> None:
-    timer = threading.Timer(_START_S, process.terminate)
-    timer.start()
-    try:
-        assert process.stdout is not None
-        if not process.stdout.readline().startswith("ready"):
-            raise BusError(f"the services did not start within {_START_S:g} s; see above")
-    finally:
-        timer.cancel()
-
-
-def _free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.config import FeatureKind
 from placefield.features.network import Network
 
@@ -85,22 +86,22 @@ def fit_descriptors(
     if not standardise:
         moments = [moments[0]] * len(traverses)
 
-    def blocks() -> Iterator[Array]:
+    def standardised() -> Iterator[Array]:
         for traverse, (mean, deviation) in zip(traverses, moments, strict=True):
-            for start in range(0, len(traverse), _BLOCK):
-                yield _standardise(unit_length(traverse[start : start + _BLOCK]), mean, deviation)
+            for block in blocks(len(traverse), _BLOCK):
+                yield _standardise(unit_length(traverse[block]), mean, deviation)
 
-    components = _principal_axes(blocks, dimensions)
+    components = _principal_axes(standardised, dimensions)
     model = DescriptorModel(kind, standardise, *moments[0], components, network)
-    reduced = np.concatenate([model.reduce(block) for block in blocks()])
+    reduced = np.concatenate([model.reduce(vectors) for vectors in standardised()])
     return model, np.split(reduced, np.cumsum([len(traverse) for traverse in traverses])[:-1])
 
 
 def _moments(raws: Array) -> tuple[Array, Array]:
     """Mean and deviation of raw features (K, D) at unit length."""
     total = square_total = np.zeros(raws.shape[1])
-    for start in range(0, len(raws), _BLOCK):
-        units = unit_length(raws[start : start + _BLOCK]).astype(np.float64)
+    for block in blocks(len(raws), _BLOCK):
+        units = unit_length(raws[block]).astype(np.float64)
         total = total + units.sum(axis=0)
         square_total = square_total + (units**2).sum(axis=0)
     mean = total / len(raws)
@@ -112,21 +113,21 @@ def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
     return (vectors - mean) / deviation
 
 
-def _principal_axes(blocks: Callable[[], Iterator[Array]], dimensions: int) -> Array:
+def _principal_axes(in_blocks: Callable[[], Iterator[Array]], dimensions: int) -> Array:
     """Principal axes (N, D) of vectors that come in blocks (B, D), of which few are held at once.
 
     Of their covariance, or, of vectors fewer than their dimensions, of themselves.
     """
     count, total = 0, np.zeros(1)
-    for block in blocks():
+    for block in in_blocks():
         count, total = count + len(block), total + block.sum(axis=0, dtype=np.float64)
     mean = total / count
     if count <= len(mean):
-        vectors = np.concatenate(list(blocks())) - mean.astype(np.float32)
+        vectors = np.concatenate(list(in_blocks())) - mean.astype(np.float32)
         axes = np.linalg.svd(vectors, full_matrices=False)[2]
     else:
         covariance = np.zeros((len(mean), len(mean)))
-        for block in blocks():
+        for block in in_blocks():
             centred = block - mean
             covariance += centred.T @ centred
         axes = np.linalg.eigh(covariance)[1].T[::-1]

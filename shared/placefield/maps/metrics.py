@@ -1,10 +1,9 @@
 """A projection and a reference traverse to a map's metric."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.maps.map import MapMetric
 from placefield.metric.coarse import coarse_look
 from placefield.metric.codes import (
@@ -27,7 +26,7 @@ def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
     """
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     places = np.empty(descriptors.shape, np.int16)
-    for block in _blocks(len(places)):
+    for block in blocks(len(places), _BLOCK):
         places[block] = codes_of(descriptors[block], DESCRIPTOR_UNIT)
     return _metric(False, identity, DESCRIPTOR_UNIT, places, coarse)
 
@@ -37,13 +36,9 @@ def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = Fals
     unit = projected_unit(projection)
     project = CodedProjection(projection, unit)
     places = np.empty((len(descriptors), len(projection)), np.int16)
-    for block in _blocks(len(places)):
+    for block in blocks(len(places), _BLOCK):
         places[block] = project(codes_of(descriptors[block], DESCRIPTOR_UNIT))
     return _metric(True, projection, unit, places, coarse)
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
 
 
 def _metric(

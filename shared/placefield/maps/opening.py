@@ -104,7 +104,8 @@ class _Channels(Sequence[MapChannel]):
         return self._channel(chosen)
 
     def _open_metric(self, number: int) -> MapMetric:
-        record, folder, sizes = self._manifest.metrics[number], f"metrics/{number}", self._own_sizes
+        record, folder = self._manifest.metrics[number], f"metrics/{number}"
+        sizes = dict(self._sizes)
         projection, places, squares, steps = self._load(folder, METRIC_FILES, sizes)
         coarse = None
         if record.coarse_unit is not None:
@@ -116,17 +117,13 @@ class _Channels(Sequence[MapChannel]):
         record, folder = self._manifest.channels[number], f"channels/{number}"
         if record.metric >= len(self._manifest.metrics):
             raise MapError(f"{self._path}: channel {number}: no metric {record.metric}; {_REBUILD}")
-        labels, segments, scales, curve = self._load(folder, CHANNEL_FILES, self._own_sizes)
+        labels, segments, scales, curve = self._load(folder, CHANNEL_FILES, dict(self._sizes))
         if not len(scales) or np.any(np.diff(scales, prepend=0) <= 0):
             raise MapError(f"{self._path / folder / 'scales.npy'}: do not ascend; {_REBUILD}")
         metric = self._metric(record.metric)
         return MapChannel(
             record.fuzzifier, record.clusters, metric, labels, segments, scales, curve
         )
-
-    @property
-    def _own_sizes(self) -> dict[str, int]:
-        return dict(self._sizes)
 
     def _load(self, folder: str, layout: Layout, sizes: dict[str, int]) -> list[NDArray[Any]]:
         return _load(self._path, self._manifest, folder, layout, sizes)

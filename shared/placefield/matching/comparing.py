@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
 from placefield.metric.codes import (
@@ -15,6 +16,7 @@ from placefield.metric.codes import (
     CodedProjection,
     Codes,
     codes_of,
+    product_of,
     products,
 )
 
@@ -50,6 +52,14 @@ class Comparison:
         """Return this comparison with the places in reverse order."""
         distances = np.ascontiguousarray(self.distances[::-1])
         return replace(self, distances=distances, is_turned=not self.is_turned)
+
+    def telling_nothing(self) -> "Comparison":
+        """Return this comparison as of a frame in which there was nothing to see.
+
+        All places are as far, for they have length 1; their codes are rounded.
+        """
+        distances = np.full_like(self.distances, LONGEST**2)
+        return replace(self, distances=distances, deviation=0.0, is_exact=True)
 
     def made_exact(self, places: NDArray[np.int32]) -> "Comparison":
         """Return this comparison with the exact distances to some places."""
@@ -88,17 +98,16 @@ class MetricPlaces:
         if self._project is not None:
             codes = self._project(codes)
         at_once = max(1, _AT_ONCE // len(self._metric.places))
-        for first in range(0, len(codes), at_once):
-            some = codes[first : first + at_once]
-            yield from self._coarsely(some) if self._look_along else self._exactly(some)
+        compare = self._coarsely if self._look_along else self._exactly
+        for some in blocks(len(codes), at_once):
+            for frame in compare(codes[some]):
+                yield frame if frame.codes.any() else frame.telling_nothing()
 
     def _exactly(self, codes: Codes) -> Iterator[Comparison]:
         metric = self._metric
         distances = products(metric.places, codes)
         for vector, row in zip(codes, distances, strict=True):
             deviation = _to_distances(row, 1.0, metric.squares, vector)
-            if not vector.any():
-                deviation = _tell_nothing(row)
             yield Comparison(metric, vector, row, deviation)
 
     def _coarsely(self, codes: Codes) -> Iterator[Comparison]:
@@ -110,14 +119,7 @@ class MetricPlaces:
             _to_distances(row, look.unit, metric.squares, vector)
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
             _measure(metric.places, metric.squares, vector, near, row)
-            deviation = look.deviation(vector) if vector.any() else _tell_nothing(row)
-            yield Comparison(metric, vector, row, deviation, is_exact=not vector.any())
-
-
-def _tell_nothing(distances: Distances) -> float:
-    """Make the distances of a frame in which nothing was to be seen alike: places have length 1."""
-    distances[:] = LONGEST**2
-    return 0.0
+            yield Comparison(metric, vector, row, look.deviation(vector), is_exact=False)
 
 
 def _nearness(distances: Distances) -> np.int32:
@@ -132,7 +134,7 @@ def _to_distances(
     products: Distances, unit: float, place_squares: NDArray[np.int32], codes: Codes
 ) -> float:
     """Turn products of places with a vector, times a unit, into distances; their deviation."""
-    square = _square(codes)
+    square = product_of(codes, codes)
     total = 0
     for place in range(len(products)):
         product = np.int32(unit * products[place])
@@ -147,14 +149,6 @@ def _to_distances(
 
 
 @kernel
-def _square(codes: Codes) -> np.int32:
-    square = np.int32(0)
-    for m in range(len(codes)):
-        square = np.int32(square + np.int32(np.int32(codes[m]) * np.int32(codes[m])))
-    return square
-
-
-@kernel
 def _measure(
     places: Codes,
     place_squares: NDArray[np.int32],
@@ -163,12 +157,9 @@ def _measure(
     distances: Distances,
 ) -> None:
     """Write the exact distances to the chosen places."""
-    square = _square(codes)
+    square = product_of(codes, codes)
     for i in range(len(chosen)):
-        row = places[chosen[i]]
-        product = np.int32(0)
-        for m in range(len(row)):
-            product = np.int32(product + np.int32(np.int32(row[m]) * np.int32(codes[m])))
+        product = product_of(places[chosen[i]], codes)
         distances[chosen[i]] = place_squares[chosen[i]] + square - 2 * product
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.metric.codes import Codes
 
 AXES = 64
@@ -46,19 +47,19 @@ def coarse_look(places: Codes) -> Coarse:
     axes = np.linalg.svd(sample, full_matrices=False)[2][:AXES]
     unit = max(float(np.abs(sample @ axes.T).max()), 1.0) / np.iinfo(np.int8).max
     codes = np.empty((len(places), len(axes)), np.int8)
-    for start in range(0, len(places), _BLOCK):
-        along = places[start : start + _BLOCK].astype(np.float32) @ axes.T
-        codes[start : start + _BLOCK] = np.clip(np.rint(along / unit), -127, 127)
+    for block in blocks(len(places), _BLOCK):
+        along = places[block].astype(np.float32) @ axes.T
+        codes[block] = np.clip(np.rint(along / unit), -127, 127)
     return Coarse(np.ascontiguousarray(axes), codes, _spread(places), unit)
 
 
 def _spread(places: Codes) -> NDArray[np.float64]:
     total = np.zeros(places.shape[1] + 1)
     products = np.zeros((len(total), len(total)))
-    for start in range(0, len(places), _BLOCK):
-        block = places[start : start + _BLOCK].astype(np.float64)
-        block = np.column_stack([block, np.einsum("km,km->k", block, block)])
-        total += block.sum(axis=0)
-        products += block.T @ block
+    for block in blocks(len(places), _BLOCK):
+        some = places[block].astype(np.float64)
+        some = np.column_stack([some, np.einsum("km,km->k", some, some)])
+        total += some.sum(axis=0)
+        products += some.T @ some
     mean = total / len(places)
     return np.asarray(products / len(places) - np.outer(mean, mean))

@@ -10,6 +10,7 @@ The codes' rounding is a few ten-thousandths of a descriptor's length.
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.kernels import kernel
 
 LONGEST = 4000
@@ -43,23 +44,26 @@ def products(rows: Codes | NDArray[np.int8], vectors: Codes) -> NDArray[np.int32
         _multiply(rows, vectors, made)
     else:
         floats = vectors.astype(np.float32)
-        for start in range(0, len(rows), _BLOCK):
-            block = rows[start : start + _BLOCK].astype(np.float32)
-            made[:, start : start + _BLOCK] = floats @ block.T
+        for block in blocks(len(rows), _BLOCK):
+            made[:, block] = floats @ rows[block].astype(np.float32).T
     return made
 
 
 @kernel
 def _multiply(rows: Codes | NDArray[np.int8], vectors: Codes, made: NDArray[np.int32]) -> None:
-    """Read every row once, for all vectors. Only int32 sums are vectorised at full width."""
+    """Read every row once, for all vectors."""
     for k in range(len(rows)):
-        row = rows[k]
         for b in range(len(vectors)):
-            vector = vectors[b]
-            product = np.int32(0)
-            for m in range(len(row)):
-                product = np.int32(product + np.int32(np.int32(row[m]) * np.int32(vector[m])))
-            made[b, k] = product
+            made[b, k] = product_of(rows[k], vectors[b])
+
+
+@kernel
+def product_of(codes: Codes | NDArray[np.int8], other: Codes) -> np.int32:
+    """Multiply two vectors of codes, (M,) each. Only int32 sums are vectorised at full width."""
+    product = np.int32(0)
+    for m in range(len(codes)):
+        product = np.int32(product + np.int32(np.int32(codes[m]) * np.int32(other[m])))
+    return product
 
 
 class CodedProjection:

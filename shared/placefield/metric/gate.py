@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.metric.distances import squared_distances
 
 TOLERANCE = 4
@@ -101,8 +102,7 @@ def margins(projection: Array | None, probes: Probes) -> Margins:
 def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) -> Array:
     """What `_nearest` says of the probes, and the deviation of their distances: (3, Q)."""
     parts = []
-    for start in range(0, len(asked), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in blocks(len(asked), _BLOCK):
         distances = squared_distances(asked[block], places)
         if but_own:
             distances[np.arange(len(distances)), truth[block]] = np.inf

@@ -15,7 +15,7 @@ E = push · triplets + tr(Pᵀ L P), where P = X vᵀ and L is the graph Laplaci
 and its gradient is 2 (L P)ᵀ X. A few matrix products do what would be a visit to every triplet.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
+from placefield.blocks import blocks
 from placefield.metric.distances import Floats, squared_distances
 from placefield.metric.impostors import mark_invasions, sum_hinges
 
@@ -110,7 +111,7 @@ def target_neighbours(
         candidates = members[eligible[members]]
         if not len(candidates):
             continue
-        for rows in _blocks(len(members)):
+        for rows in blocks(len(members), _BLOCK):
             block = members[rows]
             distances = squared_distances(descriptors[block], descriptors[candidates])
             distances[block[:, None] == candidates] = np.inf
@@ -131,7 +132,7 @@ def objective(
     triplets, forces = _push(projected, labels, _radii(projected, targets))
     forces *= -push
     pull = _laplacian(targets, (1 - push) + push * triplets.T)
-    for rows in _blocks(len(projected)):
+    for rows in blocks(len(projected), _BLOCK):
         forces[rows] += pull[rows] @ projected
     trace = np.einsum("km,km->", projected, forces, dtype=np.float64)
     value = push * triplets.sum(dtype=np.float64) + trace
@@ -149,9 +150,9 @@ def loss(
     radii = _radii(projected, targets)
     anchors = np.flatnonzero((targets >= 0).any(axis=1))
     hinges = 0.0
-    for rows in _blocks(len(anchors)):
+    for rows in blocks(len(anchors), _BLOCK):
         block = anchors[rows]
-        for columns in _blocks(len(projected)):
+        for columns in blocks(len(projected), _BLOCK):
             distances = squared_distances(projected[block], projected[columns])
             hinges += sum_hinges(distances, labels[block], labels[columns], radii[:, block])
     pulls = (radii - 1).sum(where=targets.T >= 0, dtype=np.float64)
@@ -160,10 +161,6 @@ def loss(
 
 def _is_negligible(move: Floats, projection: Floats) -> bool:
     return bool(np.linalg.norm(move) <= np.finfo(np.float32).eps * np.linalg.norm(projection))
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
 
 def _nearest(distances: Floats, candidates: NDArray[np.intp], neighbours: int) -> NDArray[np.intp]:
@@ -184,8 +181,8 @@ def _push(projected: Floats, labels: Labels, radii: Floats) -> tuple[Floats, Flo
     """
     triplets = np.zeros_like(radii)
     forces = np.zeros_like(projected)
-    for rows in _blocks(len(projected)):
-        for columns in _blocks(len(projected)):
+    for rows in blocks(len(projected), _BLOCK):
+        for columns in blocks(len(projected), _BLOCK):
             if columns.start < rows.start:
                 continue
             pairs = squared_distances(projected[rows], projected[columns])
@@ -211,7 +208,7 @@ def _radii(projected: Floats, targets: NDArray[np.intp]) -> Floats:
     (k, K). No distance is below 0, so that a missing target has no impostors.
     """
     radii = np.zeros(targets.T.shape, projected.dtype)
-    for rows in _blocks(len(projected)):
+    for rows in blocks(len(projected), _BLOCK):
         for radius, column in zip(radii[:, rows], targets[rows].T, strict=True):
             offsets = projected[rows] - projected[column]
             radius[:] = np.where(column >= 0, 1 + np.einsum("km,km->k", offsets, offsets), 0)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.errors import ConfigError, MapError
 from placefield.metric.distances import squared_distances
 
 _TOLERANCE = 1e-3  # furthest move of a centre, in mean distances of frames to their nearest one
 _MAX_SWEEPS = 100
-_LEAST_LOG = (
-    -36.0
-)  # of a membership, so that a centre far from all frames is pulled to their middle
+_LEAST_LOG = -36.0  # of a membership: even a centre far from all frames is pulled to their middle
 _BLOCK = 512  # frames whose memberships are held at once
 _RELATED = 20  # frames apart, at position weight 1, to be as far by position as by descriptor
 
@@ -118,8 +117,7 @@ def _sweep(
     sums = np.zeros_like(centres)
     weights = np.zeros(len(centres))
     spread = 0.0
-    for start in range(0, len(vectors), _BLOCK):
-        rows = slice(start, start + _BLOCK)
+    for rows in blocks(len(vectors), _BLOCK):
         # The position in a long route leaves a product of float32 few digits.
         block = vectors[rows].astype(np.float64)
         squared = squared_distances(block, centres)

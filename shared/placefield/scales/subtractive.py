@@ -6,11 +6,10 @@ higher its potential. The highest becomes a centre and takes its share from its 
 potentials, until what is left is low.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.blocks import blocks
 from placefield.metric.distances import squared_distances
 
 _NEIGHBOURS = 8  # frames apart: a short segment; a fast camera's next frame would be too near
@@ -75,8 +74,8 @@ def _count_centres(vectors: Vectors, radius: float) -> int:
 
 def _potentials(vectors: Vectors, radius: float) -> Array64:
     potentials = np.zeros(len(vectors))
-    for rows in _blocks(len(vectors)):
-        for columns in _blocks(len(vectors)):
+    for rows in blocks(len(vectors), _BLOCK):
+        for columns in blocks(len(vectors), _BLOCK):
             squared = _squared_distances(vectors[rows], vectors[columns])
             potentials[rows] += _nearness(squared, radius).sum(axis=1)
     return potentials
@@ -88,14 +87,12 @@ def _nearness(squared: Array64, radius: float) -> Array64:
 
 
 def _squared_distances_to(vectors: Vectors, vector: Vectors) -> Array64:
-    columns = [_squared_distances(vectors[rows], vector[None]) for rows in _blocks(len(vectors))]
-    return np.concatenate(columns)[:, 0]
+    squared = np.empty(len(vectors))
+    for rows in blocks(len(vectors), _BLOCK):
+        squared[rows] = _squared_distances(vectors[rows], vector[None])[:, 0]
+    return squared
 
 
 def _squared_distances(rows: Vectors, columns: Vectors) -> Array64:
     """Distances in float64: positions in a long route leave float32 few digits."""
     return squared_distances(rows.astype(np.float64), columns.astype(np.float64))
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))

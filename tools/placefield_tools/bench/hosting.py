@@ -1,9 +1,7 @@
 """Chains of services to measure: whole hosts, each on a port of its own."""
 
 import os
-import socket
 import subprocess
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 import psutil  # type: ignore[import-untyped]
 
 from placefield.config import ENV_PREFIX
-from placefield.errors import BusError
+from placefield_tools.hosting import await_ready, free_endpoint
 
 _START_S = 180.0  # that many processes at once take their time on few cores
 _END_S = 30.0
@@ -58,7 +56,7 @@ def started(commands: Sequence[Sequence[str]]) -> Iterator[list[Chain]]:
             endpoint = free_endpoint()
             hosts.append((endpoint, _start([*command, "--endpoint", endpoint])))
         for _, process in hosts:
-            _await_ready(process)
+            await_ready(process, _START_S)
         yield [Chain(endpoint, process.pid) for endpoint, process in hosts]
     finally:
         for _, process in hosts:
@@ -73,27 +71,9 @@ def _start(command: Sequence[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=kept)
 
 
-def _await_ready(process: subprocess.Popen[str]) -> None:
-    timer = threading.Timer(_START_S, process.kill)
-    timer.start()
-    try:
-        assert process.stdout is not None
-        if not process.stdout.readline().startswith("ready"):
-            raise BusError(f"the services did not start within {_START_S:g} s; see above")
-    finally:
-        timer.cancel()
-
-
 def _await_end(process: subprocess.Popen[str]) -> None:
     with process:
         try:
             process.wait(_END_S)
         except subprocess.TimeoutExpired:
             process.kill()  # its services notice
-
-
-def free_endpoint() -> str:
-    """Return an endpoint on loopback that nobody listens at."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
