@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
+_SUMS = 64  # that a compiler adds to side by side
+
 
 def kernel(function: Function) -> Function:
     """Compile a function of arrays and numbers; the machine code is kept for the next process.
@@ -28,18 +30,15 @@ def _compiling(*, cache: bool) -> Callable[[Callable[..., object]], object]:
 
 @kernel
 def sum_of(values: NDArray[np.floating[Any]]) -> float:
-    """Sum values (n,) in float64, in eight interleaved sums that are added up side by side."""
-    a = b = c = d = e = f = g = h = 0.0
-    even = len(values) - len(values) % 8
-    for i in range(0, even, 8):
-        a += values[i]
-        b += values[i + 1]
-        c += values[i + 2]
-        d += values[i + 3]
-        e += values[i + 4]
-        f += values[i + 5]
-        g += values[i + 6]
-        h += values[i + 7]
+    """Sum values (n,) in float64, in interleaved sums that are added up at the end."""
+    sums = np.zeros(_SUMS)
+    even = len(values) - len(values) % _SUMS
+    for i in range(0, even, _SUMS):
+        for j in range(_SUMS):
+            sums[j] += values[i + j]
     for i in range(even, len(values)):
-        a += values[i]
-    return ((a + e) + (b + f)) + ((c + g) + (d + h))
+        sums[i - even] += values[i]
+    total = 0.0
+    for j in range(_SUMS):
+        total += sums[j]
+    return total

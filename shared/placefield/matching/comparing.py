@@ -107,8 +107,8 @@ class MetricPlaces:
         metric = self._metric
         distances = products(metric.places, codes)
         for vector, row in zip(codes, distances, strict=True):
-            deviation = _to_distances(row, 1.0, metric.squares, vector)
-            yield Comparison(metric, vector, row, deviation)
+            _to_distances(row, 1.0, metric.squares, vector)
+            yield Comparison(metric, vector, row, _deviation(row))
 
     def _coarsely(self, codes: Codes) -> Iterator[Comparison]:
         metric, look, look_along = self._metric, self._metric.coarse, self._look_along
@@ -132,20 +132,24 @@ def _nearness(distances: Distances) -> np.int32:
 @kernel
 def _to_distances(
     products: Distances, unit: float, place_squares: NDArray[np.int32], codes: Codes
-) -> float:
-    """Turn products of places with a vector, times a unit, into distances; their deviation."""
+) -> None:
+    """Turn products of places with a vector, times a unit, into distances."""
     square = product_of(codes, codes)
-    total = 0
     for place in range(len(products)):
         product = np.int32(unit * products[place])
-        distance = np.int32(place_squares[place] + square - 2 * product)
-        products[place] = distance
+        products[place] = np.int32(place_squares[place] + square - 2 * product)
+
+
+@kernel
+def _deviation(distances: Distances) -> float:
+    total = 0
+    for distance in distances:
         total += int(distance)
-    mean = total / len(products)
-    squares = np.empty(len(products))
-    for place in range(len(products)):
-        squares[place] = (products[place] - mean) * (products[place] - mean)
-    return math.sqrt(sum_of(squares) / len(products))
+    mean = total / len(distances)
+    squares = np.empty(len(distances))
+    for place in range(len(distances)):
+        squares[place] = (distances[place] - mean) * (distances[place] - mean)
+    return math.sqrt(sum_of(squares) / len(distances))
 
 
 @kernel

@@ -83,13 +83,13 @@ def advance(
     step: float,
     likelihood: Array,
     lost_evidence: float,
-    advanced: Array,
     of_place: Array,
 ) -> tuple[float, float]:
     """Move the beliefs on by a frame, and weigh them by what that frame shows.
 
     Args:
-        belief: (2, S, K) float32, in the map and in the decoy, which is driven the other way.
+        belief: (2, S, K) float32, in the map and in the decoy, which is driven the other way;
+            receives the beliefs after the frame.
         lost: belief that the vehicle is lost.
         total: sum of all these.
         motion: of the vehicle.
@@ -97,7 +97,6 @@ def advance(
         step: how long the vehicle's was; negative where it was not seen.
         likelihood: (K,) float32, of what was seen of the place.
         lost_evidence: how many times likelier than at the average place it is when lost.
-        advanced: (2, S, K) float32, receives the beliefs after the frame.
         of_place: (K,) float32, receives their sum over the speeds in the map.
 
     Returns:
@@ -128,7 +127,6 @@ def advance(
         arriving,
         np.float32(motion.find * stray),
         likelihood,
-        advanced,
         of_place,
     )
     now_lost = (1 - motion.find) * stray + motion.lose * jumping * (1 - was_lost)
@@ -145,34 +143,37 @@ def _move(
     arriving: Array,
     found: np.float32,
     likelihood: Array,
-    advanced: Array,
     of_place: Array,
 ) -> float:
     """Do what ``advance`` says with the beliefs on the map; return their sum."""
     speeds, places = belief.shape[1:]
-    # Buffers begin _REACH places before the block and end as many after it.
-    changed = np.empty(_BLOCK + 2 * _REACH, np.float32)
+    # Buffers begin _REACH places before the block and end as many after it. What lies before it has
+    # been overwritten by then, and is kept.
+    changed = np.empty(_BLOCK + _REACH, np.float32)
     moving = np.empty(_BLOCK + 2 * _REACH, np.float32)
+    before = np.zeros((2, speeds, _REACH), np.float32)
     by_one, by_two = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     sums = np.zeros(_BLOCK, np.float32)
     total = 0.0
     for start in range(0, places, _BLOCK):
         size = min(_BLOCK, places - start)
-        reached = size + 2 * _REACH
         seen = likelihood[start : start + size]
         for sheet in range(2):
             forward = sheet == 0
             _copy(arriving[0], start if forward else start + 1, by_one[:size])
             _copy(arriving[1], start if forward else start + 2, by_two[:size])
-            _gather_changes(belief[sheet], motion.change, start - _REACH, changed[:reached])
+            _gather_changes(belief[sheet], motion.change, start, changed[: size + _REACH])
             one_before = moving[1:] if forward else moving[3:]
             two_before = moving if forward else moving[4:]
-            sums[:] = 0
+            sums[:size] = 0
             for speed in range(speeds):
                 stay = kept * (np.float32(1) - motion.change[speed])
                 join = kept * motion.prior[speed]
-                _mix(belief[sheet, speed], start - _REACH, stay, changed, join, moving[:reached])
-                after = advanced[sheet, speed, start : start + size]
+                after = belief[sheet, speed, start : start + size]
+                moving[:_REACH] = before[sheet, speed]
+                ahead = moving[_REACH : size + 2 * _REACH]
+                _mix(belief[sheet, speed, start:], stay, changed, join, ahead)
+                before[sheet, speed] = moving[size : size + _REACH]
                 gain = found * motion.anywhere[sheet, speed]
                 stands = motion.chances[speed, 0] * standing
                 one, two = motion.chances[speed, 1], motion.chances[speed, 2]
@@ -184,34 +185,26 @@ def _move(
                 _add(np.float32(1), after, sums[:size])
             total += sum_of(sums[:size])
             if forward:
-                of_place[start : start + size] = sums[:size]
+                _copy(sums, 0, of_place[start : start + size])
     return total
 
 
 @kernel
 def _copy(values: Array, start: int, buffer: Array) -> None:
-    """Copy what lies from ``start`` on, which may be before the first; 0 where nothing does."""
-    first = max(start, 0)
-    skipped = first - start
-    inside = max(min(len(buffer) - skipped, len(values) - first), 0)
-    for i in range(skipped):
-        buffer[i] = 0
+    """Copy what lies from ``start`` on; 0 where nothing does."""
+    inside = max(min(len(buffer), len(values) - start), 0)
     for i in range(inside):
-        buffer[skipped + i] = values[first + i]
-    for i in range(skipped + inside, len(buffer)):
-        buffer[i] = 0
+        buffer[i] = values[start + i]
+    buffer[inside:] = 0
 
 
 @kernel
 def _gather_changes(belief: Array, change: Array, start: int, changed: Array) -> None:
     """Sum over the speeds what leaves each of them."""
-    first = max(start, 0)
-    skipped = first - start
-    inside = min(len(changed) - skipped, belief.shape[1] - first)
+    inside = min(len(changed), belief.shape[1] - start)
     changed[:] = 0
     for speed in range(len(change)):
-        leaving = belief[speed, first : first + inside]
-        _add(change[speed], leaving, changed[skipped : skipped + inside])
+        _add(change[speed], belief[speed, start : start + inside], changed[:inside])
 
 
 @kernel
@@ -221,24 +214,12 @@ def _add(factor: np.float32, values: Array, sums: Array) -> None:
 
 
 @kernel
-def _mix(
-    belief: Array,
-    start: int,
-    stay: np.float32,
-    changed: Array,
-    join: np.float32,
-    moving: Array,
-) -> None:
-    """Belief at a speed, from ``start`` on, after changes from it and to it; 0 outside the map."""
-    first = max(start, 0)
-    skipped = first - start
-    inside = max(min(len(moving) - skipped, len(belief) - first), 0)
-    moving[:skipped] = 0
-    moving[skipped + inside :] = 0
-    before, joining = belief[first : first + inside], changed[skipped : skipped + inside]
-    after = moving[skipped : skipped + inside]
+def _mix(belief: Array, stay: np.float32, changed: Array, join: np.float32, moving: Array) -> None:
+    """Belief at a speed, after changes from it and to it; 0 behind the map's end."""
+    inside = min(len(moving), len(belief))
     for i in range(inside):
-        after[i] = stay * before[i] + join * joining[i]
+        moving[i] = stay * belief[i] + join * changed[i]
+    moving[inside:] = 0
 
 
 @kernel

@@ -75,7 +75,6 @@ class PlaceFilter:
         # come, together with their sum.
         self._belief = np.empty((2, len(SPEEDS), steps.shape[1]), np.float32)
         self._belief[:] = self._motion.anywhere[:, :, None]
-        self._next = np.empty_like(self._belief)
         self._of_place = self._belief[0].sum(axis=0)
         self._lost, self._total = 1.0, 2.0
         self._last: Codes | None = None
@@ -132,10 +131,8 @@ class PlaceFilter:
             step,
             likelihood,
             lost_evidence,
-            self._next,
             self._of_place,
         )
-        self._belief, self._next = self._next, self._belief
 
 
 def evenly_spaced(rows: Rows) -> Rows:
