@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.errors import FrameError
-from placefield.features.descriptors import DescriptorStream
+from placefield.features.descriptors import DescriptorStream, check_descriptor
 from placefield.features.extract import feature_of_model
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
@@ -23,6 +23,7 @@ class Recognizer:
 
     def __init__(self, placemap: Map, config: MatchingConfig) -> None:
         self._feature = feature_of_model(placemap.model)
+        self._dimensions = len(placemap.model.components)
         self._config = config
         self._descriptors = DescriptorStream(placemap.model)
         self._places = {
@@ -40,19 +41,30 @@ class Recognizer:
         An image that cannot be read is matched as a frame that was not seen.
         """
         try:
-            return self.push_raw(self._feature.describe(image))
+            raw = self._feature.describe(image)
         except FrameError:
-            return self.push_raw(None)
+            raw = None
+        return self.push_raw(raw)
 
     def push_raw(self, raw: NDArray[np.float32] | None) -> Match:
-        """Match the next frame by its raw feature (D,); None is a frame that was not seen."""
+        """Match the next frame by its raw feature (D,); None is a frame that was not seen.
+
+        Raises:
+            FrameError: the feature is of another shape, or not finite; no frame was matched.
+        """
         descriptor = None if raw is None else self._descriptors.push(raw)
         return self.push_descriptor(descriptor)
 
     def push_descriptor(self, descriptor: NDArray[np.float32] | None) -> Match:
-        """Match the next frame by its descriptor (N,); None is a frame that was not seen."""
+        """Match the next frame by its descriptor (N,); None is a frame that was not seen.
+
+        Raises:
+            FrameError: the descriptor is of another shape, not finite, or longer than 1; no frame
+                was matched.
+        """
         frames: dict[MapMetric, Comparison | None] = dict.fromkeys(self._places)
         if descriptor is not None:
+            check_descriptor(descriptor, self._dimensions)
             for metric, places in self._places.items():
                 (frames[metric],) = places.compare(descriptor[None])
         candidates = [matcher.push(frames[metric]) for metric, matcher in self._matchers]

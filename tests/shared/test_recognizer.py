@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.config import Config, MatchingConfig, Rule
+from placefield.errors import FrameError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame
 from placefield.fusion.match import Match
@@ -96,6 +97,23 @@ def test_streams_of_one_map_do_not_meddle(
 
 
 @pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("wrong", [np.ones(29), np.ones(30), np.full(30, np.nan)])
+def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule, wrong: NDArray[np.float64]
+) -> None:
+    query = make_traverse(noise=0.3).raw[:20]
+    recognizer = Recognizer(small_map, MatchingConfig(rule=rule))
+    matches = []
+    for raw in query:
+        with pytest.raises(FrameError):
+            recognizer.push_descriptor(wrong.astype(np.float32))
+        with pytest.raises(FrameError):
+            recognizer.push_raw(wrong[:29].astype(np.float32))
+        matches.append(recognizer.push_raw(raw))
+    assert matches == recognise(small_map, rule, [*query])
+
+
+@pytest.mark.parametrize("rule", RULES)
 def test_before_the_first_frame_that_is_seen_there_is_no_match(
     small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
 ) -> None:
@@ -137,3 +155,5 @@ def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
     for view in dusk:
         raw = feature.describe(view)
         assert by_pixels.push(view) == by_feature.push_raw(raw)
+    empty = np.empty((0, 96), np.uint8)
+    assert by_pixels.push(empty) == by_feature.push_raw(None)

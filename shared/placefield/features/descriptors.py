@@ -7,18 +7,21 @@ reduced by PCA and divided by its length again, so that distances compare direct
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.config import FeatureKind
+from placefield.errors import FrameError
 from placefield.features.network import Network
 
 PRIOR_FRAMES = 20
 """Weight of the reference's mean and deviation in a young query's, frames."""
 
 _LEAST_DEVIATION = 1e-6
+_LONGEST = 1.001  # descriptor: their lengths are rounded
 _BLOCK = 512  # frames whose standardised features are held at once
 
 Array = NDArray[np.float32]
@@ -61,6 +64,19 @@ def unit_length(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
 
+def check_descriptor(descriptor: Array, dimensions: int) -> None:
+    """Raise FrameError where it is no descriptor of so many dimensions: what comes from elsewhere.
+
+    Its shape is (dimensions,) and its length 1, or 0 where there is nothing to see. A longer one
+    would overflow in the matching, and one that is not finite spoil the rest of its stream.
+    """
+    if descriptor.shape != (dimensions,):
+        raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
+    length = float(np.linalg.norm(descriptor.astype(np.float64)))
+    if not length <= _LONGEST:  # nor is NaN
+        raise FrameError(f"descriptor of length {length:.3g}, not 1")
+
+
 def fit_descriptors(
     traverses: Sequence[Array],
     kind: FeatureKind,
@@ -86,15 +102,20 @@ def fit_descriptors(
     if not standardise:
         moments = [moments[0]] * len(traverses)
 
-    def standardised() -> Iterator[Array]:
-        for traverse, (mean, deviation) in zip(traverses, moments, strict=True):
-            for block in blocks(len(traverse), _BLOCK):
-                yield _standardise(unit_length(traverse[block]), mean, deviation)
+    def standardised() -> Iterator[Iterator[Array]]:
+        return map(_standardised, traverses, moments)
 
-    components = _principal_axes(standardised, dimensions)
+    components = _principal_axes(lambda: chain.from_iterable(standardised()), dimensions)
     model = DescriptorModel(kind, standardise, *moments[0], components, network)
-    reduced = np.concatenate([model.reduce(vectors) for vectors in standardised()])
-    return model, np.split(reduced, np.cumsum([len(traverse) for traverse in traverses])[:-1])
+    return model, [
+        np.concatenate([model.reduce(block) for block in traverse]) for traverse in standardised()
+    ]
+
+
+def _standardised(raws: Array, moments: tuple[Array, Array]) -> Iterator[Array]:
+    """Standardise a traverse's raw features (K, D), and yield them in blocks (B, D)."""
+    for block in blocks(len(raws), _BLOCK):
+        yield _standardise(unit_length(raws[block]), *moments)
 
 
 def _moments(raws: Array) -> tuple[Array, Array]:
@@ -135,6 +156,19 @@ def _principal_axes(in_blocks: Callable[[], Iterator[Array]], dimensions: int) -
     return np.ascontiguousarray(axes[:rank], np.float32)
 
 
+@dataclass(frozen=True)
+class Moments:
+    """What a stream of raw features has been like so far.
+
+    Attributes:
+        frames: how many.
+        sums: (2, D) float64, of the features at unit length, and of their squares.
+    """
+
+    frames: float
+    sums: Array64
+
+
 class DescriptorStream:
     """Makes the raw features of a query into descriptors, frame by frame, looking back only.
 
@@ -142,24 +176,40 @@ class DescriptorStream:
     them, so that a young stream is standardised like the reference.
     """
 
-    def __init__(self, model: DescriptorModel) -> None:
+    def __init__(self, model: DescriptorModel, moments: Moments | None = None) -> None:
+        """Begin a stream, or go on with one that has had these moments."""
         self._model = model
-        self._frames = float(PRIOR_FRAMES)
-        mean = model.mean.astype(np.float64)
-        self._sum: Array64 = mean * PRIOR_FRAMES
-        self._square_sum: Array64 = (
-            model.deviation.astype(np.float64) ** 2 + mean**2
-        ) * PRIOR_FRAMES
+        self.moments = moments or _moments_of_reference(model)
+        """Of the stream so far."""
 
     def push(self, raw: Array) -> Array:
-        """Take the next frame's raw feature (D,) and return its descriptor (N,) float32."""
+        """Take the next frame's raw feature (D,) and return its descriptor (N,) float32.
+
+        Raises:
+            FrameError: the feature is of another shape, or not finite; the stream is as it was.
+        """
+        self._check(raw)
         if not self._model.standardise:
             return self._model.of_reference(raw)
         unit = unit_length(raw)
-        self._frames += 1
-        self._sum += unit
-        self._square_sum += unit.astype(np.float64) ** 2
-        mean = self._sum / self._frames
-        variance = np.maximum(self._square_sum / self._frames - mean**2, _LEAST_DEVIATION**2)
+        frames = self.moments.frames + 1
+        sums = self.moments.sums + np.stack([unit, unit.astype(np.float64) ** 2])
+        self.moments = Moments(frames, sums)
+        mean, square_mean = sums / frames
+        variance = np.maximum(square_mean - mean**2, _LEAST_DEVIATION**2)
         standardised = (unit - mean) / np.sqrt(variance)
         return self._model.reduce(standardised.astype(np.float32))
+
+    def _check(self, raw: Array) -> None:
+        """One value that is not finite would spoil the sums for good."""
+        expected = self._model.mean.shape
+        if raw.shape != expected:
+            raise FrameError(f"feature of shape {raw.shape}, not {expected}")
+        if not np.isfinite(raw).all():
+            raise FrameError("the feature is not finite")
+
+
+def _moments_of_reference(model: DescriptorModel) -> Moments:
+    mean = model.mean.astype(np.float64)
+    square_mean = model.deviation.astype(np.float64) ** 2 + mean**2
+    return Moments(float(PRIOR_FRAMES), np.stack([mean, square_mean]) * PRIOR_FRAMES)

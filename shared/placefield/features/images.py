@@ -53,7 +53,7 @@ def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Average the colour channels of (H, W) or (H, W, 3) uint8 to (H, W) float32 in 0 … 255.
 
     The plain mean is GIST's convention, not the weighted luma of JPEG.
-    Raises FrameError for any other shape or dtype.
+    Raises FrameError for any other shape or dtype, or where there are no pixels.
     """
     check_pixels(image)
     if image.ndim == 2:
@@ -64,11 +64,13 @@ def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def check_pixels(image: NDArray[np.uint8]) -> None:
-    """Raise FrameError where pixels are not uint8 of shape (H, W) or (H, W, 3)."""
+    """Raise FrameError where pixels are not uint8, (H, W) or (H, W, 3), or there are none."""
     if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
         raise FrameError(
             f"pixels are {image.dtype} of shape {image.shape}; give uint8, (H, W) or (H, W, 3)"
         )
+    if not image.size:
+        raise FrameError(f"the image of shape {image.shape} has no pixels")
 
 
 def _declared_size(data: bytes) -> tuple[int, int] | None:

@@ -25,7 +25,7 @@ def small_grey(pixels: Pixels, height: int, width: int) -> Array:
         width: of the result, pixels.
 
     Raises:
-        FrameError: the pixels are of another shape or dtype.
+        FrameError: the pixels are of another shape or dtype, or there are none.
     """
     check_pixels(pixels)
     rows, columns = pixels.shape[:2]

@@ -109,22 +109,24 @@ def build_map(
         standardise=features.standardise,
         network=network,
     )
-    first = traverses[0]
-    held_back = held_back_places(len(first.raw), config.seed)
+    first, places = traverses[0], descriptors[0]
+    held_back = held_back_places(len(places), config.seed)
     probes = _probes(descriptors, held_back)
-    coarse = len(descriptors[0]) >= config.matching.coarse_from
-    identity = identity_metric(descriptors[0], coarse=coarse)
-    encoded = cut(descriptors[0], first, config)
-    reference = _centred(descriptors)
+    order = _trained_first(held_back, len(traverses))
+    reference = _centred(descriptors, order)
+    del descriptors  # the reference has them all
+    identity = identity_metric(places, coarse=len(places) >= config.matching.coarse_from)
+    encoded = cut(places, first, config)
+    trained = len(reference) - len(traverses) * int(held_back.sum())
 
     def learn(number: int) -> MapChannel:
         def learned(share: float) -> None:
             progress(number, "learning", share)
 
         learned(0)
-        labels = np.tile(encoded[number].encoding.labels, len(traverses))
-        metric = _metric(labels, reference, held_back, probes, config, learned)
-        channel = _map_channel(encoded[number], metric, identity, descriptors[0])
+        labels = np.tile(encoded[number].encoding.labels, len(traverses))[order]
+        metric = _metric(labels, reference, trained, probes, config, learned)
+        channel = _map_channel(encoded[number], metric, identity, places)
         learned(1)
         return channel
 
@@ -158,9 +160,14 @@ def _travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _centred(descriptors: Sequence[Array]) -> Array:
-    """Descriptors (K, N) of all traverses, one below the other, less their mean."""
-    reference = np.concatenate(descriptors)
+def _trained_first(held_back: NDArray[np.bool_], traverses: int) -> NDArray[np.intp]:
+    """Order of the frames of all traverses, one below the other: those held back come last."""
+    return np.argsort(np.tile(held_back, traverses), kind="stable")
+
+
+def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
+    """Descriptors (K, N) of all traverses, one below the other, reordered, less their mean."""
+    reference = np.concatenate(descriptors)[order]
     reference -= reference.mean(axis=0)
     return reference
 
@@ -196,7 +203,7 @@ def _map_channel(
 def _metric(
     labels: NDArray[np.int32],
     reference: Array,
-    held_back: NDArray[np.bool_],
+    trained: int,
     probes: Probes | None,
     config: Config,
     progress: Callable[[float], None],
@@ -207,7 +214,7 @@ def _metric(
     return learn_projection(
         reference,
         labels,
-        np.tile(held_back, len(labels) // len(held_back)),
+        trained,
         probes,
         config.metric,
         config.seed,

@@ -20,7 +20,7 @@ from placefield.metric.distances import squared_distances
 TOLERANCE = 4
 """How far from the truth a place is still right: traverses are aligned that well, frames."""
 
-_BLOCK = 512  # probes whose distances are held at once
+_BLOCK = 128  # probes whose distances are held at once
 
 Array = NDArray[np.float32]
 Truth = NDArray[np.integer[Any]]
@@ -80,15 +80,13 @@ def passes_gate(projection: Array, probes: Probes) -> bool:
 
 def probe_score(projection: Array | None, probes: Probes) -> float:
     """Score a metric by the probes' mean standardised margin; 0 where there are no probes."""
-    return float(margins(projection, probes).standardised.sum()) / max(len(probes.truth), 1)
+    right, wrong, deviation = _among(*_projected(projection, probes), probes.truth)
+    return float(_ratio(wrong - right, deviation).sum()) / max(len(probes.truth), 1)
 
 
 def margins(projection: Array | None, probes: Probes) -> Margins:
     """Compute all margins under a projection, (M, N) float32; None is the identity."""
-    centre = probes.places.mean(axis=0)
-    places, descriptors = probes.places - centre, probes.descriptors - centre
-    if projection is not None:
-        places, descriptors = places @ projection.T, descriptors @ projection.T
+    places, descriptors = _projected(projection, probes)
     right, wrong, deviation = _among(places, descriptors, probes.truth)
     own = np.unique(probes.truth)
     own_right, own_wrong, _ = _among(places, places[own], own, but_own=True)
@@ -97,6 +95,15 @@ def margins(projection: Array | None, probes: Probes) -> Margins:
         _ratio(wrong - right, deviation),
         _ratio(own_wrong - own_right, own_wrong + own_right),
     )
+
+
+def _projected(projection: Array | None, probes: Probes) -> tuple[Array, Array]:
+    """Places and probes, centred and projected."""
+    centre = probes.places.mean(axis=0)
+    places, descriptors = probes.places - centre, probes.descriptors - centre
+    if projection is None:
+        return places, descriptors
+    return places @ projection.T, descriptors @ projection.T
 
 
 def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) -> Array:
@@ -113,13 +120,19 @@ def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) 
     return np.concatenate([np.empty((3, 0), places.dtype), *parts], axis=1).astype(places.dtype)
 
 
-def _nearest(distances: Array, truth: Truth) -> tuple[Array, Array]:
-    """Distances to the nearest right and the nearest wrong place, 0 and 0 if there is no wrong."""
-    is_right = np.abs(np.arange(distances.shape[1]) - truth[:, None]) <= TOLERANCE
-    right = distances.min(axis=1, where=is_right, initial=np.inf)
-    wrong = distances.min(axis=1, where=~is_right, initial=np.inf)
-    exist = np.isfinite(right) & np.isfinite(wrong)
-    return np.where(exist, right, 0), np.where(exist, wrong, 0)
+def _nearest(distances: Array, truth: Truth) -> Array:
+    """Distances to the nearest right and wrong place, (2, Q); 0 and 0 if there is no wrong.
+
+    Those to the right ones are overwritten, for a mask of all would be as large again.
+    """
+    nearest = np.empty((2, len(distances)), distances.dtype)
+    for row, place, found in zip(distances, truth, nearest.T, strict=True):
+        right = row[max(place - TOLERANCE, 0) : place + TOLERANCE + 1]
+        found[0] = right.min()
+        right[:] = np.inf
+        found[1] = row.min()
+    nearest[:, ~np.isfinite(nearest).all(axis=0)] = 0
+    return nearest
 
 
 def _ratio(part: Array, whole: Array) -> Array:

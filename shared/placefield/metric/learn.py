@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.config import MetricConfig
 from placefield.metric.gate import Probes, passes_gate, probe_score
 from placefield.metric.learners import NothingLearnedError, fit_reference_learner
-from placefield.metric.lmnn import fit_lmnn, loss, target_neighbours
+from placefield.metric.lmnn import fit_lmnn, loss, target_distances, target_neighbours
 
 __all__ = ["LearnedMetric", "Probes", "held_back_frames", "learn_projection"]
 
@@ -48,7 +48,7 @@ class LearnedMetric:
 def learn_projection(
     descriptors: Array,
     labels: Labels,
-    held_back: NDArray[np.bool_],
+    trained: int,
     probes: Probes | None,
     config: MetricConfig,
     seed: int,
@@ -57,15 +57,16 @@ def learn_projection(
 ) -> LearnedMetric:
     """Learn a projection that passes the gate, if there is to be one, or return the identity.
 
-    It is learned on the frames that are not held back. The validation loss is the LMNN objective of
-    the held-back frames, with their targets among the others. LMNN stops when it has not improved
-    for 5 steps, and gives the projection with the lowest one.
+    It is learned on the first frames; the others are held back. The validation loss is the LMNN
+    objective of the held-back frames, with their targets among the first. LMNN stops when it has
+    not improved for 5 steps, and gives the projection with the lowest one.
 
     Args:
         descriptors: (K, N) float32 of the reference, centred, for a large common offset costs
-            digits; several traverses one below the other.
+            digits; of all its traverses, in any order in which those that are held back come last,
+            so that no channel needs a copy of the first.
         labels: (K,) int, equal for frames of one segment, whatever their traverse.
-        held_back: (K,) bool, as `held_back_frames` makes it, the same places in every traverse.
+        trained: how many are learned on.
         probes: what the gate asks; None where there is no other traverse to ask.
         config: the learner and its settings; not the identity.
         seed: of what is random in a learner.
@@ -80,11 +81,12 @@ def learn_projection(
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     if probes is None and config.gate:
         return LearnedMetric(identity, _NO_PROBES, np.empty((0, 2)))
-    targets = target_neighbours(descriptors, labels, config.neighbours, eligible=~held_back)
-    held_back_targets = np.where(held_back[:, None], targets, -1)
-    training_targets = np.where(held_back[:, None], -1, targets)
+    training = descriptors[:trained], labels[:trained]
+    is_trained = np.arange(len(labels)) < trained
+    targets = target_neighbours(descriptors, labels, config.neighbours, eligible=is_trained)
+    held_back_targets = np.where(is_trained[:, None], -1, targets)
     # The projection takes the unit in, so that no scaled copy of the descriptors is needed.
-    start = identity / _target_distance(descriptors, training_targets)
+    start = identity / _target_distance(training[0], targets[:trained])
     curve: list[tuple[float, float]] = []
 
     def validate(projection: Array) -> float:
@@ -95,7 +97,6 @@ def learn_projection(
             on_step(len(curve) - 1, *curve[-1])
         return validation_loss
 
-    training = descriptors[~held_back], labels[~held_back]
     validate(start)
     try:
         if config.kind == "lmnn":
@@ -157,13 +158,9 @@ def _learn_lmnn(
 
 def _target_distance(descriptors: Array, targets: NDArray[np.intp]) -> np.float32:
     """Root mean squared distance to the targets; 1 where there are none or all are copies."""
-    total = 0.0
-    for column in targets.T:
-        frames = np.flatnonzero(column >= 0)
-        offsets = descriptors[frames] - descriptors[column[frames]]
-        total += float(np.einsum("tn,tn->", offsets, offsets, dtype=np.float64))
-    count = int(np.count_nonzero(targets >= 0))
-    return np.float32(np.sqrt(total / max(count, 1)) or 1)
+    total = target_distances(descriptors, targets).sum(dtype=np.float64)
+    count = max(int(np.count_nonzero(targets >= 0)), 1)
+    return np.float32(np.sqrt(total / count) or 1)
 
 
 def _rescale(projection: Array, centred: Array) -> Array:

@@ -119,6 +119,16 @@ def target_neighbours(
     return targets
 
 
+def target_distances(points: Floats, targets: NDArray[np.intp]) -> Floats:
+    """Compute d(i, j) of points (K, N) and their targets (K, k): (k, K), 0 for no target."""
+    distances = np.zeros(targets.T.shape, points.dtype)
+    for rows in blocks(len(points), _BLOCK):
+        for found, column in zip(distances[:, rows], targets[rows].T, strict=True):
+            offsets = points[rows] - points[column]
+            found[:] = np.where(column >= 0, np.einsum("kn,kn->k", offsets, offsets), 0)
+    return distances
+
+
 def objective(
     projection: Floats, descriptors: Floats, labels: Labels, targets: NDArray[np.intp], push: float
 ) -> tuple[float, Floats]:
@@ -136,7 +146,7 @@ def objective(
         forces[rows] += pull[rows] @ projected
     trace = np.einsum("km,km->", projected, forces, dtype=np.float64)
     value = push * triplets.sum(dtype=np.float64) + trace
-    return float(value), 2 * forces.T @ descriptors
+    return float(value), 2 * (forces.T @ descriptors)
 
 
 def loss(
@@ -207,12 +217,7 @@ def _radii(projected: Floats, targets: NDArray[np.intp]) -> Floats:
 
     (k, K). No distance is below 0, so that a missing target has no impostors.
     """
-    radii = np.zeros(targets.T.shape, projected.dtype)
-    for rows in blocks(len(projected), _BLOCK):
-        for radius, column in zip(radii[:, rows], targets[rows].T, strict=True):
-            offsets = projected[rows] - projected[column]
-            radius[:] = np.where(column >= 0, 1 + np.einsum("km,km->k", offsets, offsets), 0)
-    return radii
+    return np.where(targets.T >= 0, 1 + target_distances(projected, targets), 0)
 
 
 def _laplacian(targets: NDArray[np.intp], weights: Floats) -> csr_array:

@@ -6,10 +6,12 @@ from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from sklearn.preprocessing import normalize, scale
 
+from placefield.errors import FrameError
 from placefield.features.descriptors import (
     PRIOR_FRAMES,
     DescriptorModel,
     DescriptorStream,
+    check_descriptor,
     fit_descriptors,
     unit_length,
 )
@@ -96,3 +98,35 @@ def test_a_zero_vector_has_no_direction() -> None:
     vectors = np.array([[0, 0], [3, 4]], np.float32)
     expected = np.array([[0, 0], [0.6, 0.8]], np.float32)
     np.testing.assert_allclose(unit_length(vectors), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("length", [0, 1, 1 + 1e-5])
+def test_descriptors_of_length_1_or_0_are_taken(length: float) -> None:
+    check_descriptor(np.full(4, length / 2, np.float32), 4)
+
+
+@pytest.mark.parametrize("shape", [(3,), (5,), (1, 4), (4, 1), ()])
+def test_a_descriptor_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(FrameError, match="shape"):
+        check_descriptor(np.zeros(shape, np.float32), 4)
+
+
+@pytest.mark.parametrize("value", [0.6, -2, 3e38, np.inf, -np.inf, np.nan])
+def test_a_descriptor_that_is_too_long_or_not_finite_is_refused(value: float) -> None:
+    with pytest.raises(FrameError, match="length"):
+        check_descriptor(np.array([0.9, value, 0, 0], np.float32), 4)
+
+
+@pytest.mark.parametrize("standardise", [True, False])
+@pytest.mark.parametrize(
+    "wrong", [np.ones(19), np.ones((1, 20)), np.full(20, np.nan), np.full(20, np.inf)]
+)
+def test_a_feature_that_is_refused_leaves_the_stream_as_it_was(
+    wrong: NDArray[np.float64], standardise: bool
+) -> None:
+    model = fitted(standardise=standardise)
+    disturbed, other = DescriptorStream(model), DescriptorStream(model)
+    for raw in raw_features(3, seed=2):
+        with pytest.raises(FrameError, match="feature"):
+            disturbed.push(wrong.astype(np.float32))
+        np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))

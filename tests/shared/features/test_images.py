@@ -185,6 +185,12 @@ def test_grey_refuses_other_shapes(shape):
         grey(np.zeros(shape, np.uint8))
 
 
+@pytest.mark.parametrize("shape", [(0, 9), (9, 0, 3)])
+def test_grey_refuses_an_image_without_a_pixel(shape):
+    with pytest.raises(FrameError, match="no pixels"):
+        grey(np.empty(shape, np.uint8))
+
+
 def test_grey_refuses_other_types():
     with pytest.raises(FrameError, match="uint16"):
         grey(np.zeros((9, 9), np.uint16))

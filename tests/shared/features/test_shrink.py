@@ -52,3 +52,9 @@ def test_an_even_image_stays_even(level: int) -> None:
 def test_other_shapes_are_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(FrameError, match="shape"):
         small_grey(noise(*shape), 8, 8)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 9), (9, 0), (0, 9, 3), (9, 0, 3)])
+def test_an_image_without_a_pixel_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(FrameError, match="no pixels"):
+        small_grey(np.empty(shape, np.uint8), 8, 8)

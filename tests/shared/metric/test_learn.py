@@ -33,9 +33,16 @@ def made_route(weather_is_random):
     return descriptors, labels, held_back, Probes(descriptors, seen, truth)
 
 
+def learned(descriptors, labels, held_back, *rest, **options):
+    """Learn on the frames that are not held back."""
+    order = np.argsort(held_back, kind="stable")
+    trained = np.count_nonzero(~held_back)
+    return learn_projection(descriptors[order], labels[order], trained, *rest, **options)
+
+
 def test_a_metric_that_ignores_the_weather_is_learned():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
-    metric = learn_projection(descriptors, labels, held_back, probes, LMNN, 0)
+    metric = learned(descriptors, labels, held_back, probes, LMNN, 0)
     assert metric.learned
     assert probe_score(metric.projection, probes) > probe_score(None, probes)
     of_place = np.linalg.norm(metric.projection[:, :6])
@@ -44,7 +51,7 @@ def test_a_metric_that_ignores_the_weather_is_learned():
 
 def test_a_metric_that_fits_the_weather_of_its_traverse_is_refused():
     descriptors, labels, held_back, probes = made_route(weather_is_random=False)
-    metric = learn_projection(descriptors, labels, held_back, probes, LMNN, 0)
+    metric = learned(descriptors, labels, held_back, probes, LMNN, 0)
     assert metric.curve[:, 0].min() < metric.curve[0, 0]
     assert not metric.learned
     np.testing.assert_array_equal(metric.projection, np.eye(12))
@@ -52,7 +59,7 @@ def test_a_metric_that_fits_the_weather_of_its_traverse_is_refused():
 
 def test_the_mean_squared_distance_of_the_reference_stays():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
-    projection = learn_projection(descriptors, labels, held_back, probes, LMNN, 0).projection
+    projection = learned(descriptors, labels, held_back, probes, LMNN, 0).projection
 
     def mean_distance(points):
         return ((points[:, None] - points) ** 2).sum(axis=-1).mean()
@@ -65,8 +72,8 @@ def test_the_unit_of_the_descriptors_does_not_matter():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     unit = np.float32(256)  # a power of two: no rounding
     in_unit = Probes(unit * probes.places, unit * probes.descriptors, probes.truth)
-    plain = learn_projection(descriptors, labels, held_back, probes, LMNN, 0)
-    other = learn_projection(unit * descriptors, labels, held_back, in_unit, LMNN, 0)
+    plain = learned(descriptors, labels, held_back, probes, LMNN, 0)
+    other = learned(unit * descriptors, labels, held_back, in_unit, LMNN, 0)
     np.testing.assert_allclose(other.projection, plain.projection, atol=1e-4)
     np.testing.assert_allclose(other.curve, plain.curve, rtol=1e-4)
 
@@ -74,8 +81,8 @@ def test_the_unit_of_the_descriptors_does_not_matter():
 def test_held_back_frames_are_not_trained_on():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     mislabelled = np.where(held_back, np.roll(labels, 60), labels)
-    plain = learn_projection(descriptors, labels, held_back, probes, LMNN, 0)
-    other = learn_projection(descriptors, mislabelled, held_back, probes, LMNN, 0)
+    plain = learned(descriptors, labels, held_back, probes, LMNN, 0)
+    other = learned(descriptors, mislabelled, held_back, probes, LMNN, 0)
     steps = min(len(plain.curve), len(other.curve))
     assert steps > 5
     np.testing.assert_array_equal(other.curve[:steps, 1], plain.curve[:steps, 1])
@@ -84,7 +91,7 @@ def test_held_back_frames_are_not_trained_on():
 
 def test_segments_that_are_held_back_whole_do_not_validate():
     descriptors, labels, _, probes = made_route(weather_is_random=True)
-    metric = learn_projection(descriptors, labels, labels % 4 == 0, probes, LMNN, 0)
+    metric = learned(descriptors, labels, labels % 4 == 0, probes, LMNN, 0)
     assert (metric.curve[:, 0] == 0).all()
     assert not metric.learned
 
@@ -93,7 +100,7 @@ def test_the_curve_starts_with_the_identity_and_ends_soon_after_the_best_validat
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     settings = LMNN.model_copy(update={"steps": 500})
     seen = []
-    metric = learn_projection(
+    metric = learned(
         descriptors, labels, held_back, probes, settings, 0, on_step=lambda *step: seen.append(step)
     )
     losses, scores = metric.curve.T
@@ -106,7 +113,7 @@ def test_the_curve_starts_with_the_identity_and_ends_soon_after_the_best_validat
 
 def test_same_input_gives_the_same_bits():
     route = made_route(weather_is_random=True)
-    first, second = (learn_projection(*route, LMNN, 0) for _ in range(2))
+    first, second = (learned(*route, LMNN, 0) for _ in range(2))
     assert first.projection.tobytes() == second.projection.tobytes()
     assert first.curve.tobytes() == second.curve.tobytes()
 
@@ -116,18 +123,18 @@ def test_metric_learns_metrics_are_held_to_the_same_gate_and_scale(kind):
     config = MetricConfig(kind=kind)
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     route = descriptors, labels + 1, held_back, probes
-    metric = learn_projection(*route, config, 0)
+    metric = learned(*route, config, 0)
     assert metric.learned
     assert passes_gate(metric.projection, probes)
     assert metric.curve.shape == (2, 2)
     assert metric.curve[1, 1] == pytest.approx(probe_score(metric.projection, probes), rel=1e-4)
     expected = np.linalg.norm(descriptors)
     assert np.linalg.norm(descriptors @ metric.projection.T) == pytest.approx(expected, rel=1e-4)
-    again = learn_projection(*route, config, 0)
+    again = learned(*route, config, 0)
     assert again.projection.tobytes() == metric.projection.tobytes()
 
     unknown = Probes(probes.places, probes.descriptors, (probes.truth + 60) % 120)
-    refused = learn_projection(descriptors, labels + 1, held_back, unknown, config, 0)
+    refused = learned(descriptors, labels + 1, held_back, unknown, config, 0)
     assert "does not recognise places better" in refused.refusal
     np.testing.assert_array_equal(refused.projection, np.eye(12))
 
@@ -135,7 +142,7 @@ def test_metric_learns_metrics_are_held_to_the_same_gate_and_scale(kind):
 def test_where_nothing_can_be_learned_the_refusal_says_why():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     inactive = np.zeros_like(labels)
-    metric = learn_projection(descriptors, inactive, held_back, probes, MetricConfig(kind="rca"), 0)
+    metric = learned(descriptors, inactive, held_back, probes, MetricConfig(kind="rca"), 0)
     assert "fewer than two segments" in metric.refusal
     assert metric.curve.shape == (1, 2)
     np.testing.assert_array_equal(metric.projection, np.eye(12))
@@ -143,7 +150,7 @@ def test_where_nothing_can_be_learned_the_refusal_says_why():
 
 def test_segments_of_one_frame_leave_the_identity():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
-    metric = learn_projection(descriptors, np.arange(len(labels)), held_back, probes, LMNN, 0)
+    metric = learned(descriptors, np.arange(len(labels)), held_back, probes, LMNN, 0)
     assert not metric.learned
     np.testing.assert_array_equal(metric.projection, np.eye(12))
 
@@ -155,7 +162,7 @@ def test_a_second_traverse_is_stacked_and_its_held_back_frames_can_be_the_probes
     both = np.vstack([descriptors, second])
     both -= both.mean(axis=0)
     probes = Probes(descriptors, second[held_back], probes.truth)
-    metric = learn_projection(both, np.tile(labels, 2), np.tile(held_back, 2), probes, LMNN, 0)
+    metric = learned(both, np.tile(labels, 2), np.tile(held_back, 2), probes, LMNN, 0)
     assert metric.learned
     assert passes_gate(metric.projection, probes)
 

@@ -21,8 +21,19 @@ def test_ours_is_timed_to_an_objective_no_higher_than_metric_learns(
     monkeypatch.setattr(build, "_labelled_route", lambda: (points[:150, :20], labels[:150]))
     monkeypatch.setattr(build, "_PLAIN_STEPS", 3)
     figures = as_object(build._lmnn_figures())
-    assert figures["lmnn_objective_ratio"] <= 1
-    assert figures["lmnn_speedup"] == figures["metric_learn_s"] / figures["lmnn_s"]
+    for kind in ("", "_long_steps"):
+        assert figures[f"lmnn{kind}_objective_ratio"] <= 1
+        times = figures[f"metric_learn{kind}_s"], figures[f"lmnn{kind}_s"]
+        assert figures[f"lmnn{kind}_speedup"] == times[0] / times[1]
+    assert figures["metric_learn_long_steps_gain"] < figures["metric_learn_gain"] < 1
+
+
+@pytest.mark.parametrize(("traverses", "channels"), [(1, 1), (2, 2)])
+def test_memory_is_at_least_that_of_the_features(
+    monkeypatch: pytest.MonkeyPatch, traverses: int, channels: int
+) -> None:
+    monkeypatch.setattr(build, "_LARGE", 300)
+    assert build._memory_ratio(traverses, channels) > 0.5
 
 
 def test_the_command_is_timed_and_its_memory_watched(monkeypatch: pytest.MonkeyPatch) -> None:

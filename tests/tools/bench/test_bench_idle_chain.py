@@ -15,7 +15,7 @@ from placefield_tools.bench.load import LiveCamera, play
 from placefield_tools.replaying import replay
 from placefield_tools.sources import open_source
 
-SHAPE = Shape(workers=((0, 2), (1,)), feature=1300, candidate=70)
+SHAPE = Shape(workers=((0, 2), (1,)), feature=1300, candidates=70)
 
 
 @pytest.fixture(scope="module")
@@ -46,4 +46,4 @@ def test_it_answers_every_frame_of_a_live_stream(bus: Bus, config: Config) -> No
 def test_its_shape_is_read_off_a_chain_that_runs(bus: Bus) -> None:
     seen = shape_of(bus, [b"no image"])
     assert {*seen.workers} == {*SHAPE.workers}
-    assert (seen.feature, seen.candidate) == (SHAPE.feature, SHAPE.candidate)
+    assert (seen.feature, seen.candidates) == (SHAPE.feature, SHAPE.candidates)

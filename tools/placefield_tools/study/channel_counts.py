@@ -45,7 +45,7 @@ def combinations(channels: int, number: int, seed: int) -> list[Combination]:
 
 def _count(trial: Trial, channels: Sequence[MapChannel], rule: Rule) -> Iterator[CountResult]:
     matching = trial.matching(rule)
-    candidates = [candidates_of(channel, trial.descriptors, matching) for channel in channels]
+    candidates = candidates_of(channels, trial.descriptors, matching)
     for number in range(1, len(channels) + 1):
         curves = [
             judge(fuse_channels([candidates[i] for i in chosen], matching), trial.truth).curve

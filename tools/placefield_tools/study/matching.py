@@ -1,6 +1,6 @@
 """Channels to matches; the candidates of a channel serve in many combinations."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.maps.map import MapChannel
+from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import MetricPlaces
+from placefield.matching.comparing import Comparison, MetricPlaces
 
 Descriptors = Sequence[NDArray[np.float32] | None]
 
@@ -21,18 +21,35 @@ def match_channels(
     channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
 ) -> list[Match]:
     """Match a stream of descriptors (N,), None where a frame was not seen, by some channels."""
-    return fuse_channels([candidates_of(one, descriptors, config) for one in channels], config)
+    return fuse_channels(candidates_of(channels, descriptors, config), config)
 
 
 def candidates_of(
-    channel: MapChannel, descriptors: Descriptors, config: MatchingConfig
-) -> list[Candidate]:
-    """Return one channel's candidate for each frame of a stream."""
-    matcher = matcher_of(channel, config.rule, reverse=config.reverse)
+    channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
+) -> list[list[Candidate]]:
+    """Return each channel's candidate for each frame of a stream.
+
+    A frame is compared with the places once for all channels that share a metric.
+    """
+    matchers = [matcher_of(one, config.rule, reverse=config.reverse) for one in channels]
+    metrics = dict.fromkeys(channel.metric for channel in channels)
+    compared = {metric: _compare(metric, descriptors, config) for metric in metrics}
+    candidates: list[list[Candidate]] = [[] for _ in channels]
+    for _ in descriptors:
+        frames = {metric: next(of_metric) for metric, of_metric in compared.items()}
+        for channel, matcher, own in zip(channels, matchers, candidates, strict=True):
+            own.append(matcher.push(frames[channel.metric]))
+    return candidates
+
+
+def _compare(
+    metric: MapMetric, descriptors: Descriptors, config: MatchingConfig
+) -> Iterator[Comparison | None]:
+    """Yield how each frame compares with the places, None for one that was not seen."""
     seen = [one for one in descriptors if one is not None]
-    places = MetricPlaces(channel.metric, exact=config.compares_exactly)
+    places = MetricPlaces(metric, exact=config.compares_exactly)
     frames = places.compare(np.stack(seen)) if seen else iter(())
-    return [matcher.push(None if one is None else next(frames)) for one in descriptors]
+    return (None if one is None else next(frames) for one in descriptors)
 
 
 def fuse_channels(candidates: Sequence[Sequence[Candidate]], config: MatchingConfig) -> list[Match]:

@@ -1,0 +1,60 @@
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from placefield.config import Rule
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.metrics import learned_metric
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield_tools.study.matching import candidates_of
+from placefield_tools.study.trial import Trial
+
+
+@pytest.fixture(scope="module")
+def channels(trial: Trial) -> list[MapChannel]:
+    """Three channels; the first and the last share a metric."""
+    first, other = trial.placemap.channels
+    reference = trial.placemap.model.of_reference(trial.traverse.raw)
+    projection = np.random.default_rng(1).standard_normal((12, reference.shape[1]))
+    metric = learned_metric(projection.astype(np.float32), reference)
+    return [first, replace(other, metric=metric), other]
+
+
+@pytest.mark.parametrize("rule", get_args(Rule))
+def test_a_channel_among_others_has_the_candidates_of_its_own_comparisons(
+    trial: Trial, channels: list[MapChannel], rule: Rule
+) -> None:
+    descriptors = [None if frame in (0, 30) else d for frame, d in enumerate(trial.descriptors)]
+    together = candidates_of(channels, descriptors, trial.matching(rule))
+    for channel, candidates in zip(channels, together, strict=True):
+        matcher = matcher_of(channel, rule)
+        places = MetricPlaces(channel.metric, exact=True)
+        for descriptor, candidate in zip(descriptors, candidates, strict=True):
+            alone = None if descriptor is None else next(places.compare(descriptor[None]))
+            expected = matcher.push(alone)
+            assert (candidate.place, candidate.score) == (expected.place, expected.score)
+            np.testing.assert_array_equal(candidate.places, expected.places)
+            np.testing.assert_array_equal(candidate.evidence, expected.evidence)
+
+
+def test_a_frame_is_compared_once_for_all_channels_that_share_a_metric(
+    trial: Trial, channels: list[MapChannel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared: Counter[MapMetric] = Counter()
+    compare = MetricPlaces.compare
+
+    def counting(self: MetricPlaces, descriptors: NDArray[np.float32]) -> Iterator[Comparison]:
+        for comparison in compare(self, descriptors):
+            compared[comparison.metric] += 1
+            yield comparison
+
+    monkeypatch.setattr(MetricPlaces, "compare", counting)
+    candidates_of(channels, trial.descriptors, trial.matching("filter"))
+    frames = len(trial.descriptors)
+    assert compared == {channels[0].metric: frames, channels[1].metric: frames}
