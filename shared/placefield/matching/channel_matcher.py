@@ -17,7 +17,7 @@ from placefield.matching.windows import WindowSums
 
 _WINDOW_RULES = {"evidence": evidence, "lowest-score": lowest_score}
 
-_NEXT_TO_NOTHING = 1e-6
+NEXT_TO_NOTHING = 1e-6
 """A belief below this is not told: no sum of a few of them changes a match."""
 
 
@@ -71,11 +71,9 @@ class FilterMatcher(ChannelMatcher):
             if not frame.is_exact:
                 frame = frame.made_exact(within_reach(self._believed, len(frame.distances)))
             self._filter.push(frame)
-        if not self._filter.begun:
-            return NO_CANDIDATE
-        best, places, beliefs = self._filter.believed(_NEXT_TO_NOTHING)
-        self._believed = places
-        return Candidate(int(places[best]), float(beliefs[best]), places, beliefs)
+        candidate = candidate_of(self._filter)
+        self._believed = candidate.places
+        return candidate
 
 
 class ReverseMatcher(ChannelMatcher):
@@ -90,14 +88,7 @@ class ReverseMatcher(ChannelMatcher):
     def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame, in the order of the map."""
         turned = self._matcher.push(None if frame is None else frame.turned())
-        if turned.place == UNANSWERED:
-            return turned
-        return Candidate(
-            self._last - turned.place,
-            turned.score,
-            self._last - turned.places[::-1],
-            turned.evidence[::-1].copy(),
-        )
+        return turned_back(turned, self._last)
 
 
 def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> ChannelMatcher:
@@ -109,21 +100,46 @@ def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> Cha
         reverse: whether the route is driven the other way. Windows and steps then follow the places
             in reverse order.
     """
-    metric, scales = channel.metric, channel.scales
+    metric = channel.metric
     matcher: ChannelMatcher
     if rule == "filter":
-        steps = _reversed_steps(metric.steps) if reverse else metric.steps
-        # A speed lasts about as long as a segment of the route.
-        matcher = FilterMatcher(steps, _jumps(metric), float(scales.mean()))
+        matcher = FilterMatcher(*filter_model(channel, reverse=reverse))
     else:
-        matcher = WindowMatcher(metric, scales.tolist(), rule)
+        matcher = WindowMatcher(metric, channel.scales.tolist(), rule)
     return ReverseMatcher(matcher, len(metric.places)) if reverse else matcher
 
 
+def filter_model(channel: MapChannel, *, reverse: bool) -> tuple[Array, Array, float]:
+    """Return the steps, the jumps and the persistence of a channel, see ``PlaceFilter``."""
+    metric = channel.metric
+    steps = _reversed_steps(metric.steps) if reverse else metric.steps
+    # A speed lasts about as long as a segment of the route.
+    return steps, _jumps(metric), float(channel.scales.mean())
+
+
+def candidate_of(place_filter: PlaceFilter) -> Candidate:
+    """Return what a filter believes in; none before the first frame that was seen."""
+    if not place_filter.begun:
+        return NO_CANDIDATE
+    best, places, beliefs = place_filter.believed(NEXT_TO_NOTHING)
+    return Candidate(int(places[best]), float(beliefs[best]), places, beliefs)
+
+
+def turned_back(turned: Candidate, last: int) -> Candidate:
+    """Return a candidate in the order of the map that was made in reverse, up to this place."""
+    if turned.place == UNANSWERED:
+        return turned
+    places, evidence = last - turned.places[::-1], turned.evidence[::-1].copy()
+    return Candidate(last - turned.place, turned.score, places, evidence)
+
+
 def within_reach(places: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """Return where a step from any of these places of a map of so many may lead, ascending."""
+    """Return where a step from any of these places may lead among the first so many, ascending.
+
+    Places before the first of all are negative.
+    """
     reached = np.unique(np.add.outer(places, np.array(STEPS, np.int32)))
-    return reached[reached < count]
+    return reached[(reached >= 0) & (reached < count)]
 
 
 def _reversed_steps(steps: Array) -> Array:

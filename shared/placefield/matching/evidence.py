@@ -39,17 +39,18 @@ def _mean_of_normalised(columns: Sums, first: int, scores: NDArray[np.float64]) 
         sums[:before_wrap] = columns[row, first : first + before_wrap]
         sums[before_wrap:] = columns[row, : places - before_wrap]
         mean = sum_of(sums) / places
-        squares = _squares(sums, mean)
+        squares = squares_of(sums, mean)
         if squares > 0:
             telling += 1
-            _add_normalised(sums, mean, 1 / np.sqrt(squares / places), scores)
+            add_normalised(sums, mean, 1 / np.sqrt(squares / places), scores)
     for place in range(places):
         scores[place] /= max(telling, 1)
     return telling
 
 
 @kernel
-def _squares(sums: Sums, mean: float) -> float:
+def squares_of(sums: Sums, mean: float) -> float:
+    """Sum the squared differences of sums (K,) from a mean."""
     squares = np.empty_like(sums)
     for column in range(len(sums)):
         squares[column] = (sums[column] - mean) * (sums[column] - mean)
@@ -57,6 +58,7 @@ def _squares(sums: Sums, mean: float) -> float:
 
 
 @kernel
-def _add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.float64]) -> None:
+def add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.float64]) -> None:
+    """Add to scores (K,) by how much sums are above a mean, times a scale."""
     for column in range(len(sums)):
         scores[column] += (sums[column] - mean) * scale

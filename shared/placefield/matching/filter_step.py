@@ -11,7 +11,8 @@ from placefield.kernels import kernel, sum_of
 Array = NDArray[np.float32]
 
 _BLOCK = 2048  # places whose beliefs stay in the cache from one loop to the next
-_REACH = 2  # places that a step takes at most
+REACH = 2
+"""Places that a step takes at most."""
 
 
 class Motion(NamedTuple):
@@ -39,7 +40,8 @@ class Steps(NamedTuple):
     """How long steps are on the map; squared lengths of descriptors differ by 2 at most.
 
     Attributes:
-        arriving: (2, K) float32, of steps of 1 and 2 places, by where they lead.
+        arriving: (2, K) float32, of steps of 1 and 2 places, by where they lead; of a shard,
+            (2, K + 2), that of those to the places after it, too.
         some: (2, J) float32, some of them, that stand for all.
         jumps: (J,) float32, of jumps.
         standing: of no step.
@@ -64,64 +66,73 @@ def step_length(codes: NDArray[np.int16], last: NDArray[np.int16], unit: float) 
 
 
 @kernel
-def exponents_of(distances: NDArray[np.int32], scale: float, exponents: Array) -> None:
-    """Write by how much each place is further than the nearest, (K,), times minus the scale."""
+def exponents_of(distances: NDArray[np.int32], scale: float, exponents: Array) -> int:
+    """Write by how much each place is further than the nearest, (K,), times minus the scale.
+
+    Return how far that is.
+    """
     nearest = distances[0]
     for place in range(len(distances)):
         nearest = min(nearest, distances[place])
     for place in range(len(distances)):
         exponents[place] = np.float32(scale) * np.float32(np.int32(nearest - distances[place]))
+    return int(nearest)
 
 
 @kernel
 def advance(
     belief: Array,
+    unit: float,
+    outside: Array,
     lost: float,
     total: float,
     motion: Motion,
     steps: Steps,
     step: float,
     likelihood: Array,
-    lost_evidence: float,
     of_place: Array,
 ) -> tuple[float, float]:
-    """Move the beliefs on by a frame, and weigh them by what that frame shows.
+    """Move the beliefs on by a frame, and weigh those in places by what that frame shows.
 
     Args:
         belief: (2, S, K) float32, in the map and in the decoy, which is driven the other way;
             receives the beliefs after the frame.
+        unit: of these.
+        outside: (2, S, 2) float32, probabilities where steps into these places may begin outside
+            them: of the two places before them in the map, and of the two after them in the decoy.
         lost: belief that the vehicle is lost.
-        total: sum of all these.
+        total: sum of all beliefs, inside, outside and lost.
         motion: of the vehicle.
         steps: of the map.
         step: how long the vehicle's was; negative where it was not seen.
         likelihood: (K,) float32, of what was seen of the place.
-        lost_evidence: how many times likelier than at the average place it is when lost.
         of_place: (K,) float32, receives their sum over the speeds in the map.
 
     Returns:
-        The belief that the vehicle is lost after the frame, and the new total.
+        The sum of the beliefs in these places, and the probability that the vehicle is lost after
+        the frame, before it is weighed by what that shows.
     """
     standing, jumping = np.float32(1), 1.0
     arriving = np.ones_like(steps.arriving)
-    typical = np.ones(1 + _REACH)
+    typical = np.ones(1 + REACH)
     if step >= 0:
         walked = np.float32(max(step, steps.standing))
         _students(steps.arriving, walked, steps.deviation, arriving)
         jumping = _mean_student(steps.jumps, np.float32(step), steps.deviation)
         standing = _student(walked - np.float32(steps.standing), steps.deviation)
         typical[0] = standing
-        for row in range(_REACH):
+        for row in range(REACH):
             typical[1 + row] = _mean_student(steps.some[row], walked, steps.deviation)
     was_lost = lost / total
     stray = 0.0
     for speed in range(len(motion.prior)):
-        for row in range(1 + _REACH):
+        for row in range(1 + REACH):
             stray += motion.prior[speed] * motion.chances[speed, row] * typical[row]
     stray *= was_lost
     moved = _move(
         belief,
-        np.float32((1 - motion.lose) / total),
+        np.float32((1 - motion.lose) * unit / total),
+        _mixed(outside, np.float32(1 - motion.lose), motion),
         motion,
         standing,
         arriving,
@@ -129,15 +140,28 @@ def advance(
         likelihood,
         of_place,
     )
-    now_lost = (1 - motion.find) * stray + motion.lose * jumping * (1 - was_lost)
-    now_lost *= lost_evidence * sum_of(likelihood) / len(likelihood)
-    return now_lost, moved + now_lost
+    return moved, (1 - motion.find) * stray + motion.lose * jumping * (1 - was_lost)
+
+
+@kernel
+def _mixed(outside: Array, kept: np.float32, motion: Motion) -> Array:
+    """Change the speeds of the beliefs outside as ``_move`` does those inside."""
+    mixed = np.empty_like(outside)
+    changed = np.empty(REACH, np.float32)
+    for sheet in range(len(outside)):
+        _gather_changes(outside[sheet], motion.change, 0, changed)
+        for speed in range(len(motion.change)):
+            stay = kept * (np.float32(1) - motion.change[speed])
+            join = kept * motion.prior[speed]
+            _mix(outside[sheet, speed], stay, changed, join, changed, mixed[sheet, speed])
+    return mixed
 
 
 @kernel
 def _move(
     belief: Array,
     kept: np.float32,
+    outside: Array,
     motion: Motion,
     standing: np.float32,
     arriving: Array,
@@ -147,11 +171,11 @@ def _move(
 ) -> float:
     """Do what ``advance`` says with the beliefs on the map; return their sum."""
     speeds, places = belief.shape[1:]
-    # Buffers begin _REACH places before the block and end as many after it. What lies before it has
+    # Buffers begin REACH places before the block and end as many after it. What lies before it has
     # been overwritten by then, and is kept.
-    changed = np.empty(_BLOCK + _REACH, np.float32)
-    moving = np.empty(_BLOCK + 2 * _REACH, np.float32)
-    before = np.zeros((2, speeds, _REACH), np.float32)
+    changed = np.empty(_BLOCK + REACH, np.float32)
+    moving = np.empty(_BLOCK + 2 * REACH, np.float32)
+    before = outside.copy()  # of the decoy, of which nothing moves on from there, no matter what
     by_one, by_two = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     sums = np.zeros(_BLOCK, np.float32)
     total = 0.0
@@ -162,7 +186,7 @@ def _move(
             forward = sheet == 0
             _copy(arriving[0], start if forward else start + 1, by_one[:size])
             _copy(arriving[1], start if forward else start + 2, by_two[:size])
-            _gather_changes(belief[sheet], motion.change, start, changed[: size + _REACH])
+            _gather_changes(belief[sheet], motion.change, start, changed[: size + REACH])
             one_before = moving[1:] if forward else moving[3:]
             two_before = moving if forward else moving[4:]
             sums[:size] = 0
@@ -170,15 +194,15 @@ def _move(
                 stay = kept * (np.float32(1) - motion.change[speed])
                 join = kept * motion.prior[speed]
                 after = belief[sheet, speed, start : start + size]
-                moving[:_REACH] = before[sheet, speed]
-                ahead = moving[_REACH : size + 2 * _REACH]
-                _mix(belief[sheet, speed, start:], stay, changed, join, ahead)
-                before[sheet, speed] = moving[size : size + _REACH]
+                moving[:REACH] = before[sheet, speed]
+                ahead = moving[REACH : size + 2 * REACH]
+                _mix(belief[sheet, speed, start:], stay, changed, join, outside[1, speed], ahead)
+                before[sheet, speed] = moving[size : size + REACH]
                 gain = found * motion.anywhere[sheet, speed]
                 stands = motion.chances[speed, 0] * standing
                 one, two = motion.chances[speed, 1], motion.chances[speed, 2]
                 for i in range(size):
-                    arrived = stands * moving[_REACH + i]
+                    arrived = stands * moving[REACH + i]
                     arrived += one * by_one[i] * one_before[i]
                     arrived += two * by_two[i] * two_before[i]
                     after[i] = (arrived + gain) * seen[i]
@@ -214,12 +238,14 @@ def _add(factor: np.float32, values: Array, sums: Array) -> None:
 
 
 @kernel
-def _mix(belief: Array, stay: np.float32, changed: Array, join: np.float32, moving: Array) -> None:
-    """Belief at a speed, after changes from it and to it; 0 behind the map's end."""
+def _mix(
+    belief: Array, stay: np.float32, changed: Array, join: np.float32, beyond: Array, moving: Array
+) -> None:
+    """Belief at a speed, after changes from it and to it, and what lies beyond the last place."""
     inside = min(len(moving), len(belief))
     for i in range(inside):
         moving[i] = stay * belief[i] + join * changed[i]
-    moving[inside:] = 0
+    moving[inside:] = beyond[: len(moving) - inside]
 
 
 @kernel

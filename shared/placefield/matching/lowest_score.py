@@ -12,10 +12,15 @@ from placefield.matching.candidate import (
     NO_CANDIDATE,
     NO_EVIDENCE,
     NO_PLACES,
-    UNANSWERED,
     Candidate,
 )
 from placefield.matching.windows import Sums, WindowSums
+
+Hypotheses = NDArray[np.float64]
+"""Of each coarse scale, (n, 3): its lowest sum, the hypothesis, and the sum at the smallest scale.
+
+All are infinite where the stream is shorter than the scale yet, or the map is.
+"""
 
 
 def lowest_score(windows: WindowSums) -> Candidate:
@@ -29,31 +34,60 @@ def lowest_score(windows: WindowSums) -> Candidate:
         The candidate (Y_o, F(Y_o)); ``NO_CANDIDATE`` while the stream is shorter than the
         smallest coarse scale, or the map is.
     """
-    place, score = _hypothesis(
-        windows.columns, windows.first_column, windows.places, windows.row_lengths, windows.frames
+    found = hypotheses(windows)
+    return best_of(found, windows.unit)
+
+
+def hypotheses(windows: WindowSums, own: int = 0) -> Hypotheses:
+    """Return the hypothesis of each coarse scale, (n, 3).
+
+    Args:
+        windows: see ``lowest_score``.
+        own: the first place at which a window may end that is considered.
+    """
+    found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
+    _find_hypotheses(
+        windows.columns,
+        windows.first_column,
+        own,
+        windows.places,
+        windows.row_lengths,
+        windows.frames,
+        found,
     )
-    if place == UNANSWERED:
+    return found
+
+
+def best_of(found: Hypotheses, unit: float) -> Candidate:
+    """Return the best of the hypotheses, whose scores are in squared units."""
+    _, place, score = found[np.argmin(found[:, 2])]
+    if score == np.inf:
         return NO_CANDIDATE
-    return Candidate(place, score * windows.unit**2, NO_PLACES, NO_EVIDENCE)
+    return Candidate(int(place), float(score) * unit**2, NO_PLACES, NO_EVIDENCE)
 
 
 @kernel
-def _hypothesis(
-    columns: Sums, first: int, places: int, lengths: NDArray[np.int64], frames: int
-) -> tuple[int, float]:
-    """Find the best hypothesis and its fine score, in the units of the sums."""
-    best, best_score = UNANSWERED, np.inf
-    smallest = lengths[0]
-    for row in range(min(1, len(lengths) - 1), len(lengths)):  # one scale alone is coarse, too
+def _find_hypotheses(
+    columns: Sums,
+    first: int,
+    own: int,
+    places: int,
+    lengths: NDArray[np.int64],
+    frames: int,
+    found: Hypotheses,
+) -> None:
+    smallest, coarse = lengths[0], len(lengths) - len(found)
+    for number in range(len(found)):
+        row = coarse + number
         scale = lengths[row]
         if scale > min(frames, places):
             break
-        field = _lowest(columns[row], first, scale - 1, places) - (scale - 1)  # H: its first place
+        end = _lowest(columns[row], first, max(scale - 1, own), places)
+        field = end - (scale - 1)  # H: its first place
         hypothesis = _lowest(columns[0], first, field + smallest - 1, field + scale)
-        score = columns[0, (first + hypothesis) % columns.shape[1]]
-        if score < best_score:
-            best, best_score = hypothesis, score
-    return best, best_score
+        found[number, 0] = _at(columns[row], first, end)
+        found[number, 1] = hypothesis
+        found[number, 2] = _at(columns[0], first, hypothesis)
 
 
 @kernel
@@ -61,8 +95,15 @@ def _lowest(sums: NDArray[np.float64], first: int, start: int, stop: int) -> int
     """Return the first place of the lowest sum, from ``start`` up to ``stop``."""
     place, lowest = start, np.inf
     for j in range(start, stop):
-        column = first + j
-        value = sums[column if column < len(sums) else column - len(sums)]
+        value = _at(sums, first, j)
         if value < lowest:
             place, lowest = j, value
     return place
+
+
+@kernel
+def _at(sums: NDArray[np.float64], first: int, place: int) -> float:
+    """The sum of a place, from the column of the first on and around."""
+    column = first + place
+    value: float = sums[column if column < len(sums) else column - len(sums)]
+    return value

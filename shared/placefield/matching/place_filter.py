@@ -14,13 +14,16 @@ It is as good a match for strangers, but not for who drives the route.
 """
 
 import math
-from typing import TypeVar, cast
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.kernels import sum_of
 from placefield.matching.comparing import Comparison
 from placefield.matching.filter_step import (
+    REACH,
     Motion,
     Steps,
     advance,
@@ -52,10 +55,49 @@ _UNSEEN = -1.0  # length of a step of which nothing is known
 _SAMPLE = 1000  # places that stand for all where only a mean is wanted
 
 
-class PlaceFilter:
-    """The belief in every place, given the frames so far; ``begun`` once one was seen."""
+class Share(NamedTuple):
+    """What a shard's places have of a frame, as far as the other shards need it.
 
-    def __init__(self, steps: Array, jumps: Array, persistence: float) -> None:
+    Attributes:
+        nearest: squared distance of the nearest place.
+        believed: sum of the beliefs in the places of map and decoy, in a unit of the shard's own.
+        likelihood: sum of the places' likelihoods, in that unit.
+        borders: (2, S, 2) float32, beliefs in it of the last two places in the map and of the first
+            two in the decoy, from where the vehicle may leave the shard.
+    """
+
+    nearest: int
+    believed: float
+    likelihood: float
+    borders: Array
+
+
+class _Sight(NamedTuple):
+    """How likely what is seen is.
+
+    Attributes:
+        nearest: squared distance of the nearest place.
+        sharpness: by how much the logarithm of the likelihood falls with squared distance.
+        likelihood: (K,) float32, at each place, in terms of that at the nearest.
+        lost: how many times likelier than at the average place it is when lost.
+    """
+
+    nearest: int
+    sharpness: float
+    likelihood: Array
+    lost: float
+
+
+class PlaceFilter:
+    """The belief in every place, given the frames so far; ``begun`` once one was seen.
+
+    Or in the places of one shard, consecutive ones. A frame then takes two halves: ``take`` it, and
+    ``settle`` with what the others have of it. All replicate the belief that the vehicle is lost.
+    """
+
+    def __init__(
+        self, steps: Array, jumps: Array, persistence: float, shard: slice | None = None
+    ) -> None:
         """Prepare for a new stream.
 
         Args:
@@ -63,76 +105,138 @@ class PlaceFilter:
                 before that.
             jumps: (J,) float32, how far places are from others that have nothing to do with them.
             persistence: how many frames a speed lasts, on average.
+            shard: whose places of these K to filter; at least two, if not all.
         """
         typical = float(np.median(steps[0]))
         self._typical_step = typical if typical > 0 else 1.0
         standing = _NOISE * self._typical_step
-        arriving = np.maximum(steps, np.float32(standing))
-        some = evenly_spaced(arriving.T).T.copy()
+        self._all_places = steps.shape[1]
+        self._motion = _motion(persistence, self._all_places)
+        own = slice(0, self._all_places) if shard is None else shard
+        some = np.maximum(evenly_spaced(steps.T).T.copy(), np.float32(standing))
+        arriving = np.maximum(steps[:, own.start : own.stop + REACH], np.float32(standing))
         self._steps = Steps(arriving, some, jumps, standing, _STEP_DEVIATION)
-        self._motion = _motion(persistence, steps.shape[1])
         # Beliefs are (sheets, speeds, places): the map first, then the decoy. They are kept as they
-        # come, together with their sum.
-        self._belief = np.empty((2, len(SPEEDS), steps.shape[1]), np.float32)
+        # come, which is together with the sum of all, and in a unit, since likelihoods here are in
+        # terms of that at the nearest place here, which may not be the nearest of all.
+        self._belief = np.empty((2, len(SPEEDS), own.stop - own.start), np.float32)
         self._belief[:] = self._motion.anywhere[:, :, None]
         self._of_place = self._belief[0].sum(axis=0)
-        self._lost, self._total = 1.0, 2.0
+        self._outside = np.zeros((2, len(SPEEDS), REACH), np.float32)
+        self._unit, self._lost, self._total = 1.0, 1.0, 2.0
+        self._sight = _Sight(0, 0.0, self._of_place, 1.0)
         self._last: Codes | None = None
         self.begun = False
 
     def push(self, frame: Comparison) -> None:
-        """Take the next frame."""
+        """Take the next frame, where there are no other shards."""
+        self._weigh(*self._move(frame))
+
+    def push_unseen(self) -> None:
+        """Take a frame that was not seen, likewise: the vehicle has moved on all the same."""
+        self._weigh(*self._move_unseen())
+
+    def take(self, frame: Comparison) -> Share:
+        """Take the next frame as far as it can be taken with no word of the other shards."""
+        return self._share(*self._move(frame))
+
+    def take_unseen(self) -> Share:
+        """Take a frame that was not seen, likewise."""
+        return self._share(*self._move_unseen())
+
+    def settle(self, shares: Sequence[Share], own: int) -> None:
+        """Take what all shards have of the frame, in the order of their places.
+
+        Args:
+            shares: of one shard after the other.
+            own: which of them this one's is.
+        """
+        nearest = min(share.nearest for share in shares)
+        units = [math.exp((nearest - share.nearest) * self._sight.sharpness) for share in shares]
+        both = list(zip(units, shares, strict=True))
+        self._weigh(
+            sum(unit * share.believed for unit, share in both),
+            sum(unit * share.likelihood for unit, share in both),
+        )
+        self._unit = units[own]
+        for sheet, neighbour in enumerate((own - 1, own + 1)):
+            if 0 <= neighbour < len(shares):
+                borders = shares[neighbour].borders[sheet]
+                self._outside[sheet] = borders * (units[neighbour] / self._total)
+
+    def _move(self, frame: Comparison) -> tuple[float, float]:
+        """Move on to a frame; return the sum of beliefs in these places, and of likelihoods."""
         step, novelty = _UNSEEN, 1.0
         if self._last is not None:
             step = step_length(frame.codes, self._last, frame.metric.unit)
             # A frame like the last one says again what that has said.
             novelty = min(1.0, step / self._typical_step)
-        likelihood, lost_evidence = _see(frame, novelty)
-        if self.begun:
-            self._advance(step, likelihood, lost_evidence)
-        else:
-            self._begin(likelihood, lost_evidence)
         self._last = frame.codes
-
-    def push_unseen(self) -> None:
-        """Take a frame that was not seen: the vehicle has moved on all the same."""
+        self._sight = _see(frame, novelty)
         if self.begun:
-            self._advance(_UNSEEN, np.ones_like(self._of_place), 1.0)
-        self._last = None
-
-    @property
-    def belief(self) -> Array:
-        """Probability of each place, (K,); what is missing to 1 is that of being nowhere on it."""
-        return np.asarray(self._of_place / self._total, np.float32)
-
-    def believed(self, least: float) -> tuple[int, NDArray[np.int32], Array]:
-        """Return the index of the best place among all of at least this probability, these, theirs.
-
-        Places ascend, and the best is among them in any case.
-        """
-        places, beliefs = np.empty(len(self._of_place), np.int32), np.empty_like(self._of_place)
-        count, best = believed(self._of_place, 1 / self._total, least, places, beliefs)
-        return best, places[:count].copy(), beliefs[:count].copy()
-
-    def _begin(self, likelihood: Array, lost_evidence: float) -> None:
-        self._belief *= likelihood
-        self._of_place = self._belief[0].sum(axis=0)
-        self._lost *= lost_evidence * float(likelihood.mean(dtype=np.float64))
-        self._total = float(self._belief.sum(dtype=np.float64)) + self._lost
+            return self._advance(step)
         self.begun = True
+        return self._begin()
 
-    def _advance(self, step: float, likelihood: Array, lost_evidence: float) -> None:
-        self._lost, self._total = advance(
+    def _move_unseen(self) -> tuple[float, float]:
+        self._last = None
+        if not self.begun:
+            return 0.0, 0.0
+        self._sight = _Sight(0, 0.0, np.ones_like(self._of_place), 1.0)
+        return self._advance(_UNSEEN)
+
+    def _begin(self) -> tuple[float, float]:
+        self._belief *= self._sight.likelihood
+        self._of_place = self._belief[0].sum(axis=0)
+        return float(self._belief.sum(dtype=np.float64)), sum_of(self._sight.likelihood)
+
+    def _advance(self, step: float) -> tuple[float, float]:
+        believed, self._lost = advance(
             self._belief,
+            self._unit,
+            self._outside,
             self._lost,
             self._total,
             self._motion,
             self._steps,
             step,
-            likelihood,
-            lost_evidence,
+            self._sight.likelihood,
             self._of_place,
         )
+        return believed, sum_of(self._sight.likelihood)
+
+    def _weigh(self, believed: float, likelihood: float) -> None:
+        """Weigh being lost against all shards' beliefs, given their sum, and of likelihoods."""
+        if self.begun:
+            self._lost *= self._sight.lost * likelihood / self._all_places
+            self._total = believed + self._lost
+
+    def _share(self, believed: float, likelihood: float) -> Share:
+        borders = np.zeros_like(self._outside)
+        if self.begun:
+            borders[0] = self._belief[0, :, -REACH:]
+            borders[1] = self._belief[1, :, :REACH]
+        return Share(self._sight.nearest, believed, likelihood, borders)
+
+    @property
+    def belief(self) -> Array:
+        """Probability of each place, (K,); what is missing to 1 is that of being nowhere on it."""
+        return np.asarray(self._of_place * self._unit / self._total, np.float32)
+
+    @property
+    def behind(self) -> Array:
+        """Probability of each of the two places before the shard, (2,); 0 where there are none."""
+        return np.asarray(self._outside[0].sum(axis=0))
+
+    def believed(self, least: float) -> tuple[int, NDArray[np.int32], Array]:
+        """Return the index of the best place among all of at least this probability, these, theirs.
+
+        Places count from the shard's first and ascend, and the best is among them in any case.
+        """
+        places, beliefs = np.empty(len(self._of_place), np.int32), np.empty_like(self._of_place)
+        scale = self._unit / self._total
+        count, best = believed(self._of_place, scale, least, places, beliefs)
+        return best, places[:count].copy(), beliefs[:count].copy()
 
 
 def evenly_spaced(rows: Rows) -> Rows:
@@ -140,16 +244,15 @@ def evenly_spaced(rows: Rows) -> Rows:
     return cast(Rows, rows[:: -(-len(rows) // _SAMPLE)])
 
 
-def _see(frame: Comparison, novelty: float) -> tuple[Array, float]:
-    """Return the likelihood of what is seen at each place, (K,): the nearer, the likelier.
-
-    And how many times likelier than at the average place it is when lost.
-    """
+def _see(frame: Comparison, novelty: float) -> _Sight:
+    """The nearer a place is, the likelier it is what is seen."""
     exponents = np.empty(len(frame.distances), np.float32)
     if frame.deviation == 0:
-        return np.ones_like(exponents), 1.0
-    exponents_of(frame.distances, novelty / frame.deviation, exponents)
-    return np.exp(exponents, out=exponents), math.exp(novelty * _LOST_EVIDENCE)
+        return _Sight(0, 0.0, np.ones_like(exponents), 1.0)
+    sharpness = novelty / frame.deviation
+    nearest = exponents_of(frame.distances, sharpness, exponents)
+    likelihood = np.exp(exponents, out=exponents)
+    return _Sight(nearest, sharpness, likelihood, math.exp(novelty * _LOST_EVIDENCE))
 
 
 def _step_chances() -> NDArray[np.float64]:

@@ -41,10 +41,14 @@ class WindowSums:
         self.columns = np.zeros((len(lengths), places + max(lengths)))
         self._ring = np.zeros((max(lengths) + 1, self.columns.shape[1]), np.int32)
 
-    def push(self, distances: Distances) -> None:
-        """Take the newest frame's distances to all places, (K,)."""
+    def push(self, distances: Distances, mean: int | None = None) -> None:
+        """Take the newest frame's distances to all places, (K,).
+
+        And their mean, if that is over more places than these.
+        """
         newest = self._ring[self.frames % len(self._ring)]
-        self._mean = _enter(newest, distances, self._column(self.frames))
+        self._mean = _mean_of(distances) if mean is None else mean
+        _enter(newest, distances, self._column(self.frames), self._mean)
         _slide(self.columns, self._ring, self.frames, self.row_lengths)
         self.frames += 1
 
@@ -54,7 +58,7 @@ class WindowSums:
         A stream begins with the first frame that was seen; those before it are not counted.
         """
         if self.frames:
-            self.push(np.full(self.places, self._mean, np.int32))
+            self.push(np.full(self.places, self._mean, np.int32), self._mean)
 
     @property
     def first_column(self) -> int:
@@ -71,17 +75,20 @@ class WindowSums:
 
 
 @kernel
-def _enter(newest: Distances, distances: Distances, first: int) -> int:
-    """Write distances into their columns, from ``first`` on and around; their mean elsewhere."""
+def _mean_of(distances: Distances) -> int:
     total = 0
     for place in range(len(distances)):
         total += distances[place]
-    mean = round(total / len(distances))
+    return round(total / len(distances))
+
+
+@kernel
+def _enter(newest: Distances, distances: Distances, first: int, mean: int) -> None:
+    """Write distances into their columns, from ``first`` on and around; their mean elsewhere."""
     newest[:] = mean
     before_wrap = min(len(newest) - first, len(distances))
     newest[first : first + before_wrap] = distances[:before_wrap]
     newest[: len(distances) - before_wrap] = distances[before_wrap:]
-    return mean
 
 
 @kernel

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.metric.codes import Codes
+from placefield.metric.spread import Spread, deviation_from, spread_of
 
 AXES = 64
 """Along which places are looked at: the row of one is as long as a cache line."""
@@ -22,23 +23,18 @@ class Coarse:
     Attributes:
         axes: (R, M) float32, orthonormal rows.
         codes: (K, R) int8, the places along them.
-        spread: (M + 1, M + 1) float64, covariance of the places' codes, and of their squared
-            lengths, which are the last row and column.
+        spread: (M + 1, M + 1) float64, see ``spread_of``.
         unit: of these codes, in codes of the places.
     """
 
     axes: NDArray[np.float32]
     codes: NDArray[np.int8]
-    spread: NDArray[np.float64]
+    spread: Spread
     unit: float
 
     def deviation(self, codes: Codes) -> float:
-        """Standard deviation of the exact squared distances of a vector (M,) to all places.
-
-        These are |x|² + |r_j|² - 2 x r_j, so that their variance is a quadratic form of x.
-        """
-        form = np.append(-2.0 * codes, 1.0)
-        return float(np.sqrt(max(form @ self.spread @ form, 0.0)))
+        """Standard deviation of the exact squared distances of a vector (M,) to all places."""
+        return deviation_from(codes, self.spread)
 
 
 def coarse_look(places: Codes) -> Coarse:
@@ -50,16 +46,4 @@ def coarse_look(places: Codes) -> Coarse:
     for block in blocks(len(places), _BLOCK):
         along = places[block].astype(np.float32) @ axes.T
         codes[block] = np.clip(np.rint(along / unit), -127, 127)
-    return Coarse(np.ascontiguousarray(axes), codes, _spread(places), unit)
-
-
-def _spread(places: Codes) -> NDArray[np.float64]:
-    total = np.zeros(places.shape[1] + 1)
-    products = np.zeros((len(total), len(total)))
-    for block in blocks(len(places), _BLOCK):
-        some = places[block].astype(np.float64)
-        some = np.column_stack([some, np.einsum("km,km->k", some, some)])
-        total += some.sum(axis=0)
-        products += some.T @ some
-    mean = total / len(places)
-    return np.asarray(products / len(places) - np.outer(mean, mean))
+    return Coarse(np.ascontiguousarray(axes), codes, spread_of(places), unit)

@@ -1,0 +1,109 @@
+"""The filter on drives along routes that are made up of unit descriptors."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from comparisons import compared
+from filters import filter_of, push
+from numpy.typing import NDArray
+
+from placefield.maps.metrics import identity_metric
+
+Array = NDArray[np.float32]
+DIMENSIONS = 32
+
+
+@dataclass(frozen=True)
+class Route:
+    """Looks that change gradually, and a map of them; each drive sees them with noise of its own.
+
+    A drive has a season, too, that all of its frames share.
+    """
+
+    looks: NDArray[np.float64]
+    seed: int
+
+    @classmethod
+    def random(cls, seed: int, places: int = 200) -> "Route":
+        rng = np.random.default_rng(seed)
+        looks = rng.standard_normal((places, DIMENSIONS))
+        for place in range(1, places):
+            looks[place] = 0.9 * looks[place - 1] + math.sqrt(1 - 0.9**2) * looks[place]
+        return cls(looks / math.sqrt(DIMENSIONS), seed)
+
+    @property
+    def places(self) -> Array:
+        return seen_with_noise(self.looks, np.random.default_rng(self.seed + 1))
+
+    def drive(self, positions: NDArray[np.floating]) -> Array:
+        """Return a frame for each position, in places; where it is the last one's, that frame."""
+        rng = np.random.default_rng(self.seed + 2)
+        before = np.floor(positions).astype(int)
+        after = np.minimum(before + 1, len(self.looks) - 1)
+        share = (positions - before)[:, None]
+        looks = (1 - share) * self.looks[before] + share * self.looks[after]
+        season = 0.5 * rng.standard_normal(DIMENSIONS) / math.sqrt(DIMENSIONS)
+        frames = seen_with_noise(looks + season, rng)
+        for number in np.flatnonzero(np.diff(positions) == 0) + 1:
+            frames[number] = frames[number - 1]
+        return frames
+
+
+def seen_with_noise(looks: NDArray[np.float64], rng: np.random.Generator) -> Array:
+    noisy = looks + 0.1 * rng.standard_normal(looks.shape) / math.sqrt(DIMENSIONS)
+    return np.asarray(noisy / np.linalg.norm(noisy, axis=1, keepdims=True), np.float32)
+
+
+def filtered(places: Array, frames: Array) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the most believed place and the probability of being lost, after each frame."""
+    metric = identity_metric(places)
+    place_filter = filter_of(metric, persistence=16)
+    most_believed, lost = [], []
+    for frame in compared(metric, [*frames]):
+        push(place_filter, frame)
+        most_believed.append(int(np.argmax(place_filter.belief)))
+        lost.append(1 - place_filter.belief.sum())
+    return np.array(most_believed), np.array(lost)
+
+
+@pytest.fixture(params=[0, 1, 2])
+def route(request: pytest.FixtureRequest) -> Route:
+    return Route.random(request.param)
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 1.5, 2.0])
+def test_a_query_is_followed_at_any_speed(route: Route, speed: float) -> None:
+    positions = 20 + speed * np.arange(80)
+    places, _ = filtered(route.places, route.drive(positions))
+    off = np.abs(places - positions)[10:]
+    assert off.mean() < 1
+    assert np.mean(off <= 3) > 0.9
+
+
+def test_a_query_is_followed_through_stops(route: Route) -> None:
+    """A stop is noticed late, and what has rolled on in belief until then is taken back."""
+    stops = [40, 80, 120]
+    positions = np.repeat(np.arange(150.0), [8 if place in stops else 1 for place in range(150)])
+    places, _ = filtered(route.places, route.drive(positions))
+    off = np.abs(places - positions)
+    assert np.mean(off[10:] <= 3) > 0.9
+    for stop in stops:
+        moving_again = np.flatnonzero(positions == stop)[-1] + 6
+        assert off[moving_again : moving_again + 20].max() <= 1
+
+
+def test_after_a_jump_the_query_is_found_again_within_a_few_frames(route: Route) -> None:
+    for there in (140, 20):
+        positions = np.concatenate([np.arange(30.0, 90), np.arange(there, there + 40.0)])
+        places, lost = filtered(route.places, route.drive(positions))
+        assert np.abs(places - positions)[60 + 8 :].max() <= 2
+        assert lost[60:68].max() > lost[10:60].max()
+
+
+def test_on_foreign_frames_the_vehicle_is_lost_more_likely(route: Route) -> None:
+    known = route.drive(np.arange(60.0))
+    foreign = Route.random(99).drive(np.arange(40.0))
+    _, lost = filtered(route.places, np.concatenate([known, foreign]))
+    assert np.median(lost[65:]) > 2 * lost[10:60].max()

@@ -1,0 +1,321 @@
+"""Shards against the whole map: together they answer as it would, frame for frame."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import get_args
+
+import numpy as np
+import pytest
+from comparisons import comparison, metric_of_codes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig, Rule
+from placefield.errors import ConfigError
+from placefield.fusion.rules import fuse
+from placefield.fusion.shards import join_shards
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.matching.candidate import NO_CANDIDATE, Candidate
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.shard_matcher import ShardMatcher, Summary
+from placefield.matching.sharding import ChannelShard, shard_range
+from placefield.metric.codes import Codes
+
+Array = NDArray[np.float32]
+Pair = tuple[Candidate, Candidate]
+DIMENSIONS = 24
+SCALES = [4, 7, 12]
+RULES = get_args(Rule)
+
+
+def random_walk(count: int, seed: int) -> Array:
+    """Unit descriptors, each near the one before it."""
+    rng = np.random.default_rng(seed)
+    walk = rng.normal(size=(count, DIMENSIONS))
+    for place in range(1, count):
+        walk[place] = 0.8 * walk[place - 1] + 0.6 * walk[place]
+    return np.asarray(walk / np.linalg.norm(walk, axis=1, keepdims=True), np.float32)
+
+
+def channel_of(metric: MapMetric, scales: Sequence[int] = SCALES) -> MapChannel:
+    count = len(metric.places)
+    return MapChannel(
+        fuzzifier=1.1,
+        clusters=1,
+        metric=metric,
+        labels=np.ones(count, np.int32),
+        segments=np.array([[0, count]], np.int32),
+        scales=np.array(scales, np.int32),
+        curve=np.zeros((0, 2)),
+    )
+
+
+def unlearned_channel(places: Array) -> MapChannel:
+    return channel_of(identity_metric(places))
+
+
+def learned_channel(places: Array) -> MapChannel:
+    """A channel under whose metric places have many lengths."""
+    noise = np.random.default_rng(9).normal(size=(DIMENSIONS, DIMENSIONS))
+    return channel_of(learned_metric((np.eye(DIMENSIONS) + 0.3 * noise).astype(np.float32), places))
+
+
+def a_drive(places: Array, *, reverse: bool) -> list[Array | None]:
+    """All that may befall: a late start, any speed, stops, jumps, strangers and nothing to see."""
+    ordered = places[::-1] if reverse else places
+    last = len(places) - 1
+    ahead = max(last // 2 - 60, 0) + np.cumsum(np.repeat([1, 2, 1, 0, 2, 1], 25))
+    along = ordered[np.minimum(ahead, last)]
+    from_elsewhere = ordered[(last * 2 // 3 + np.arange(60)) % (last + 1)]
+    strangers = random_walk(20, seed=77)
+    the_other_way = ordered[np.arange(min(last, 70), 0, -1)]
+    frames = np.concatenate([along, from_elsewhere, strangers, the_other_way])
+    noise = 0.05 * np.random.default_rng(3).normal(size=frames.shape)
+    seen = frames + noise.astype(np.float32)
+    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    seen[90:100] = seen[90]  # to the last bit the same
+    seen[130:133] = 0  # in the dark
+    unseen = {0, 1, 20, 40, 41, 42, 160, 161, 162, 163, 200}
+    return [None if number in unseen else frame for number, frame in enumerate(seen)]
+
+
+class Shards:
+    """All shards of a channel in one process."""
+
+    def __init__(
+        self, channel: MapChannel, rule: Rule, shards: int, *, reverse: bool = False
+    ) -> None:
+        self.rule = rule
+        self.parts = [
+            ChannelShard(channel, rule, shard, shards, reverse=reverse) for shard in range(shards)
+        ]
+        self.matchers: list[ShardMatcher] = [part.new_matcher() for part in self.parts]
+        self.summaries: list[Summary] = []
+
+    def push(self, frames: Sequence[Comparison | None]) -> Candidate:
+        """Take how a frame compares with the places of each, and return what they answer."""
+        self.summaries = [
+            matcher.push(frame) for matcher, frame in zip(self.matchers, frames, strict=True)
+        ]
+        candidates = [matcher.finish(self.summaries) for matcher in self.matchers]
+        return join_shards(candidates, self.rule)
+
+
+def answers(
+    channel: MapChannel,
+    rule: Rule,
+    shards: int,
+    query: Sequence[Array | None],
+    *,
+    reverse: bool = False,
+    exact: bool = True,
+) -> Iterator[Pair]:
+    """Match a query in the whole map and in its shards."""
+    whole, parts = (
+        matcher_of(channel, rule, reverse=reverse),
+        Shards(channel, rule, shards, reverse=reverse),
+    )
+    metrics = [channel.metric, *(part.metric for part in parts.parts)]
+    places = [MetricPlaces(metric, exact=exact) for metric in metrics]
+    for descriptor in query:
+        frame, *frames = [
+            None if descriptor is None else next(compare.compare(descriptor[None]))
+            for compare in places
+        ]
+        yield whole.push(frame), parts.push(frames)
+
+
+def beliefs_of(candidate: Candidate, places: int) -> Array:
+    beliefs = np.zeros(places, np.float32)
+    beliefs[candidate.places] = candidate.evidence
+    return beliefs
+
+
+def assert_believed_alike(whole: Candidate, joined: Candidate, places: int) -> None:
+    if whole is NO_CANDIDATE:
+        assert joined is NO_CANDIDATE
+        return
+    expected, found = beliefs_of(whole, places), beliefs_of(joined, places)
+    # Rounding may lift a belief over the least that is told.
+    np.testing.assert_allclose(found, expected, rtol=2e-5, atol=1.1e-6)
+    assert np.all(np.diff(joined.places) > 0)
+    assert joined.score == pytest.approx(whole.score, rel=2e-5)
+    assert joined.score == found[joined.place] == found.max()
+    assert joined.place == whole.place or expected[joined.place] == pytest.approx(
+        whole.score, rel=2e-5
+    )
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize(("places", "shards"), [(61, 2), (97, 4), (300, 5), (4500, 2)])
+@pytest.mark.parametrize("make", [unlearned_channel, learned_channel])
+def test_shards_of_the_filter_match_every_frame_as_the_whole_does(
+    make: Callable[[Array], MapChannel], places: int, shards: int, reverse: bool
+) -> None:
+    walk = random_walk(places, seed=1)
+    config, known = MatchingConfig(), []
+    query = a_drive(walk, reverse=reverse)
+    for whole, joined in answers(make(walk), "filter", shards, query, reverse=reverse):
+        assert_believed_alike(whole, joined, places)
+        expected, found = fuse([whole], config), fuse([joined], config)
+        assert (found.place, found.known) == (expected.place, expected.known)
+        if expected.probability is not None:
+            assert found.probability == pytest.approx(expected.probability, rel=2e-5)
+        known.append(found.known)
+    assert min(known.count(True), known.count(False)) > 20  # both are put to the test
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize(("places", "shards"), [(61, 2), (97, 4), (150, 5)])
+@pytest.mark.parametrize("make", [unlearned_channel, learned_channel])
+def test_shards_that_compare_windows_match_every_frame_as_the_whole_does(
+    make: Callable[[Array], MapChannel], places: int, shards: int, reverse: bool
+) -> None:
+    walk = random_walk(places, seed=1)
+    query = a_drive(walk, reverse=reverse)
+    for whole, joined in answers(make(walk), "lowest-score", shards, query, reverse=reverse):
+        assert (joined.place, joined.score) == (whole.place, whole.score)
+    for whole, joined in answers(make(walk), "evidence", shards, query, reverse=reverse):
+        assert joined.place == whole.place
+        assert joined.score == pytest.approx(whole.score, rel=1e-12)
+        np.testing.assert_allclose(joined.evidence, whole.evidence, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("scales", [[5], [2, 3], SCALES])
+def test_one_shard_is_the_whole_in_maps_of_any_size(rule: Rule, scales: list[int]) -> None:
+    for places in (1, 2, 40):
+        walk = random_walk(places, seed=1)
+        channel = channel_of(identity_metric(walk), scales)
+        for whole, joined in answers(channel, rule, 1, a_drive(walk, reverse=False)):
+            assert joined.place == whole.place
+            assert joined.score == pytest.approx(whole.score, rel=1e-6)
+            assert joined.places.tolist() == whole.places.tolist()
+            np.testing.assert_allclose(joined.evidence, whole.evidence, rtol=1e-5)
+
+
+small_maps = st.lists(st.lists(st.integers(-6, 6), min_size=3, max_size=3), min_size=8, max_size=20)
+small_queries = st.lists(
+    st.lists(st.integers(-6, 6), min_size=3, max_size=3) | st.sampled_from(["unseen", "again"]),
+    max_size=12,
+)
+
+
+def beside(metric: MapMetric, codes: Codes | None) -> Comparison | None:
+    if codes is None:
+        return None
+    frame = comparison(metric, codes)
+    return frame if codes.any() else frame.telling_nothing()
+
+
+@given(small_maps, st.integers(1, 4), small_queries, st.booleans())
+@settings(max_examples=150, deadline=None)
+def test_shards_of_the_filter_believe_what_the_whole_does(
+    places: list[list[int]], shards: int, query: list[list[int] | str], reverse: bool
+) -> None:
+    """In maps whose places may coincide, on frames that may be anything."""
+    channel = channel_of(metric_of_codes(np.array(places, np.int16), 0.25), [2])
+    whole = matcher_of(channel, "filter", reverse=reverse)
+    parts = Shards(channel, "filter", shards, reverse=reverse)
+    last: Codes | None = None
+    for frame in query:
+        last = np.array(frame, np.int16) if isinstance(frame, list) else last
+        codes = None if frame == "unseen" else last
+        expected = whole.push(beside(channel.metric, codes))
+        found = parts.push([beside(part.metric, codes) for part in parts.parts])
+        assert_believed_alike(expected, found, len(places))
+
+
+def test_a_place_that_stands_out_in_one_shard_leaves_next_to_nothing_to_the_others() -> None:
+    """Which are so far from it that float32 has no number for the likelihood there."""
+    count, axes = 40_000, np.eye(DIMENSIONS)
+    walk = axes[0] + 0.001 * np.random.default_rng(1).normal(size=(count, DIMENSIONS))
+    standing_out = [7, 8, 9_999, 10_000, 30_000, 30_001]
+    walk[standing_out] = axes[1 : 1 + len(standing_out)]
+    walk /= np.linalg.norm(walk, axis=1, keepdims=True)
+    channel = channel_of(identity_metric(walk.astype(np.float32)))
+    query = list(axes[1 : 1 + len(standing_out)].astype(np.float32))
+    pairs = list(answers(channel, "filter", 4, query))
+    for whole, joined in pairs:
+        assert_believed_alike(whole, joined, count)
+    assert [joined.place for _, joined in pairs] == standing_out
+
+
+def test_places_that_are_all_alike_are_believed_in_as_by_the_whole() -> None:
+    places = np.repeat(random_walk(1, seed=1), 40, axis=0)
+    query = [*random_walk(20, seed=2), None, *random_walk(5, seed=3)]
+    for whole, joined in answers(channel_of(identity_metric(places)), "filter", 3, query):
+        assert_believed_alike(whole, joined, 40)
+
+
+def test_where_a_coarse_look_chooses_shards_nearly_agree_with_the_whole() -> None:
+    dimensions, count = 96, 6000
+    rng = np.random.default_rng(1)
+    walk = np.sin(np.cumsum(0.3 * rng.normal(size=(count, dimensions)), axis=0))
+    walk /= np.linalg.norm(walk, axis=1, keepdims=True)
+    driven = np.concatenate([np.arange(1950, 2060), np.arange(3980, 4060, 2)])
+    query = walk[driven] + 0.05 * rng.normal(size=(len(driven), dimensions))
+    query /= np.linalg.norm(query, axis=1, keepdims=True)
+    channel = channel_of(identity_metric(walk.astype(np.float32), coarse=True))
+    assert channel.metric.coarse is not None
+    frames = list(query.astype(np.float32))
+    pairs = list(answers(channel, "filter", 3, frames, exact=False))
+    same = [whole.place == joined.place for whole, joined in pairs]
+    assert np.mean(same) > 0.97
+    for whole, joined in pairs:
+        assert joined.score == pytest.approx(whole.score, abs=0.05)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_summaries_are_small_and_all_as_large(rule: Rule) -> None:
+    scales = list(range(3, 33))
+    walk = random_walk(200, seed=1)
+    parts = Shards(channel_of(identity_metric(walk), scales), rule, 4)
+    sizes = set()
+    for number, descriptor in enumerate(walk[:40]):
+        seen = number not in (0, 7)
+        parts.push(
+            [
+                next(MetricPlaces(part.metric, exact=True).compare(descriptor[None]))
+                if seen
+                else None
+                for part in parts.parts
+            ]
+        )
+        sizes |= {(summary.nbytes, summary.dtype) for summary in parts.summaries}
+    ((size, dtype),) = sizes
+    assert size < 1000
+    assert dtype == np.float64
+
+
+@given(st.integers(1, 10**6), st.integers(1, 30), st.integers(1, 100))
+def test_shards_are_all_places_in_turn_and_about_as_many(
+    places: int, shards: int, least: int
+) -> None:
+    if shards > 1 and places // shards < least:
+        with pytest.raises(ConfigError, match=f"take {max(places // least, 1)} at most"):
+            shard_range(places, 0, shards, least)
+        return
+    cut = [shard_range(places, shard, shards, least) for shard in range(shards)]
+    assert [cut[0].start, *(part.stop for part in cut)] == [*(part.start for part in cut), places]
+    sizes = [part.stop - part.start for part in cut]
+    assert max(sizes) - min(sizes) <= 1
+    assert shards == 1 or min(sizes) >= least
+
+
+@pytest.mark.parametrize("shard", [-1, 3])
+def test_there_are_no_other_shards(shard: int) -> None:
+    with pytest.raises(ConfigError, match="from 0 to 2"):
+        shard_range(100, shard, 3, 5)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_shard_is_as_long_as_the_longest_scale(rule: Rule, reverse: bool) -> None:
+    channel = channel_of(identity_metric(random_walk(25, seed=1)))
+    shards = [ChannelShard(channel, rule, shard, 2, reverse=reverse) for shard in (0, 1)]
+    assert [shard.own for shard in shards] == [slice(0, 12), slice(12, 25)]
+    with pytest.raises(ConfigError, match="each needs 12"):
+        ChannelShard(channel, rule, 0, 3, reverse=reverse)
