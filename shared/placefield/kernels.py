@@ -1,15 +1,26 @@
 """Compiled loops: what numpy can only do in many passes over memory."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core.caching import FunctionCache
 from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 _SUMS = 64  # that a compiler adds to side by side
+
+
+class _Cache(FunctionCache):
+    """Keeps machine code where there is room for it."""
+
+    def save_overload(self, sig: object, data: object) -> None:
+        """Keep what was compiled; on a full disk it is compiled again next time."""
+        with suppress(OSError):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 def kernel(function: Function) -> Function:
@@ -18,14 +29,10 @@ def kernel(function: Function) -> Function:
     Arithmetic is as written, with no liberties taken for speed: with them, bits would depend on
     what else is compiled into the same process. A division by zero gives infinity.
     """
-    try:
-        return cast(Function, _compiling(cache=True)(function))
-    except RuntimeError:  # there is no folder that it could be kept in
-        return cast(Function, _compiling(cache=False)(function))
-
-
-def _compiling(*, cache: bool) -> Callable[[Callable[..., object]], object]:
-    return numba.njit(cache=cache, nogil=True, error_model="numpy")
+    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    with suppress(RuntimeError):  # there is no folder that it could be kept in
+        compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    return cast(Function, compiled)
 
 
 @kernel

@@ -1,8 +1,6 @@
 """Which array of a map lies in which file."""
 
-import hashlib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -62,9 +60,3 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         for folder, part, names in parts
         for name in names
     }
-
-
-def sha256_of(file: Path) -> str:
-    """Return the checksum of a file."""
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()

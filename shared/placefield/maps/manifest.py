@@ -1,18 +1,27 @@
 """What ``manifest.json`` of a map holds."""
 
 import hashlib
-from typing import Annotated, Literal, Self
+from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
+from placefield.errors import MapError
 from placefield.features.network import NetworkInput
+from placefield.maps.reading import open_inside
 
 SUFFIX = ".pfmap"
 """Of a map's folder."""
 
 MANIFEST = "manifest.json"
 """Its file in there."""
+
+SEAL = "manifest.sha256"
+"""The file beside it that holds its checksum."""
+
+REBUILD = "build the map again with 'placefield build'"
+"""What is to be done about a map that is refused."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -60,11 +69,10 @@ class Manifest(_Record):
         model: fingerprint of the descriptor model.
         network: what the network takes that the features are of; none if they are of none.
         pose_frame: name of the frame that the poses are in; none if there are none.
-        files: SHA-256 of each file, by its path in the map.
-        checksum: SHA-256 of all the rest; see ``sealed``.
+        files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     placefield: str
     seed: int
     features: FeatureConfig
@@ -78,9 +86,52 @@ class Manifest(_Record):
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]
-    checksum: str = ""
 
-    def sealed(self) -> Self:
-        """Return the manifest with its checksum."""
-        rest = self.model_dump_json(exclude={"checksum"})
-        return self.model_copy(update={"checksum": hashlib.sha256(rest.encode()).hexdigest()})
+
+def seal_of(written: bytes) -> bytes:
+    """Return what ``SEAL`` holds of a manifest as it is written, in the words of sha256sum.
+
+    It is of the bytes, and not of what they mean: that may change with the program that reads them.
+    """
+    return f"{hashlib.sha256(written).hexdigest()}  {MANIFEST}\n".encode()
+
+
+def parse_manifest(written: bytes, source: str) -> Manifest:
+    """Read a manifest as it is written; ``source`` says whose it is, should it be refused.
+
+    Raises:
+        MapError: it is of another format, or none.
+    """
+    try:
+        return Manifest.model_validate_json(written)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the whole"
+        if not key.isprintable():  # a stranger may have named it
+            key = ascii(key)
+        raise MapError(f"{source}: {key:.80}: {first['msg']}; {REBUILD}") from None
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read a map's manifest.
+
+    Raises:
+        MapError: there is none, it is of another format, or damaged.
+    """
+    try:
+        written = _read(path, MANIFEST)
+    except OSError:
+        raise MapError(f"{path}: no map there; {REBUILD}") from None
+    manifest = parse_manifest(written, str(path / MANIFEST))
+    try:
+        seal = _read(path, SEAL)
+    except OSError:
+        raise MapError(f"{path / SEAL}: missing or unreadable; {REBUILD}") from None
+    if seal != seal_of(written):
+        raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {REBUILD}")
+    return manifest
+
+
+def _read(path: Path, name: str) -> bytes:
+    with open_inside(path, name) as opened:
+        return opened.read()

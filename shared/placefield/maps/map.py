@@ -1,8 +1,8 @@
 """The map in memory."""
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,9 +97,18 @@ class MapChannel:
     curve: NDArray[np.float64]
 
 
+def _stays() -> None:
+    """Nobody else can change what lies in this process's own memory."""
+
+
 @dataclass(frozen=True)
 class Map:
-    """All that recognising places on a route needs, and how it was made."""
+    """All that recognising places on a route needs, and how it was made.
+
+    Attributes:
+        check_unchanged: raises ``MapError`` when a file that arrays are mapped from was written to
+            since the map was opened; what was worked out of it in the meantime may be wrong.
+    """
 
     seed: int
     features: FeatureConfig
@@ -110,6 +119,7 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
+    check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:

@@ -1,4 +1,4 @@
-"""Opening a map: its arrays are memory-mapped, and what does not fit is refused."""
+"""Opening a map: large arrays are memory-mapped, and what does not fit is refused."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache
@@ -7,11 +7,11 @@ from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.network import Network
+from placefield.maps.checksums import checksum_of
 from placefield.maps.layout import (
     CHANNEL_FILES,
     COARSE_FILES,
@@ -20,17 +20,15 @@ from placefield.maps.layout import (
     NETWORK_FILES,
     PLACE_FILES,
     Layout,
-    sha256_of,
 )
-from placefield.maps.manifest import MANIFEST, Manifest
+from placefield.maps.manifest import REBUILD, Manifest, read_manifest
 from placefield.maps.map import Map, MapChannel, MapMetric, Places, fingerprint
+from placefield.maps.reading import ArrayFile, open_inside
 from placefield.metric.coarse import Coarse
-
-_REBUILD = "build the map again with 'placefield build'"
 
 
 def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
-    """Open a map; its arrays are memory-mapped, so that all processes of a host share them.
+    """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
         path: of the map.
@@ -42,21 +40,22 @@ def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
             wrong.
     """
     manifest = read_manifest(path)
+    files = _Files(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3}
-    mean, deviation, components = _load(path, manifest, "features", MODEL_FILES, sizes)
+    mean, deviation, components = files.load("features", MODEL_FILES, sizes)
     model = DescriptorModel(
         manifest.features.kind,
         manifest.features.standardise,
         mean,
         deviation,
         components,
-        _open_network(path, manifest),
+        _open_network(files),
     )
     if fingerprint(model) != manifest.model:
-        raise MapError(f"{path}: its descriptor model is not the manifest's; {_REBUILD}")
-    places = Places(*_load(path, manifest, "places", PLACE_FILES, sizes))
-    all_channels = _Channels(path, manifest, sizes)
+        raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
+    places = Places(*files.load("places", PLACE_FILES, sizes))
+    all_channels = _Channels(files, sizes)
     all_channels.open(channels or ())
     return Map(
         seed=manifest.seed,
@@ -68,20 +67,70 @@ def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
         model=model,
         places=places,
         channels=tuple(all_channels) if channels is None else all_channels,
+        check_unchanged=files.check_unchanged,
     )
 
 
-def _open_network(path: Path, manifest: Manifest) -> Network | None:
-    if manifest.network is None:
+class _Files:
+    """The arrays of a map's folder."""
+
+    def __init__(self, path: Path, manifest: Manifest) -> None:
+        self.path, self.manifest = path, manifest
+        self._watched: list[tuple[Path, ArrayFile]] = []
+
+    def load(self, folder: str, layout: Layout, sizes: dict[str, int]) -> list[NDArray[Any]]:
+        """Load a folder's arrays; ``sizes`` has lengths of axes that are known, and learns more."""
+        arrays = []
+        for name, (dtype, axes) in layout.items():
+            array = self._open(f"{folder}/{name}.npy")
+            if array.dtype != dtype or not _fits(array.shape, axes, sizes):
+                file = self.path / folder / f"{name}.npy"
+                raise MapError(f"{file}: does not fit the other files; {REBUILD}")
+            arrays.append(array)
+        return arrays
+
+    def _open(self, name: str) -> NDArray[Any]:
+        file = self.path / name
+        try:
+            opened = ArrayFile(open_inside(self.path, name))
+            if checksum_of(file) != self.manifest.files.get(name):
+                raise MapError(f"{file}: damaged: its checksum is wrong; {REBUILD}")
+            array = opened.array()
+        except OSError:
+            raise MapError(f"{file}: missing or unreadable; {REBUILD}") from None
+        except ValueError:
+            raise MapError(f"{file}: not an array; {REBUILD}") from None
+        if opened.is_mapped:
+            self._watched.append((file, opened))
+        else:
+            opened.close()
+        return array
+
+    def check_unchanged(self) -> None:
+        """See ``Map.check_unchanged``."""
+        for file, opened in self._watched:
+            if not opened.is_unchanged:
+                raise MapError(f"{file}: was written to while in use; {REBUILD}")
+
+
+def _fits(shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> bool:
+    return len(shape) == len(axes) and all(
+        sizes.setdefault(axis, length) == length for axis, length in zip(axes, shape, strict=True)
+    )
+
+
+def _open_network(files: _Files) -> Network | None:
+    if files.manifest.network is None:
         return None
-    return Network(manifest.network, *_load(path, manifest, "features", NETWORK_FILES, {}))
+    return Network(files.manifest.network, *files.load("features", NETWORK_FILES, {}))
 
 
 class _Channels(Sequence[MapChannel]):
     """The channels of a map, each opened when it is first asked for."""
 
-    def __init__(self, path: Path, manifest: Manifest, sizes: Mapping[str, int]) -> None:
-        self._path, self._manifest, self._sizes = path, manifest, sizes
+    def __init__(self, files: _Files, sizes: Mapping[str, int]) -> None:
+        self._files, self._sizes = files, sizes
+        self._manifest = files.manifest
         self._metric = cache(self._open_metric)
         self._channel = cache(self._open_channel)
 
@@ -106,74 +155,23 @@ class _Channels(Sequence[MapChannel]):
     def _open_metric(self, number: int) -> MapMetric:
         record, folder = self._manifest.metrics[number], f"metrics/{number}"
         sizes = dict(self._sizes)
-        projection, places, squares, steps = self._load(folder, METRIC_FILES, sizes)
+        projection, places, squares, steps = self._files.load(folder, METRIC_FILES, sizes)
         coarse = None
         if record.coarse_unit is not None:
-            axes, codes, spread = self._load(f"{folder}/coarse", COARSE_FILES, sizes)
+            axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
             coarse = Coarse(axes, codes, spread, record.coarse_unit)
         return MapMetric(record.learned, projection, record.unit, places, squares, steps, coarse)
 
     def _open_channel(self, number: int) -> MapChannel:
         record, folder = self._manifest.channels[number], f"channels/{number}"
+        path, places = self._files.path, self._manifest.places
         if record.metric >= len(self._manifest.metrics):
-            raise MapError(f"{self._path}: channel {number}: no metric {record.metric}; {_REBUILD}")
-        labels, segments, scales, curve = self._load(folder, CHANNEL_FILES, dict(self._sizes))
-        if not len(scales) or np.any(np.diff(scales, prepend=0) <= 0):
-            raise MapError(f"{self._path / folder / 'scales.npy'}: do not ascend; {_REBUILD}")
+            raise MapError(f"{path}: channel {number}: no metric {record.metric}; {REBUILD}")
+        labels, segments, scales, curve = self._files.load(folder, CHANNEL_FILES, dict(self._sizes))
+        if not len(scales) or np.any(np.diff(scales, prepend=0, append=places + 1) <= 0):
+            file = path / folder / "scales.npy"
+            raise MapError(f"{file}: do not ascend, or beyond the route; {REBUILD}")
         metric = self._metric(record.metric)
         return MapChannel(
             record.fuzzifier, record.clusters, metric, labels, segments, scales, curve
         )
-
-    def _load(self, folder: str, layout: Layout, sizes: dict[str, int]) -> list[NDArray[Any]]:
-        return _load(self._path, self._manifest, folder, layout, sizes)
-
-
-def read_manifest(path: Path) -> Manifest:
-    """Read a map's manifest.
-
-    Raises:
-        MapError: there is none, or it is of another format.
-    """
-    try:
-        manifest = Manifest.model_validate_json((path / MANIFEST).read_bytes())
-    except OSError:
-        raise MapError(f"{path}: no map there; {_REBUILD}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the whole"
-        raise MapError(f"{path / MANIFEST}: {key}: {first['msg']}; {_REBUILD}") from None
-    if manifest != manifest.sealed():
-        raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {_REBUILD}")
-    return manifest
-
-
-def _load(
-    path: Path, manifest: Manifest, folder: str, layout: Layout, sizes: dict[str, int]
-) -> list[NDArray[Any]]:
-    """Load a folder's arrays; ``sizes`` has the lengths of the axes known, and learns new ones."""
-    arrays = []
-    for name, (dtype, axes) in layout.items():
-        file = path / folder / f"{name}.npy"
-        array = _open_array(file, manifest.files.get(f"{folder}/{name}.npy"))
-        if array.dtype != dtype or not _fits(array.shape, axes, sizes):
-            raise MapError(f"{file}: does not fit the other files; {_REBUILD}")
-        arrays.append(array)
-    return arrays
-
-
-def _open_array(file: Path, checksum: str | None) -> NDArray[Any]:
-    try:
-        if sha256_of(file) != checksum:
-            raise MapError(f"{file}: damaged: its checksum is wrong; {_REBUILD}")
-        return np.lib.format.open_memmap(file, mode="r")
-    except OSError:
-        raise MapError(f"{file}: missing or unreadable; {_REBUILD}") from None
-    except ValueError:
-        raise MapError(f"{file}: not an array; {_REBUILD}") from None
-
-
-def _fits(shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> bool:
-    return len(shape) == len(axes) and all(
-        sizes.setdefault(axis, length) == length for axis, length in zip(axes, shape, strict=True)
-    )

@@ -14,8 +14,17 @@ import numpy as np
 
 from placefield import __version__
 from placefield.errors import MapError
-from placefield.maps.layout import arrays_of, sha256_of
-from placefield.maps.manifest import MANIFEST, SUFFIX, ChannelRecord, Manifest, MetricRecord
+from placefield.maps.checksums import checksum_of
+from placefield.maps.layout import arrays_of
+from placefield.maps.manifest import (
+    MANIFEST,
+    SEAL,
+    SUFFIX,
+    ChannelRecord,
+    Manifest,
+    MetricRecord,
+    seal_of,
+)
 from placefield.maps.map import Map, fingerprint
 
 
@@ -76,7 +85,7 @@ def _write(built: Map, folder: Path) -> None:
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
         np.save(file, array, allow_pickle=False)
-        files[name] = sha256_of(file)
+        files[name] = checksum_of(file)
     manifest = Manifest(
         placefield=__version__,
         seed=built.seed,
@@ -103,8 +112,14 @@ def _write(built: Map, folder: Path) -> None:
             for c in built.channels
         ),
         files=files,
-    ).sealed()
-    with (folder / MANIFEST).open("w") as opened:
-        opened.write(manifest.model_dump_json(indent=1))
+    )
+    written = manifest.model_dump_json(indent=1).encode()
+    _write_durably(folder / MANIFEST, written)
+    _write_durably(folder / SEAL, seal_of(written))
+
+
+def _write_durably(file: Path, content: bytes) -> None:
+    with file.open("wb") as opened:
+        opened.write(content)
         opened.flush()
         os.fsync(opened.fileno())

@@ -31,7 +31,7 @@ def assert_same(one: Any, other: Any) -> None:
         assert one.shape == other.shape
         assert one.tobytes() == other.tobytes()
     elif is_dataclass(one):
-        for field in fields(one):
+        for field in filter(lambda field: field.compare, fields(one)):
             assert_same(getattr(one, field.name), getattr(other, field.name))
     elif isinstance(one, tuple):
         for left, right in zip(one, other, strict=True):
@@ -59,23 +59,18 @@ def files_of(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_a_map_comes_back_as_it_was_memory_mapped_and_read_only(
-    pristine: Path, posed_map: Map
-) -> None:
+def test_a_map_comes_back_as_it_was_and_read_only(pristine: Path, posed_map: Map) -> None:
     opened = open_map(pristine)
     assert_same(posed_map, opened)
     arrays = list(arrays_of(opened))
     assert len(arrays) == 3 + 4 + 2 * (4 + 4)
     for array in arrays:
-        assert isinstance(array, np.memmap)
         assert not array.flags.writeable
 
 
 def test_a_map_without_poses_comes_back(small_map: Map, tmp_path: Path) -> None:
     save_map(small_map, tmp_path / "route.pfmap")
-    opened = open_map(tmp_path / "route.pfmap")
-    assert_same(small_map, opened)
-    assert isinstance(opened.places.poses, np.memmap)
+    assert_same(small_map, open_map(tmp_path / "route.pfmap"))
 
 
 @pytest.mark.parametrize("coarse", [False, True])
@@ -118,7 +113,6 @@ def test_a_map_keeps_its_network_and_is_another_under_another(
         assert opened.network is not None
         assert opened.network.input == network.input
         assert opened.network.onnx.tobytes() == network.onnx.tobytes()
-        assert isinstance(opened.network.onnx, np.memmap)
         fingerprints.add(fingerprint(opened))
     assert len(fingerprints) == 3
 

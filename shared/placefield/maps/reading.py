@@ -1,0 +1,83 @@
+"""Reading a map's files, whoever wrote them: only such as lie in it, and no more than they hold."""
+
+import mmap
+import os
+import stat
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MAPPED_FROM = 2**20  # bytes: a smaller file is read, and what becomes of it then is no matter
+
+
+def open_inside(folder: Path, name: str) -> BinaryIO:
+    """Open a regular file of a folder.
+
+    Raises:
+        OSError: it is missing, unreadable or no regular file, or a link leads out of the folder.
+    """
+    real = Path(os.path.realpath(folder / name, strict=True))
+    if not real.is_relative_to(os.path.realpath(folder)):
+        raise OSError(f"{folder / name}: a link leads out of the folder")
+    opened = os.open(real, os.O_RDONLY | os.O_NONBLOCK)  # no pipe is waited for
+    if not stat.S_ISREG(os.fstat(opened).st_mode):
+        os.close(opened)
+        raise OSError(f"{folder / name}: no regular file")
+    return os.fdopen(opened, "rb")
+
+
+class ArrayFile:
+    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Take the file as it is now."""
+        self._file = file
+        self._state = self._state_now()
+        self.is_mapped = self._state[0] >= _MAPPED_FROM
+
+    def _state_now(self) -> tuple[int, int]:
+        status = os.fstat(self._file.fileno())
+        return status.st_size, status.st_mtime_ns
+
+    def close(self) -> None:
+        """Let go of the file; what is mapped stays."""
+        self._file.close()
+
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether nobody has written to the file since; what is mapped has changed with it."""
+        return self._state_now() == self._state
+
+    def array(self) -> NDArray[Any]:
+        """Return the array, which cannot be written to.
+
+        Raises:
+            ValueError: the file is none as ``np.save`` writes one of numbers.
+        """
+        shape, is_turned, dtype = _read_header(self._file)
+        with suppress(ValueError, OverflowError, TypeError):
+            values = np.frombuffer(self._content(), dtype, offset=self._file.tell())
+            return values.reshape(shape, order="F" if is_turned else "C")
+        raise ValueError("its bytes are not what its header says")
+
+    def _content(self) -> bytes | mmap.mmap:
+        if self.is_mapped:
+            return mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
+        return os.pread(self._file.fileno(), _MAPPED_FROM, 0)
+
+
+def _read_header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise ValueError("not of version 1.0")
+    try:
+        shape, is_turned, dtype = np.lib.format.read_array_header_1_0(file)
+    except (
+        Exception
+    ) as error:  # the header is parsed as a literal of Python, which fails in all ways
+        raise ValueError(f"its header: {error}") from None
+    if any(length < 0 for length in shape):
+        raise ValueError("a length below 0")
+    return shape, is_turned, dtype

@@ -1,0 +1,45 @@
+"""Where compiled code is kept, and what happens where it can't be."""
+
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SUM = "import numpy as np; from placefield.kernels import sum_of; print(sum_of(np.ones(3)))"
+
+
+def sum_in_another_process(
+    cache: Path, prepare: Callable[[], None] | None = None
+) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-c", SUM],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+        preexec_fn=prepare,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def leave_no_room() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+
+def test_machine_code_is_kept_for_the_next_process(tmp_path: Path) -> None:
+    assert sum_in_another_process(tmp_path).stdout == "3.0\n"
+    kept = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nbc")}
+    assert kept
+    assert sum_in_another_process(tmp_path).stdout == "3.0\n"
+    assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nbc")} == kept
+
+
+@pytest.mark.parametrize("cache", ["there", "/proc/nowhere"])
+def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cache: str) -> None:
+    ended = sum_in_another_process(tmp_path / cache, leave_no_room)
+    assert (ended.returncode, ended.stdout) == (0, "3.0\n"), ended.stderr
+    assert not list(tmp_path.rglob("*.nbc"))
