@@ -1,0 +1,36 @@
+"""``placefield serve``: maps to hosts that have none."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("serve")(_serve)
+
+
+def _serve(
+    maps: Annotated[
+        list[Path], typer.Argument(metavar="MAP...", help="maps: NAME.pfmap", show_default=False)
+    ],
+    run: options.Runs = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Serve maps to hosts that have none; 'placefield up' does so with its own."""
+    from placefield_services.process import begin, leave, stop_event
+
+    begin()
+    from placefield_services.mapserver import run_mapserver
+
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    run_mapserver(maps, effective, stop_event())
+    leave()
