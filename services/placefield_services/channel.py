@@ -1,74 +1,118 @@
-"""The channel worker: descriptors in, a candidate per channel out."""
+"""The channel worker: descriptors in, the candidates of its channels out."""
 
 import threading
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.inbox import Inbox, Received
-from placefield.bus.keys import channel_identity
-from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
-from placefield.bus.session import Publisher, open_bus
-from placefield.bus.streams import Arrival, StreamFollower
-from placefield.config import Config, MatchingConfig
-from placefield.errors import ConfigError, MessageError
-from placefield.maps.map import Map, MapMetric, fingerprint
-from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import ChannelMatcher, matcher_of
-from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield_services.process import ServiceProcess
+from placefield.bus.credits import WINDOW
+from placefield.bus.history import LENGTH, History, Outbox, recall_all, recalling, share
+from placefield.bus.inbox import CAPACITY, Inbox, Received
+from placefield.bus.keys import Keys, Part
+from placefield.bus.messages import BordersMessage, FeatureMessage, Header
+from placefield.bus.session import Bus, open_bus
+from placefield.bus.streams import StreamFollower, Turn
+from placefield.config import Config
+from placefield.errors import ConfigError, FrameError, MessageError
+from placefield.features.descriptors import DescriptorModel, check_descriptor
+from placefield.maps.map import Map, fingerprint
+from placefield_services.channel_streams import ChannelStream, Frame, Outlet
+from placefield_services.process import ServiceProcess, counting_failure
+from placefield_services.served_channels import ServedChannels, ShardedChannels, WholeChannels
 
 SERVICE = "channel"
 
-_LONGEST = 1.001  # descriptor; they have length 1, or 0 where there is nothing to see
+_EARLY = 256  # messages
+
 _LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
 
 
 def run_channels(
-    placemap: Map, channels: Sequence[int], config: Config, stop: threading.Event
+    placemap: Map,
+    channels: Sequence[int],
+    config: Config,
+    stop: threading.Event,
+    *,
+    shard: int = 0,
+    shards: int = 1,
 ) -> None:
-    """Serve these channels of a map until ``stop`` is set.
+    """Serve these channels of a map, or one of so many shards of them, until ``stop`` is set.
 
     Raises:
-        ConfigError: the map has no such channel.
+        ConfigError: the map has no such channel, or too few places for so many shards.
     """
     for channel in channels:
         if channel >= len(placemap.channels):
             raise ConfigError(
                 f"--channel {channel}: the map has channels 0 to {len(placemap.channels) - 1}"
             )
+    own = {number: placemap.channels[number] for number in channels}
+    served = (
+        WholeChannels(own, config.matching)
+        if shards == 1
+        else ShardedChannels(own, config.matching, shard, shards)
+    )
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
-        inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES)
-        publishers = {}
+        # All shards of a channel take the same frames, so that none may drop one.
+        inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
+        outlets = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
-            publishers[run] = {number: bus.publisher(keys.candidate(number)) for number in channels}
-        worker = ChannelWorker(placemap, channels, publishers, config.matching, process.counts)
-        worker.rehearse()
+            if shards > 1:
+                bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
+            outlets[run] = _outlet(bus, keys, process.identity)
+            process.answers[run] = outlets[run].candidates.history
+        worker = ChannelWorker(placemap.model, served, outlets, process.counts)
+        served.rehearse()
         for channel in channels:
-            process.declare_ready(channel_identity(channel, process.identity))
-        process.serve(inbox, worker.accept, stop, work=worker.match)
+            process.declare_ready(Part(channel, shard, shards).identity(process.identity))
+        process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
+
+
+def _outlet(bus: Bus, keys: Keys, identity: str) -> Outlet:
+    borders = Outbox(bus.publisher(keys.borders(identity)), History())
+    history = keys.history(keys.all_borders)
+    share(bus, history, borders.history)
+    return Outlet(
+        candidates=Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW)),
+        recall=recalling(bus, keys.history(keys.feature)),
+        borders=borders,
+        recall_borders=partial(recall_all, bus, history),
+    )
 
 
 @dataclass
 class _Run:
-    publishers: Mapping[int, Publisher]
+    outlet: Outlet
+    counts: Counter[str]
     follower: StreamFollower
-    stream: "_Stream | None" = None
+    stream: ChannelStream | None = None
+    name: str = ""
+    """Of the stream."""
+    missed: list["_Accepted"] = field(default_factory=list)
+    """Frames to be matched before the next one."""
+    early: deque[Received] = field(default_factory=lambda: deque(maxlen=_EARLY))
+    """What shards have told of a stream that is not on yet."""
 
 
 @dataclass(frozen=True)
-class _Frame:
-    """A frame to match, in the stream that was on when it came."""
+class _Accepted:
+    """A frame to match, in the stream that was on when it came.
 
-    publishers: Mapping[int, Publisher]
-    stream: "_Stream"
+    One that is not awaited was answered long ago, and is only to be known of.
+    """
+
+    run: _Run
+    stream: ChannelStream
     header: Header
     descriptor: NDArray[np.float32] | None
+    is_awaited: bool = True
 
 
 class ChannelWorker:
@@ -79,42 +123,74 @@ class ChannelWorker:
 
     def __init__(
         self,
-        placemap: Map,
-        channels: Sequence[int],
-        publishers: Mapping[str, Mapping[int, Publisher]],
-        matching: MatchingConfig,
+        model: DescriptorModel,
+        channels: ServedChannels,
+        outlets: Mapping[str, Outlet],
         counts: Mapping[str, Counter[str]],
     ) -> None:
-        """Publish by run and channel, count by run."""
-        self._channels = {number: placemap.channels[number] for number in channels}
-        metrics = dict.fromkeys(channel.metric for channel in self._channels.values())
-        self._places = {
-            metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
-        }
-        self._dimensions = len(placemap.model.components)
-        self._model = fingerprint(placemap.model)
-        self._matching = matching
+        """Publish and count by run."""
+        self._channels = channels
+        self._dimensions = len(model.components)
+        self._model = fingerprint(model)
         self._runs = {
-            run: _Run(own, StreamFollower(counts[run])) for run, own in publishers.items()
+            run: _Run(outlet, counts[run], StreamFollower(counts[run], partial(self._join, run)))
+            for run, outlet in outlets.items()
         }
 
-    def rehearse(self) -> None:
-        """Match frames of no stream, so that what is made at its first use is made."""
-        frame = np.eye(1, self._dimensions, dtype=np.float32)[0]
-        stream = self._new_stream(0)
-        for sequence, compared in enumerate(self._compare([frame, -frame, frame])):
-            stream.push(2 * sequence, compared)
-
-    def accept(self, received: Received) -> _Frame | None:
-        """Take a descriptor; none is returned for one that came before."""
+    def accept(self, received: Received) -> list[_Accepted]:
+        """Take a descriptor; return what is to be matched, with what was missed before it."""
         header, run = received.header, self._runs[received.run]
+        if received.key != Keys(received.run).feature:
+            self._hear(run, received)
+            return []
         descriptor = None if header.end else self._decode(received.payload)
-        arrival = run.follower.follow(header)
-        if arrival is Arrival.DROPPED:
-            return None
-        if run.stream is None or arrival is Arrival.NEW_STREAM:
-            run.stream = self._new_stream(header.sequence)
-        return _Frame(run.publishers, run.stream, header, descriptor)
+        turn = run.follower.follow(header)
+        if turn is Turn.DROPPED:
+            return []
+        if turn is Turn.REPEATED:
+            run.outlet.candidates.put_again(header)
+            return []
+        if turn is Turn.AHEAD and (self._channels.needs_all or not header.live):
+            run.missed = self._recall(run, header, run.follower.next)
+        if turn is Turn.AHEAD:
+            run.follower.leap(header.sequence, found=len(run.missed))
+        assert run.stream is not None
+        missed, run.missed = run.missed, []
+        return [*missed, _Accepted(run, run.stream, header, descriptor)]
+
+    def _hear(self, run: _Run, received: Received) -> None:
+        """Take what another worker tells of its shards."""
+        told = BordersMessage.decode(received.payload)
+        if run.stream is not None and received.header.stream == run.name:
+            run.stream.hear(received.header, told)
+        else:
+            run.early.append(received)
+
+    def _join(self, name: str, header: Header) -> int:
+        """Begin a stream; if it is on already, with what others remember of it."""
+        run = self._runs[name]
+        first = max(0, header.sequence - LENGTH)
+        run.stream, run.name = self._channels.new_stream(run.outlet, first), header.stream
+        run.missed = self._recall(run, header, first) if header.sequence else []
+        early = list(run.early)
+        run.early.clear()
+        for received in early:
+            self._hear(run, received)
+        return header.sequence
+
+    def _recall(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
+        """Return the frames before this one that others remember; the source awaits the newest."""
+        assert run.stream is not None
+        first = max(first, header.sequence - LENGTH)
+        frames = []
+        for old, payload in run.outlet.recall(header.stream, first, header.sequence).values():
+            is_awaited = not header.live and old.sequence >= header.oldest
+            try:
+                frames.append(_Accepted(run, run.stream, old, self._decode(payload), is_awaited))
+            except MessageError:
+                run.counts["malformed"] += 1
+        run.counts["recalled"] += len(frames)
+        return frames
 
     def _decode(self, payload: bytes) -> NDArray[np.float32] | None:
         feature = FeatureMessage.decode(payload)
@@ -123,77 +199,23 @@ class ChannelWorker:
                 f"descriptor of model {feature.model}; this channel's map has {self._model}: "
                 "give the featurizer the same map"
             )
-        descriptor = feature.descriptor
-        if descriptor is None:
-            return None
-        if len(descriptor) != self._dimensions:
-            raise MessageError(f"descriptor of {len(descriptor)}, not {self._dimensions} values")
-        length = float(np.linalg.norm(descriptor.astype(np.float64)))
-        if length > _LONGEST:  # what overflows once would spoil all sums of the stream
-            raise MessageError(f"descriptor of length {length:.3g}, not 1")
-        return descriptor
+        if feature.descriptor is not None:
+            try:
+                check_descriptor(feature.descriptor, self._dimensions)
+            except FrameError as error:
+                raise MessageError(str(error)) from None
+        return feature.descriptor
 
-    def _new_stream(self, first: int) -> "_Stream":
-        rule, reverse = self._matching.rule, self._matching.reverse
-        matchers = {
-            number: (channel.metric, matcher_of(channel, rule, reverse=reverse))
-            for number, channel in self._channels.items()
-        }
-        return _Stream(matchers, first)
+    def match(self, accepted: Sequence[Sequence[_Accepted]]) -> None:
+        """Publish the candidates of all channels for each frame, when they are known."""
+        frames = list(chain.from_iterable(accepted))
+        sights = self._channels.sights([frame.descriptor for frame in frames])
+        for frame, see in zip(frames, sights, strict=True):
+            with counting_failure([frame.run.counts]):
+                frame.stream.take(Frame(frame.header, see, frame.is_awaited))
 
-    def match(self, frames: Sequence[_Frame]) -> None:
-        """Publish a candidate of each channel for each frame."""
-        compared = self._compare([f.descriptor for f in frames if f.descriptor is not None])
-        for frame in frames:
-            if frame.header.end:
-                for publisher in frame.publishers.values():
-                    publisher.put(frame.header)
-            else:
-                seen = {} if frame.descriptor is None else next(compared)
-                self._publish(frame, frame.stream.push(frame.header.sequence, seen))
-
-    def _compare(
-        self, descriptors: Sequence[NDArray[np.float32]]
-    ) -> Iterator[dict[MapMetric, Comparison]]:
-        """Yield how each descriptor compares with the places, under each metric."""
-        if descriptors:
-            stacked = np.stack(descriptors)
-            by_metric = [places.compare(stacked) for places in self._places.values()]
-            for comparisons in zip(*by_metric, strict=True):
-                yield dict(zip(self._places, comparisons, strict=True))
-
-    def _publish(self, frame: _Frame, candidates: Mapping[int, Candidate]) -> None:
-        for number, candidate in candidates.items():
-            message = CandidateMessage(
-                rule=self._matching.rule,
-                channel=number,
-                place=candidate.place,
-                score=candidate.score,
-                places=candidate.places,
-                evidence=candidate.evidence,
-            )
-            frame.publishers[number].put(frame.header, message)
-
-
-class _Stream:
-    """One stream in all channels of a worker.
-
-    A frame that did not come is matched as one that was not seen: the vehicle has moved on.
-    """
-
-    def __init__(
-        self, matchers: Mapping[int, tuple[MapMetric, ChannelMatcher]], first: int
-    ) -> None:
-        """Take each channel's metric and new matcher, and the number of the first frame."""
-        self._matchers = matchers
-        self._next = first
-
-    def push(self, sequence: int, compared: Mapping[MapMetric, Comparison]) -> dict[int, Candidate]:
-        """Return each channel's candidate for a frame; empty comparisons: it was not seen."""
-        gap, self._next = sequence - self._next, sequence + 1
-        candidates = {}
-        for number, (metric, matcher) in self._matchers.items():
-            for _ in range(min(gap, matcher.memory)):
-                matcher.push(None)
-            candidates[number] = matcher.push(compared.get(metric))
-        return candidates
+    def settle(self, run: str) -> None:
+        """Do what is due in a run."""
+        stream = self._runs[run].stream
+        if stream is not None:
+            stream.settle()

@@ -4,29 +4,41 @@ import math
 import threading
 import time
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
+from placefield.bus.history import History, Outbox, share
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.keys import Keys, channel_of, service_and_identity
-from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage
+from placefield.bus.keys import Keys
+from placefield.bus.messages import (
+    CandidatesMessage,
+    FeatureMessage,
+    Header,
+    MatchMessage,
+)
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
-from placefield.config import Config, MatchingConfig
+from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.rules import fuse
+from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield_services.live_channels import LiveChannels
 from placefield_services.process import ServiceProcess
 
 SERVICE = "fuser"
+
+_MOMENTS = 64  # frames: a featurizer that comes back asks for those of the last one
 
 
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
         fusers = {}
         for run, keys in process.keys.items():
@@ -34,8 +46,17 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run])
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
-            publishers = bus.publisher(keys.match), bus.publisher(keys.ack)
-            fusers[run] = Fuser(placemap, config, channels, *publishers, process.counts[run])
+            features, moments = History(), History(_MOMENTS)
+            bus.subscribe(keys.moments, partial(_remember, moments), process.counts[run])
+            matches = Outbox(bus.publisher(keys.match), History())
+            process.answers[run] = matches.history
+            share(bus, keys.history(keys.feature), features)
+            share(bus, keys.history(keys.moments), moments)
+            share(bus, keys.history(keys.match), matches.history)
+            outlets = matches, bus.publisher(keys.ack)
+            fusers[run] = Fuser(
+                placemap, config, keys, channels, features, *outlets, process.counts[run]
+            )
         rehearse(placemap.places.count, config.matching)
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():
@@ -49,43 +70,15 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             )
 
 
+def _remember(history: History, received: Received) -> None:
+    history.remember(received.header, received.payload)
+
+
 def rehearse(count: int, matching: MatchingConfig) -> None:
     """Fuse a candidate of no frame, so that what is made at its first use is made."""
     places = np.arange(count, dtype=np.int32)
     belief = np.full(count, 1 / count, np.float32)
     fuse([Candidate(0, float(belief[0]), places, belief)], matching)
-
-
-class LiveChannels:
-    """Which channels of the map have a living worker, from liveliness tokens."""
-
-    def __init__(self, count: int) -> None:
-        self.all = range(count)
-        self.alive: frozenset[int] = frozenset()
-        """The channels with a worker now."""
-        self._tokens: set[tuple[int, str]] = set()
-        self._changed = threading.Condition()
-
-    def change(self, key: str, is_alive: bool) -> None:
-        """Take the birth or death of a worker's token."""
-        _, identity = service_and_identity(key)
-        channel = channel_of(identity)
-        if channel is None:
-            return
-        with self._changed:
-            (self._tokens.add if is_alive else self._tokens.discard)((channel, identity))
-            self.alive = frozenset(channel for channel, _ in self._tokens)
-            self._changed.notify_all()
-
-    def wait_for_all(self, timeout: float, stop: threading.Event) -> None:
-        """Wait until every channel has a worker, at most ``timeout`` seconds."""
-        end = time.monotonic() + timeout
-        while not self.alive.issuperset(self.all) and not stop.is_set():
-            remaining = end - time.monotonic()
-            if remaining <= 0:
-                return
-            with self._changed:
-                self._changed.wait(min(remaining, 0.1))
 
 
 class Fuser:
@@ -98,29 +91,38 @@ class Fuser:
         self,
         placemap: Map,
         config: Config,
+        keys: Keys,
         channels: LiveChannels,
-        matches: Publisher,
+        features: History,
+        matches: Outbox,
         acks: Publisher,
         counts: Counter[str],
     ) -> None:
         self._map = placemap
         self._config = config
+        self._feature_key = keys.feature
         self.channels = channels
+        self._features = features
         self._matches = matches
         self._acks = acks
         self._counts = counts
         self._switch = StreamSwitch(counts)
-        self._begin(live=False)
+        self._begin(0, live=False)
 
-    def _begin(self, *, live: bool) -> None:
+    def _begin(self, first: int, *, live: bool) -> None:
         self._joiner = Joiner(
-            self.channels.all, self._config.fusion.deadline_s, self._counts, gaps_expected=live
+            self.channels.all,
+            self._config.fusion.deadline_s,
+            self._counts,
+            first=first,
+            gaps_expected=live,
         )
+        self._shards = ShardJoiner(self._config.matching.rule)
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
 
     def handle(self, received: Received) -> None:
-        """Take a descriptor, which announces a frame, or a candidate."""
+        """Take a descriptor, which announces a frame, or candidates."""
         header = received.header
         message = None if header.end else self._decode(received)
         arrival = self._switch.enter(header.stream)
@@ -128,30 +130,56 @@ class Fuser:
             return
         if arrival is Arrival.NEW_STREAM:
             self._release(math.inf)  # what the stream before it still owes
-            self._begin(live=header.live)
+            self._begin(header.oldest, live=header.live)
+        if received.key == self._feature_key:
+            self._features.remember(header, received.payload)
+            if self._joiner.is_released(header.sequence) and not header.live:
+                self._answer_again(header)
         now = time.monotonic()
         if isinstance(message, FeatureMessage):
             self._joiner.announce(header.sequence, now)
-        elif isinstance(message, CandidateMessage):
-            candidate = Candidate(message.place, message.score, message.places, message.evidence)
-            self._joiner.add(header.sequence, message.channel, candidate, now)
-        elif _is_of_featurizer(received):
+        elif isinstance(message, CandidatesMessage):
+            self._add(header.sequence, message, now)
+        elif received.key == self._feature_key:
             self._end = header
         if self._joiner.is_pending(header.sequence):
             self._headers[header.sequence] = header
 
-    def _decode(self, received: Received) -> FeatureMessage | CandidateMessage:
-        if _is_of_featurizer(received):
+    def _add(self, sequence: int, message: CandidatesMessage, now: float) -> None:
+        for each in message.candidates:
+            joined = self._shards.add(
+                sequence, each.channel, message.shard, message.shards, each.candidate
+            )
+            if joined is not None:
+                if message.shards > 1:
+                    self._check(joined)
+                self._joiner.add(sequence, each.channel, joined, now)
+
+    def _answer_again(self, header: Header) -> None:
+        """Publish the match of a frame whose source has not heard of it."""
+        self._matches.put_again(header)
+        self._acks.put(header)
+
+    def _decode(self, received: Received) -> FeatureMessage | CandidatesMessage:
+        if received.key == self._feature_key:
             return FeatureMessage.decode(received.payload)
-        message = CandidateMessage.decode(received.payload)
-        rule, places = self._config.matching.rule, self._map.places.count
+        message = CandidatesMessage.decode(received.payload)
+        rule = self._config.matching.rule
         if message.rule != rule:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        if message.place >= places or not _fits(message, places):
-            raise MessageError(f"candidate of another map: this fuser's has {places} places")
+        if message.shard >= message.shards:
+            raise MessageError(f"candidate of shard {message.shard} of {message.shards}")
+        if message.shards == 1:  # a message is taken as a whole or not at all
+            for each in message.candidates:
+                self._check(each.candidate)
         return message
+
+    def _check(self, candidate: Candidate) -> None:
+        rule, places = self._config.matching.rule, self._map.places.count
+        if not _fits(candidate, rule, places):
+            raise MessageError(f"candidate of another map: this fuser's has {places} places")
 
     def release(self) -> None:
         """Publish the matches of frames that are complete or due, and the last one's credit."""
@@ -163,6 +191,8 @@ class Fuser:
         for joined in self._joiner.release(now):
             last = self._headers.pop(joined.sequence)
             self._publish(last, joined)
+        if last is not None:
+            self._shards.forget_before(last.sequence)
         if self._end is not None and not self._joiner.pending:
             last, self._end = self._end, None
             self._matches.put(last)
@@ -186,16 +216,15 @@ class Fuser:
         self._counts["matches"] += 1
 
 
-def _is_of_featurizer(received: Received) -> bool:
-    return received.key == Keys(received.run).feature
-
-
-def _fits(message: CandidateMessage, count: int) -> bool:
-    """Whether the evidence is what the rule has, of a map of so many places."""
-    places, evidence = message.places, message.evidence
-    if message.rule == "lowest-score" or message.place == UNANSWERED:
+def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:
+    """Whether place and evidence are what the rule has, of a map of so many places."""
+    places, evidence = candidate.places, candidate.evidence
+    if candidate.place >= count:
+        return False
+    if rule == "lowest-score" or candidate.place == UNANSWERED:
         return len(places) == len(evidence) == 0
-    if message.rule == "evidence":
+    if rule == "evidence":
         return len(places) == 0 and len(evidence) == count
-    is_ascending = bool((np.diff(places, prepend=-1, append=count) > 0).all())
-    return is_ascending and len(places) == len(evidence) > 0
+    if not len(places) == len(evidence) > 0:
+        return False
+    return bool(places[0] >= 0 and places[-1] < count and (places[:-1] < places[1:]).all())

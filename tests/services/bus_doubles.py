@@ -1,26 +1,46 @@
 """Stands for the bus where a service is tested without one."""
 
+from placefield.bus.history import Recalled
 from placefield.bus.inbox import Received
 from placefield.bus.messages import Header, Message
 from placefield.bus.session import Publisher
 
 
 class RecordingPublisher(Publisher):
-    """Keeps what is published."""
+    """Keeps what is published, of one kind of message."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: type[Message]) -> None:
+        self._kind = kind
         self.sent: list[tuple[Header, Message | None]] = []
 
-    def put(self, header: Header, message: Message | None = None) -> None:
-        self.sent.append((header, message))
+    def send(self, header: Header, payload: bytes) -> None:
+        self.sent.append((header, self._kind.decode(payload) if payload else None))
 
     @property
     def sequences(self) -> list[int]:
         return [header.sequence for header, _ in self.sent]
 
 
-def header(sequence: int, *, stream: str = "s", live: bool = False, end: bool = False) -> Header:
-    return Header(stream=stream, sequence=sequence, stamp_ns=sequence, live=live, end=end)
+class Memory:
+    """What others remember of a stream; nothing at first."""
+
+    def __init__(self) -> None:
+        self.kept: dict[int, tuple[Header, bytes]] = {}
+
+    def recall(self, stream: str, first: int, end: int) -> Recalled:
+        return {
+            sequence: (about, payload)
+            for sequence, (about, payload) in self.kept.items()
+            if about.stream == stream and first <= sequence < end
+        }
+
+
+def header(
+    sequence: int, *, stream: str = "s", live: bool = False, end: bool = False, oldest: int = 0
+) -> Header:
+    return Header(
+        stream=stream, sequence=sequence, stamp_ns=sequence, live=live, end=end, oldest=oldest
+    )
 
 
 def received(key: str, about: Header, message: Message | bytes = b"") -> Received:

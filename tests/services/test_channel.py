@@ -6,22 +6,26 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from bus_doubles import RecordingPublisher, header, received
+from bus_doubles import Memory, RecordingPublisher, header, received
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import CandidateMessage, FeatureMessage, Header
+from placefield.bus.messages import BordersMessage, CandidatesMessage, FeatureMessage, Header
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import ConfigError, MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
-from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import MetricPlaces
+from placefield.matching.candidate import Candidate
+from placefield.matching.channel_matcher import FilterMatcher, matcher_of
+from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield_services.channel import ChannelWorker, run_channels
+from placefield_services.channel_streams import Outlet
+from placefield_services.served_channels import WholeChannels
 
 RUNS = ("day", "night")
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -50,13 +54,23 @@ class Stage:
         reverse: bool = False,
     ) -> None:
         self.model = fingerprint(placemap.model)
-        self.publishers = {
-            run: {channel: RecordingPublisher() for channel in channels} for run in RUNS
-        }
+        self.channels = channels
+        self.publishers = {run: RecordingPublisher(CandidatesMessage) for run in RUNS}
+        self.elsewhere = {run: Memory() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
-        self._worker = ChannelWorker(placemap, channels, self.publishers, matching, self.counts)
-        self._worker.rehearse()
+        outlets = {run: self._outlet(run) for run in RUNS}
+        served = WholeChannels({number: placemap.channels[number] for number in channels}, matching)
+        served.rehearse()
+        self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
+
+    def _outlet(self, run: str) -> Outlet:
+        return Outlet(
+            candidates=Outbox(self.publishers[run], History()),
+            recall=self.elsewhere[run].recall,
+            borders=Outbox(RecordingPublisher(BordersMessage), History()),
+            recall_borders=lambda *_: [],
+        )
 
     def feature(
         self, about: Header, descriptor: Descriptor | None = None, *, run: str = RUNS[0]
@@ -64,25 +78,26 @@ class Stage:
         message = FeatureMessage(model=self.model, descriptor=descriptor)
         return received(Keys(run).feature, about, b"" if about.end else message)
 
+    def remember_elsewhere(self, descriptors: list[Descriptor], *, live: bool = False) -> None:
+        """Let another service remember all of a stream."""
+        for sequence, descriptor in enumerate(descriptors):
+            message = FeatureMessage(model=self.model, descriptor=descriptor)
+            self.elsewhere[RUNS[0]].kept[sequence] = header(sequence, live=live), message.encode()
+
     def handle(self, *batch: Received) -> None:
-        accepted = [self._worker.accept(message) for message in batch]
-        self._worker.match([frame for frame in accepted if frame is not None])
+        self._worker.match([self._worker.accept(message) for message in batch])
 
     def send(self, about: Header, descriptor: Descriptor | None) -> None:
         self.handle(self.feature(about, descriptor))
 
     def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
-        """What was published."""
+        """What was published of a channel."""
         return [
-            (
-                about.sequence,
-                message.place,
-                message.score,
-                message.places.tobytes(),
-                message.evidence.tobytes(),
-            )
-            for about, message in self.publishers[run][channel].sent
-            if isinstance(message, CandidateMessage)
+            (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
+            for about, message in self.publishers[run].sent
+            if isinstance(message, CandidatesMessage)
+            for each in message.candidates
+            if each.channel == channel
         ]
 
 
@@ -113,11 +128,8 @@ def test_each_channel_answers_each_frame_as_its_matcher_does(
     stage = Stage(route_map, rule)
     for sequence, descriptor in enumerate(descriptors):
         stage.send(header(sequence), descriptor)
-    for channel, publisher in stage.publishers[RUNS[0]].items():
+    for channel in stage.channels:
         assert stage.candidates(channel) == offline(route_map, channel, rule, [*descriptors])
-        for _, message in publisher.sent:
-            assert isinstance(message, CandidateMessage)
-            assert (message.channel, message.rule) == (channel, rule)
     assert any(place >= 0 for _, place, *_ in stage.candidates(0))
 
 
@@ -158,6 +170,44 @@ def test_a_frame_that_could_not_be_read_is_answered(
     assert stage.candidates(2) == offline(route_map, 2, rule, seen)
 
 
+@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize("rule", RULES)
+def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule, live: bool
+) -> None:
+    stage = Stage(route_map, rule)
+    stage.remember_elsewhere(descriptors, live=live)
+    for sequence in range(12, len(descriptors)):
+        stage.send(header(sequence, live=live, oldest=0 if live else 10), descriptors[sequence])
+    awaited = 12 if live else 10
+    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])[awaited:]
+    assert stage.counts[RUNS[0]]["gaps"] == 0
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
+) -> None:
+    stage = Stage(route_map, rule)
+    stage.remember_elsewhere(descriptors)
+    for sequence, descriptor in enumerate(descriptors):
+        if sequence not in (4, 5, 11):
+            stage.send(header(sequence), descriptor)
+    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])
+    assert stage.counts[RUNS[0]]["gaps"] == 0
+    assert stage.counts[RUNS[0]]["recalled"] == 3
+
+
+def test_a_frame_that_comes_again_is_answered_again_and_matched_once(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    stage = Stage(route_map, "filter")
+    for sequence in (0, 1, 2, 1, 2, 3):
+        stage.send(header(sequence), descriptors[sequence])
+    told = offline(route_map, 0, "filter", [*descriptors])
+    assert stage.candidates(0) == [*told[:3], *told[1:4]]
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_a_new_stream_begins_afresh(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
@@ -170,11 +220,23 @@ def test_a_new_stream_begins_afresh(
     assert candidates[: len(descriptors)] == candidates[len(descriptors) :]
 
 
-def test_the_end_of_the_stream_is_passed_on_by_every_channel(route_map: Map) -> None:
+@pytest.mark.parametrize("rule", RULES)
+def test_a_frame_is_answered_by_one_message_of_all_channels(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
+) -> None:
+    stage = Stage(route_map, rule)
+    stage.send(header(0), descriptors[0])
+    ((about, message),) = stage.publishers[RUNS[0]].sent
+    assert about == header(0)
+    assert isinstance(message, CandidatesMessage)
+    assert message.rule == rule
+    assert tuple(each.channel for each in message.candidates) == stage.channels
+
+
+def test_the_end_of_the_stream_is_passed_on(route_map: Map) -> None:
     stage = Stage(route_map, "evidence")
     stage.handle(stage.feature(header(0, end=True)))
-    for publisher in stage.publishers[RUNS[0]].values():
-        assert publisher.sent == [(header(0, end=True), None)]
+    assert stage.publishers[RUNS[0]].sent == [(header(0, end=True), None)]
 
 
 def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
@@ -188,7 +250,7 @@ def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
         (b"\xc1", "no msgpack"),
         (b"", "no msgpack"),
         (foreign, "give the featurizer the same map"),
-        (short, f"descriptor of {len(descriptors[0]) - 1}, not {len(descriptors[0])} values"),
+        (short, f"descriptor of shape .*{len(descriptors[0]) - 1},.*, not .*{len(descriptors[0])}"),
         (huge, "descriptor of length 1e\\+20, not 1"),
     ]
     for sequence, descriptor in enumerate(descriptors):
@@ -198,7 +260,7 @@ def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
                     stage.handle(received(Keys(RUNS[0]).feature, about, message))
         stage.send(header(sequence), descriptor)
     assert stage.candidates(0) == offline(route_map, 0, "evidence", [*descriptors])
-    assert stage.counts == {RUNS[0]: {"streams": 1, "gaps": 0}, RUNS[1]: {}}
+    assert stage.counts == {RUNS[0]: {"streams": 1}, RUNS[1]: {}}
 
 
 @dataclass(frozen=True)
@@ -255,7 +317,7 @@ def test_a_stream_that_follows_another_in_one_batch_begins_afresh(
     stage.handle(*first, stage.feature(header(5, end=True)), *second)
     expected = offline(route_map, 0, "filter", [*descriptors])
     assert stage.candidates(0) == expected[:5] + expected
-    assert stage.publishers[RUNS[0]][0].sequences == [*range(5), 5, *range(len(descriptors))]
+    assert stage.publishers[RUNS[0]].sequences == [*range(5), 5, *range(len(descriptors))]
 
 
 def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
@@ -266,12 +328,42 @@ def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
     stage.handle(*messages[:4])
     with monkeypatch.context() as patch:
         patch.setattr(MetricPlaces, "compare", lambda *_: 1 // 0)
-        with pytest.raises(ZeroDivisionError):
-            stage.handle(*messages[4:6])
+        stage.handle(*messages[4:6])
+    assert stage.counts[RUNS[0]]["failed"] == 2
     stage.handle(*messages[6:])
     seen = [None if s in (4, 5) else d for s, d in enumerate(descriptors)]
     expected = offline(route_map, 0, "filter", seen)
     assert stage.candidates(0) == expected[:4] + expected[6:]
+
+
+def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = Stage(route_map, "filter")
+    batch = [
+        stage.feature(header(sequence), descriptor, run=run)
+        for sequence, descriptor in enumerate(descriptors[:8])
+        for run in RUNS
+    ]
+    pushed, real = iter(range(1000)), FilterMatcher.push
+
+    def push(self: FilterMatcher, seen: Comparison | None) -> Candidate:
+        if next(pushed) == 9:  # two runs and two channels: the second channel, in the third frame
+            raise ZeroDivisionError
+        return real(self, seen)
+
+    monkeypatch.setattr(FilterMatcher, "push", push)
+    stage.handle(*batch)
+    assert stage.counts[RUNS[0]]["failed"] == 1
+    seen = [None if s == 2 else d for s, d in enumerate(descriptors[:8])]
+    damaged = offline(route_map, 2, "filter", seen)
+    assert stage.candidates(2) == damaged[:2] + damaged[3:]
+    whole = offline(route_map, 0, "filter", [*descriptors[:8]])
+    assert stage.candidates(0) == whole[:2] + whole[3:]
+    assert "failed" not in stage.counts[RUNS[1]]
+    for channel in stage.channels:
+        expected = offline(route_map, channel, "filter", [*descriptors[:8]])
+        assert stage.candidates(channel, run=RUNS[1]) == expected
 
 
 def test_a_channel_that_the_map_has_not_is_refused(route_map: Map) -> None:

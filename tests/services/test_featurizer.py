@@ -3,16 +3,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bus_doubles import RecordingPublisher, header, received
+from bus_doubles import Memory, RecordingPublisher, header, received
 
+from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header
+from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
-from placefield_services.featurizer import Featurizer
+from placefield_services.featurizer import Featurizer, Outlet
 
 KEY = Keys("test").frame
 
@@ -26,11 +27,25 @@ class Stage:
     """A featurizer, what it published and what it counted."""
 
     def __init__(self, placemap: Map) -> None:
-        self.publisher = RecordingPublisher()
+        self.publisher = RecordingPublisher(FeatureMessage)
+        self.moments = RecordingPublisher(MomentsMessage)
+        self.features_elsewhere, self.moments_elsewhere = Memory(), Memory()
         self.counts: Counter[str] = Counter()
+        outlet = Outlet(
+            Outbox(self.publisher, History()),
+            self.moments,
+            self.features_elsewhere.recall,
+            self.moments_elsewhere.recall,
+        )
+        other = Outlet(
+            Outbox(RecordingPublisher(FeatureMessage), History()),
+            RecordingPublisher(MomentsMessage),
+            Memory().recall,
+            Memory().recall,
+        )
         self._featurizer = Featurizer(
             placemap.model,
-            {"test": self.publisher, "other": RecordingPublisher()},
+            {"test": outlet, "other": other},
             {"test": self.counts, "other": Counter()},
         )
         self._featurizer.rehearse()
@@ -110,16 +125,87 @@ def test_a_new_stream_begins_afresh(stage: Stage, images: list[bytes]) -> None:
     assert stage.counts["streams"] == 2
 
 
-def test_frames_that_came_twice_or_too_late_are_not_described_again(
+def test_a_frame_that_comes_again_is_not_described_but_answered_again(
     stage: Stage, images: list[bytes]
 ) -> None:
     for sequence in (0, 1, 1, 0, 2):
         stage.send(header(sequence), images[sequence])
     stage.send(header(0, stream="next"), images[0])
     stage.send(header(3), images[3])
-    assert stage.publisher.sequences == [0, 1, 2, 0]
-    assert stage.counts["duplicate"] == 2
+    assert stage.publisher.sequences == [0, 1, 1, 0, 2, 0]
+    assert stage.descriptors[1] == stage.descriptors[2]
+    assert stage.descriptors[0] == stage.descriptors[3] == stage.descriptors[5]
+    assert stage.counts["repeated"] == 2
     assert stage.counts["stale"] == 1
+
+
+def test_a_live_frame_that_comes_again_is_dropped(stage: Stage, images: list[bytes]) -> None:
+    for sequence in (0, 1, 1, 0, 2):
+        stage.send(header(sequence, live=True), images[sequence])
+    assert stage.publisher.sequences == [0, 1, 2]
+
+
+def test_a_lossless_frame_waits_for_those_before_it_to_be_sent_again(
+    stage: Stage, route_map: Map, images: list[bytes]
+) -> None:
+    whole = Stage(route_map)
+    for sequence in range(4):
+        whole.send(header(sequence), images[sequence])
+    for sequence in (0, 2, 3, 1, 2, 3):
+        stage.send(header(sequence), images[sequence])
+    assert stage.publisher.sequences == [0, 1, 2, 3]
+    assert stage.descriptors == whole.descriptors
+    assert stage.counts["early"] == 2
+
+
+def test_a_live_frame_waits_for_none(stage: Stage, images: list[bytes]) -> None:
+    for sequence in (0, 2, 1, 3):
+        stage.send(header(sequence, live=True), images[sequence])
+    assert stage.publisher.sequences == [0, 2, 3]
+    assert stage.counts["gaps"] == 1
+
+
+def ended_in_the_midst(route_map: Map, images: list[bytes], *, live: bool) -> tuple[Stage, Stage]:
+    """Return a featurizer of all frames, and one of the last with what is known of the first."""
+    whole, second = Stage(route_map), Stage(route_map)
+    for sequence, image in enumerate(images):
+        whole.send(header(sequence, live=live), image)
+    for kept, published in (
+        (second.features_elsewhere, whole.publisher),
+        (second.moments_elsewhere, whole.moments),
+    ):
+        for about, message in published.sent[:3]:
+            assert message is not None
+            kept.kept[about.sequence] = about, message.encode()
+    return whole, second
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_one_that_comes_back_goes_on_as_if_nothing_had_happened(
+    route_map: Map, images: list[bytes], live: bool
+) -> None:
+    whole, second = ended_in_the_midst(route_map, images, live=live)
+    for sequence in range(3, len(images)):
+        second.send(header(sequence, live=live, oldest=0 if live else 2), images[sequence])
+    assert second.descriptors == whole.descriptors[3:]
+
+
+def test_one_that_comes_back_takes_up_a_lossless_stream_where_the_other_left_it(
+    route_map: Map, images: list[bytes]
+) -> None:
+    whole, second = ended_in_the_midst(route_map, images, live=False)
+    for sequence in (4, 1, 2, 3, 4, 5):  # the first was under way, the source sends all again
+        second.send(header(sequence, oldest=1), images[sequence])
+    assert second.publisher.sequences == [1, 2, 3, 4, 5]
+    assert second.descriptors == whole.descriptors[1:]
+
+
+def test_where_nobody_remembers_a_stream_it_goes_on_from_the_oldest_frame_that_is_awaited(
+    stage: Stage, images: list[bytes]
+) -> None:
+    for sequence in (3, 2, 3):
+        stage.send(header(sequence, oldest=2), images[sequence])
+    assert stage.publisher.sequences == [2, 3]
 
 
 def test_the_end_of_the_stream_is_passed_on_behind_the_last_frame(

@@ -1,4 +1,3 @@
-import threading
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,8 +7,17 @@ import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher, header, received
 
-from placefield.bus.keys import Keys, channel_identity
-from placefield.bus.messages import CandidateMessage, FeatureMessage, Header, MatchMessage, Message
+from placefield.bus.history import History, Outbox
+from placefield.bus.keys import Keys, Part
+from placefield.bus.messages import (
+    CandidatesMessage,
+    ChannelCandidate,
+    FeatureMessage,
+    Header,
+    HistoryQuery,
+    MatchMessage,
+    Message,
+)
 from placefield.config import Config, Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
@@ -17,9 +25,11 @@ from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_EVIDENCE, NO_PLACES, Candidate
 from placefield_services import fuser as fuser_module
-from placefield_services.fuser import Fuser, LiveChannels
+from placefield_services.fuser import Fuser
+from placefield_services.live_channels import LiveChannels
 
 KEYS = Keys("test")
+CANDIDATES = KEYS.candidates("worker")
 DEADLINE_S = 2.0
 CHANNELS = 3
 
@@ -48,15 +58,23 @@ class Stage:
         self.channels = LiveChannels(CHANNELS)
         for channel in range(CHANNELS):
             self.set_alive(channel, True)
-        self.matches, self.acks = RecordingPublisher(), RecordingPublisher()
+        self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
+        self.features = History()
         self.counts: Counter[str] = Counter()
         self._clock = clock
         self._fuser = Fuser(
-            placemap, self.config, self.channels, self.matches, self.acks, self.counts
+            placemap,
+            self.config,
+            KEYS,
+            self.channels,
+            self.features,
+            Outbox(self.matches, History()),
+            self.acks,
+            self.counts,
         )
 
     def set_alive(self, channel: int, is_alive: bool) -> None:
-        token = KEYS.alive("channel", channel_identity(channel, "worker"))
+        token = KEYS.alive("channel", Part(channel).identity("worker"))
         self.channels.change(token, is_alive)
 
     def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
@@ -74,16 +92,19 @@ class Stage:
         best = int(np.argmax(evidence))
         return Candidate(int(places[best]), float(evidence[best]), places, evidence)
 
-    def message(self, channel: int, sequence: int, **changes: Any) -> CandidateMessage:
-        fields = vars(self.candidate(channel, sequence)) | {
-            "rule": self.config.matching.rule,
-            "channel": channel,
-        }
-        return CandidateMessage(**(fields | changes))
+    def written(self, channel: int, sequence: int, **changes: Any) -> ChannelCandidate:
+        return ChannelCandidate(
+            **(vars(self.candidate(channel, sequence)) | {"channel": channel} | changes)
+        )
 
-    def answer(self, channel: int, about: Header) -> None:
-        message = self.message(channel, about.sequence)
-        self.handle(KEYS.candidate(channel), about, message)
+    def message(self, *candidates: ChannelCandidate, rule: Rule | None = None) -> CandidatesMessage:
+        return CandidatesMessage(rule=rule or self.config.matching.rule, candidates=candidates)
+
+    def answer(self, channels: int | tuple[int, ...], about: Header) -> None:
+        """Let one worker answer, of one channel or several."""
+        numbers = channels if isinstance(channels, tuple) else (channels,)
+        candidates = [self.written(channel, about.sequence) for channel in numbers]
+        self.handle(CANDIDATES, about, self.message(*candidates))
 
     def pass_time(self, seconds: float) -> None:
         self._clock.now += seconds
@@ -171,7 +192,7 @@ def test_the_stream_ends_behind_its_last_answer(stage: Stage) -> None:
     stage.handle(KEYS.feature, header(1, end=True))
     assert not stage.matches.sent
     for channel in range(CHANNELS):
-        stage.handle(KEYS.candidate(channel), header(1, end=True))
+        stage.handle(CANDIDATES, header(1, end=True))
         stage.answer(channel, header(0))
     assert stage.matches.sequences == [0, 1]
     assert stage.matches.sent[-1] == stage.acks.sent[-1] == (header(1, end=True), None)
@@ -186,6 +207,23 @@ def test_second_answers_of_replicas_are_dropped_and_counted(stage: Stage) -> Non
     stage.announce(header(0))
     for channel in (0, 0, 1, 2):
         stage.answer(channel, header(0))
+    assert stage.published == [(0, stage.expected(0))]
+    assert stage.counts["duplicate"] == 1
+
+
+def test_one_message_answers_for_all_channels_of_a_worker(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer((2, 0), header(0))
+    assert not stage.published
+    stage.answer(1, header(0))
+    assert stage.published == [(0, stage.expected(0))]
+
+
+def test_of_replicas_the_first_answer_counts_channel_by_channel(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer((0, 1), header(0))
+    twice = stage.written(1, 0, **vars(stage.candidate(1, 99)))
+    stage.handle(CANDIDATES, header(0), stage.message(twice, stage.written(2, 0)))
     assert stage.published == [(0, stage.expected(0))]
     assert stage.counts["duplicate"] == 1
 
@@ -228,25 +266,29 @@ def test_an_answer_has_the_pose_of_its_place_where_the_map_has_poses(
 
 def garbage(stage: Stage) -> list[tuple[str, Message | bytes, str]]:
     """Key, message, and why it is refused."""
-    candidate, count = KEYS.candidate(0), stage.places
-    good = stage.candidate(0, 0)
+    count, good = stage.places, stage.candidate(0, 0)
     feature = FeatureMessage(model="m", descriptor=None)
+
+    def beside_a_good_one(**changes: Any) -> CandidatesMessage:
+        return stage.message(stage.written(1, 0), stage.written(0, 0, **changes))
+
     return [
         (KEYS.feature, b"\xc1", "no msgpack"),
         (KEYS.feature, b"", "no msgpack"),
-        (KEYS.feature, stage.message(0, 0), "FeatureMessage"),
-        (candidate, b"", "no msgpack"),
-        (candidate, feature, "CandidateMessage"),
-        (candidate, stage.message(0, 0, rule="lowest-score"), "--rule"),
-        (candidate, stage.message(0, 0, place=count), "another map"),
-        (candidate, stage.message(0, 0, evidence=good.evidence[1:]), "another map"),
-        (candidate, stage.message(0, 0, evidence=NO_EVIDENCE), "another map"),
-        (candidate, stage.message(0, 0, places=NO_PLACES), "another map"),
-        (candidate, stage.message(0, 0, place=-1), "another map"),
+        (KEYS.feature, beside_a_good_one(), "FeatureMessage"),
+        (CANDIDATES, b"", "no msgpack"),
+        (CANDIDATES, feature, "CandidatesMessage"),
+        (CANDIDATES, stage.message(stage.written(0, 0), rule="lowest-score"), "--rule"),
+        (CANDIDATES, beside_a_good_one(place=count), "another map"),
+        (CANDIDATES, beside_a_good_one(evidence=good.evidence[1:]), "another map"),
+        (CANDIDATES, beside_a_good_one(evidence=NO_EVIDENCE), "another map"),
+        (CANDIDATES, beside_a_good_one(places=NO_PLACES), "another map"),
+        (CANDIDATES, beside_a_good_one(places=NO_PLACES, evidence=NO_EVIDENCE), "another map"),
+        (CANDIDATES, beside_a_good_one(place=-1), "another map"),
     ] + [
         (
-            candidate,
-            stage.message(0, 0, places=np.array(places, np.int32), evidence=good.evidence[:3]),
+            CANDIDATES,
+            beside_a_good_one(places=np.array(places, np.int32), evidence=good.evidence[:3]),
             "another map",
         )
         for places in ([0, 2, 1], [3, 3, 4], [-1, 0, 1], [0, 1, count], [-(2**31), 0, 2**31 - 1])
@@ -269,37 +311,11 @@ def test_garbage_under_a_good_header_leaves_the_stream_as_it_was(stage: Stage) -
 
 def test_a_candidate_of_a_channel_that_the_map_has_not_is_counted(stage: Stage) -> None:
     stage.announce(header(0))
-    stage.handle(KEYS.candidate(9), header(0), stage.message(9, 0))
+    stage.answer(9, header(0))
     for channel in range(CHANNELS):
         stage.answer(channel, header(0))
     assert stage.published == [(0, stage.expected(0))]
     assert stage.counts["unknown_channel"] == 1
-
-
-def test_a_channel_is_alive_as_long_as_one_of_its_workers() -> None:
-    channels = LiveChannels(2)
-    for worker in ("one", "two"):
-        channels.change(KEYS.alive("channel", channel_identity(1, worker)), True)
-    channels.change(KEYS.alive("channel", channel_identity(1, "one")), False)
-    assert channels.alive == {1}
-    channels.change(KEYS.alive("channel", channel_identity(1, "two")), False)
-    channels.change(KEYS.alive("channel", "nameless"), True)
-    assert not channels.alive
-
-
-def test_waiting_for_all_channels_ends_with_the_last_or_with_the_time_or_when_stopped() -> None:
-    channels, stop = LiveChannels(2), threading.Event()
-    channels.change(KEYS.alive("channel", channel_identity(0, "worker")), True)
-    channels.wait_for_all(0.05, stop)
-    last = KEYS.alive("channel", channel_identity(1, "worker"))
-    timer = threading.Timer(0.05, channels.change, [last, True])
-    timer.start()
-    channels.wait_for_all(60, stop)
-    timer.join()
-    assert channels.alive == {0, 1}
-    channels.change(last, False)
-    stop.set()
-    channels.wait_for_all(60, stop)
 
 
 def belief(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -328,12 +344,69 @@ def test_candidates_hold_what_their_rule_has_and_nothing_else(
     stage = Stage(route_map, Clock(), rule)
     for held in wrong:
         places, evidence = held(stage.places)
-        message = stage.message(0, 0, places=places, evidence=evidence)
+        message = stage.message(stage.written(0, 0, places=places, evidence=evidence))
         with pytest.raises(MessageError, match="another map"):
-            stage.handle(KEYS.candidate(0), header(0), message)
+            stage.handle(CANDIDATES, header(0), message)
     for sequence, held in enumerate(right):
         places, evidence = held(stage.places)
         for channel in range(CHANNELS):
-            message = stage.message(channel, 0, places=places, evidence=evidence)
-            stage.handle(KEYS.candidate(channel), header(sequence), message)
+            message = stage.message(stage.written(channel, 0, places=places, evidence=evidence))
+            stage.handle(CANDIDATES, header(sequence), message)
     assert [sequence for sequence, _ in stage.published] == list(range(len(right)))
+
+
+def test_a_frame_whose_answer_was_lost_is_answered_again(stage: Stage) -> None:
+    for sequence in range(3):
+        stage.announce(header(sequence))
+        stage.answer((0, 1, 2), header(sequence))
+    stage.announce(header(1, oldest=1))
+    assert [sequence for sequence, _ in stage.published] == [0, 1, 2, 1]
+    assert stage.published[3] == stage.published[1]
+    assert stage.acks.sequences == [0, 1, 2, 1]
+
+
+def test_one_that_comes_back_begins_with_the_oldest_frame_that_is_awaited(stage: Stage) -> None:
+    stage.announce(header(7, oldest=5))
+    stage.answer((0, 1, 2), header(7, oldest=5))
+    stage.pass_time(1000)
+    assert stage.published == []
+    for sequence in (5, 6):
+        stage.announce(header(sequence, oldest=5))
+        stage.answer((0, 1, 2), header(sequence, oldest=5))
+    assert [sequence for sequence, _ in stage.published] == [5, 6, 7]
+
+
+def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
+    for sequence in range(3):
+        stage.announce(header(sequence))
+    query = HistoryQuery(stream="s", first=1, end=9).encode()
+    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert told == [1, 2]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_the_shards_of_a_channel_answer_as_the_channel_does(
+    stage: Stage, order: tuple[int, ...]
+) -> None:
+    whole = stage.candidate(1, 0)
+    cuts = np.array_split(np.arange(len(whole.places)), 3)
+    stage.answer((0, 2), header(0))
+    stage.announce(header(0))
+    for shard in order:
+        assert not stage.published
+        places, evidence = whole.places[cuts[shard]], whole.evidence[cuts[shard]]
+        best = int(np.argmax(evidence))
+        part = Candidate(int(places[best]), float(evidence[best]), places, evidence)
+        written = ChannelCandidate.of(1, part)
+        message = CandidatesMessage(rule="filter", shard=shard, shards=3, candidates=(written,))
+        stage.handle(KEYS.candidates(f"worker{shard}"), header(0), message)
+    ((sequence, match),) = stage.published
+    expected = stage.expected(0)
+    assert (sequence, match.place, match.missing) == (0, expected.place, ())
+    assert match.score == pytest.approx(expected.score, abs=1e-3)  # the next to nothing is dropped
+
+
+def test_a_shard_that_does_not_exist_is_refused(stage: Stage) -> None:
+    message = CandidatesMessage(rule="filter", shard=3, shards=3, candidates=(stage.written(0, 0),))
+    with pytest.raises(MessageError, match="shard 3 of 3"):
+        stage.handle(CANDIDATES, header(0), message)

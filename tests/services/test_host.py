@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from placefield.bus.keys import Keys, channel_identity
+from placefield.bus.keys import Keys, Part
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
@@ -17,6 +17,7 @@ from placefield_services import host
 from placefield_services.host import run_host
 
 RUNS_ON = "import time\ntime.sleep(60)"
+IS_KILLED = "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)"
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ def test_what_dies_is_started_again(
 ) -> None:
     monkeypatch.setattr(host, "_YOUNG_S", 0.0)
     dies, stays = tmp_path / "dies", tmp_path / "stays"
-    scripts = {"dies": appends_to(dies) + "raise SystemExit(3)", "stays": appends_to(stays)}
+    scripts = {"dies": appends_to(dies) + IS_KILLED, "stays": appends_to(stays)}
     scripts["stays"] += RUNS_ON
     run(scripts, config, lambda: len(lines(dies)) >= 3)
     assert len(lines(dies)) >= 3
@@ -78,9 +79,50 @@ def test_what_cannot_start_at_all_ends_the_host_by_name(
     config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
-    scripts = {"channel worker 1": "raise SystemExit(3)", "fuser": RUNS_ON}
-    with pytest.raises(BusError, match="channel worker 1 ended with code 3 5 times in a row"):
+    scripts = {"channel worker 1": IS_KILLED, "fuser": RUNS_ON}
+    with pytest.raises(BusError, match="channel worker 1 ended with code -9 5 times in a row"):
         run(scripts, config, lambda: False)
+
+
+def test_a_service_that_gives_up_before_all_are_ready_ends_the_host_at_once(
+    config: Config, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    tried = tmp_path / "tried"
+    scripts = {"fuser": appends_to(tried) + "raise SystemExit(1)", "featurizer": RUNS_ON}
+    with pytest.raises(SystemExit) as ended:
+        run(scripts, config, lambda: False)
+    assert ended.value.code == 1
+    assert len(lines(tried)) == 1
+    assert not caplog.messages  # the service has said why
+
+
+def test_a_service_that_gives_up_after_all_were_ready_is_started_again(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
+    keys, go, tried = Keys(config.run), tmp_path / "go", tmp_path / "tried"
+    waits = f"import os, time\nwhile not os.path.exists({str(go)!r}): time.sleep(0.01)\n"
+    command = [sys.executable, "-c", waits + appends_to(tried) + "raise SystemExit(1)"]
+    stop = threading.Event()
+    watch = threading.Thread(target=_stop_when, args=(lambda: len(lines(tried)) >= 2, stop))
+    watch.start()
+    announcing = threading.Thread(target=_announce_all, args=(config, keys, stop))
+    announcing.start()
+    try:
+        run_host({"fuser": command}, 1, config, stop, go.touch)
+    finally:
+        stop.set()
+        watch.join()
+        announcing.join()
+    assert len(lines(tried)) >= 2
+
+
+def _announce_all(config: Config, keys: Keys, stop: threading.Event) -> None:
+    channel = keys.alive("channel", Part(0).identity("c"))
+    with open_bus(config.bus) as bus:
+        for token in (keys.alive("fuser", "a"), keys.alive("featurizer", "b"), channel):
+            bus.declare_alive(token)
+        stop.wait(60)
 
 
 def test_what_does_not_listen_is_killed(config: Config, tmp_path: Path) -> None:
@@ -125,7 +167,7 @@ def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Confi
     served = threading.Thread(target=run_host, args=({}, 2, config, stop, on_ready))
     served.start()
     tokens = [keys.alive("fuser", "a"), keys.alive("featurizer", "b")]
-    tokens += [keys.alive("channel", channel_identity(channel, "c")) for channel in (0, 1)]
+    tokens += [keys.alive("channel", Part(channel).identity("c")) for channel in (0, 1)]
     try:
         for _ in range(2):
             with open_bus(config.bus) as bus:

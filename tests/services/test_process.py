@@ -1,3 +1,4 @@
+import gc
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Message, StatsMessage
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
-from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess
+from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess, begin
 
 KEYS = Keys("test")
 
@@ -129,6 +130,18 @@ def test_counts_are_published_by_run_under_the_process_own_name(
         (KEYS.stats("fuser", process.identity), own),
         (Keys("other").stats("fuser", process.identity), other),
     ]
+
+
+def test_no_garbage_is_looked_for_until_a_process_serves(process: ServiceProcess) -> None:
+    looked_for = []
+    try:
+        begin()
+        looked_for.append(gc.isenabled())
+        serve(process, lambda _: looked_for.append(gc.isenabled()), messages_of(1))
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    assert looked_for == [False, True]
 
 
 _WAITS_FOR_STOP = """

@@ -1,36 +1,62 @@
 """Matches off the bus."""
 
 import queue
-from collections import Counter
+import time
+from collections import Counter, deque
 from collections.abc import Iterator
 
+from placefield.bus.history import recalling
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import Bus
+from placefield.bus.streams import StreamFollower, Turn
+
+Taken = tuple[Header, MatchMessage | None]
 
 
 class MatchQueue:
-    """The matches of a run from now on, in the order in which they come."""
+    """The matches of a run from now on, each once.
+
+    They come in order. In a lossless stream what was lost on the way is asked for.
+    """
 
     def __init__(self, bus: Bus, keys: Keys) -> None:
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
+        self._taken: deque[Taken] = deque()
+        self._follower = StreamFollower(self.counts, lambda header: header.sequence)
+        self._recall = recalling(bus, keys.history(keys.match))
         bus.subscribe(keys.match, self._received.put, self.counts)
 
-    def take(self, timeout: float) -> tuple[Header, MatchMessage | None] | None:
+    def take(self, timeout: float) -> Taken | None:
         """Return the next match with its header, no match at the end of a stream; None: none yet.
 
         Raises:
             MessageError: it does not parse.
         """
-        try:
-            received = self._received.get(timeout=timeout)
-        except queue.Empty:
-            return None
-        if received.header.end:
-            return received.header, None
-        return received.header, MatchMessage.decode(received.payload)
+        end = time.monotonic() + timeout
+        while not self._taken:
+            try:
+                received = self._received.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                return None
+            self._receive(received.header, received.payload)
+        return self._taken.popleft()
+
+    def _receive(self, header: Header, payload: bytes) -> None:
+        match = None if header.end else MatchMessage.decode(payload)
+        turn = self._follower.follow(header)
+        if turn is Turn.AHEAD:
+            missed = [] if header.live else self._missed(header)
+            self._taken += missed
+            self._follower.leap(header.sequence, found=len(missed))
+        if turn in (Turn.NEXT, Turn.AHEAD):
+            self._taken.append((header, match))
+
+    def _missed(self, header: Header) -> list[Taken]:
+        recalled = self._recall(header.stream, self._follower.next, header.sequence)
+        return [(old, MatchMessage.decode(payload)) for old, payload in recalled.values()]
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:

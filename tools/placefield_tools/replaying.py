@@ -4,7 +4,7 @@ import itertools
 import threading
 import time
 import uuid
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 
 from placefield.bus.credits import Credits
@@ -19,6 +19,7 @@ from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
 
 _POLL_S = 0.1
+_SEND_AGAIN_S = 0.5  # after the last answer, and again after twice as long, and so on
 _STALLED_S = 15.0
 
 
@@ -74,6 +75,7 @@ class _Stream:
         self._live = live
         self._stamp_ns = 0
         self._credits = Credits()
+        self._unanswered: deque[tuple[Header, bytes]] = deque()
         self._run = keys.run
         self._publisher = bus.publisher(keys.frame)
         bus.subscribe(keys.ack, self._answered, Counter())
@@ -87,14 +89,27 @@ class _Stream:
         if stop.is_set() or not (self._live or self._await(self._take_credit, stop)):
             return False
         self._stamp_ns = frame.stamp_ns
-        self._publisher.put(self._header(), FrameMessage(image=frame.image))
+        self._put(self._header(), FrameMessage(image=frame.image).encode())
         self.sent += 1
         return True
 
     def end(self, stop: threading.Event) -> None:
         """Publish the end of the stream and wait until it is answered."""
-        self._publisher.put(self._header(end=True))
+        self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
+
+    def _put(self, header: Header, payload: bytes) -> None:
+        self._publisher.send(header, payload)
+        if header.end or not self._live:
+            self._unanswered.append((header, payload))
+        while self._unanswered and self._unanswered[0][0].sequence < self._credits.answered:
+            self._unanswered.popleft()
+
+    def _send_again(self) -> None:
+        """Send what has not been answered: it, or its answer, may be lost."""
+        oldest = self._credits.answered
+        for header, payload in self._unanswered:
+            self._publisher.send(header.model_copy(update={"oldest": oldest}), payload)
 
     def _take_credit(self) -> bool:
         return self._credits.take(_POLL_S)
@@ -105,6 +120,7 @@ class _Stream:
             sequence=self.sent,
             stamp_ns=self._stamp_ns,
             live=self._live,
+            oldest=0 if self._live else self._credits.answered,
             end=end,
         )
 
@@ -114,14 +130,17 @@ class _Stream:
         Raises:
             BusError: the services have answered nothing for a long time.
         """
-        answered, since = self._credits.answered, time.monotonic()
+        answered, since, wait_s = self._credits.answered, time.monotonic(), _SEND_AGAIN_S
         while not stop.is_set():
             if is_over():
                 return True
             if self._credits.answered != answered:
-                answered, since = self._credits.answered, time.monotonic()
+                answered, since, wait_s = self._credits.answered, time.monotonic(), _SEND_AGAIN_S
             elif time.monotonic() > since + _STALLED_S:
                 raise self._stalled()
+            elif time.monotonic() > since + wait_s:
+                self._send_again()
+                wait_s *= 2
         return False
 
     def _stalled(self) -> BusError:

@@ -14,7 +14,7 @@ from placefield.bus.keys import run_of
 from placefield.bus.messages import Header
 
 CAPACITY = 4096
-"""Messages of a run; above a credit window of frames and their candidates of 64 channels, so that a
+"""Messages of a run; above a credit window of frames and their candidates of 64 workers, so that a
 lossless stream never fills it."""
 
 

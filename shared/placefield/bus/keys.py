@@ -1,8 +1,11 @@
 """The keys of a run: one place that spells them."""
 
+import re
 from dataclasses import dataclass
 
 ROOT = "placefield"
+
+_PART = re.compile(r"([0-9]{1,5})(?:\.([0-9]{1,5})of([0-9]{1,5}))?-[0-9A-Za-z_]+")
 
 
 @dataclass(frozen=True)
@@ -21,14 +24,14 @@ class Keys:
         """Descriptors, from the featurizer to the channels."""
         return f"{ROOT}/{self.run}/feature"
 
-    def candidate(self, channel: int, shard: int = 0) -> str:
-        """Candidates of one channel, to the fuser."""
-        return f"{ROOT}/{self.run}/candidate/{channel}/{shard}"
+    def candidates(self, worker: str) -> str:
+        """Candidates of all channels of one worker, to the fuser."""
+        return f"{ROOT}/{self.run}/candidate/{worker}"
 
     @property
     def all_candidates(self) -> str:
-        """Candidates of all channels."""
-        return f"{ROOT}/{self.run}/candidate/*/*"
+        """Candidates of all workers."""
+        return f"{ROOT}/{self.run}/candidate/*"
 
     @property
     def match(self) -> str:
@@ -44,6 +47,24 @@ class Keys:
     def ack(self) -> str:
         """Credits: frames that have been answered, from the fuser to the source."""
         return f"{ROOT}/{self.run}/ack"
+
+    @property
+    def moments(self) -> str:
+        """What the frames so far were like, from the featurizer to who remembers it for another."""
+        return f"{ROOT}/{self.run}/moments"
+
+    def borders(self, worker: str) -> str:
+        """What a worker's shards tell those beside them."""
+        return f"{ROOT}/{self.run}/border/{worker}"
+
+    @property
+    def all_borders(self) -> str:
+        """What all shards tell each other."""
+        return f"{ROOT}/{self.run}/border/*"
+
+    def history(self, key: str) -> str:
+        """Where to ask for what came on a key of this run, or on one that begins like it."""
+        return f"{ROOT}/{self.run}/history/{key.split('/')[2]}"
 
     def alive(self, service: str, identity: str) -> str:
         """Liveliness token of one process of a service: present means ready."""
@@ -74,12 +95,26 @@ def service_and_identity(key: str) -> tuple[str, str]:
     return service, identity
 
 
-def channel_identity(channel: int, identity: str) -> str:
-    """Name the token of one channel of a worker."""
-    return f"{channel}-{identity}"
+@dataclass(frozen=True)
+class Part:
+    """What a channel worker serves: a channel, or one of its shards."""
+
+    channel: int
+    shard: int = 0
+    shards: int = 1
+
+    def identity(self, worker: str) -> str:
+        """Name the token of this part at a worker, as ``2-ab12``, or ``2.0of4-ab12``."""
+        shard = f".{self.shard}of{self.shards}" if self.shards > 1 else ""
+        return f"{self.channel}{shard}-{worker}"
 
 
-def channel_of(identity: str) -> int | None:
-    """Read the channel from such a name; None if it is no such name."""
-    channel = identity.partition("-")[0]
-    return int(channel) if channel.isdecimal() else None
+def part_of(identity: str) -> Part | None:
+    """Read the part from such a name; None if it is no such name."""
+    found = _PART.fullmatch(identity)
+    if found is None:
+        return None
+    channel, shard, shards = (
+        int(number or default) for number, default in zip(found.groups(), (0, 0, 1), strict=True)
+    )
+    return Part(channel, shard, shards) if shard < shards else None

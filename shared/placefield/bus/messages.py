@@ -4,6 +4,7 @@ Every data message has a ``Header`` in its attachment; the payload is one of the
 Decoding checks everything: what does not parse raises ``MessageError`` and goes no further.
 """
 
+import itertools
 from typing import Annotated, Any, Literal, Self
 
 import msgpack
@@ -22,11 +23,28 @@ from pydantic import (
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
+from placefield.matching.candidate import Candidate
 
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
-_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32}
+# What is many comes as bytes, so a message has few lists and mappings, and short ones. Without
+# these bounds a stranger's message becomes objects of a hundred times its size.
+_MOST_CONTAINERS = 512  # above a message of the candidates of 64 channels
+_LIMITS = {"max_array_len": 256, "max_map_len": 256, "max_str_len": 1024, "max_ext_len": 0}
+
+_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32, "float64": np.float64}
+
+
+def _unpack(data: bytes) -> Any:
+    numbers = itertools.count(1)
+
+    def count(container: Any) -> Any:
+        if next(numbers) > _MOST_CONTAINERS:
+            raise ValueError(f"more than {_MOST_CONTAINERS} lists and mappings")
+        return container
+
+    return msgpack.unpackb(data, use_list=False, list_hook=count, object_hook=count, **_LIMITS)
 
 
 def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
@@ -52,6 +70,20 @@ def _float_vector(value: Any) -> NDArray[np.float32]:
     return array
 
 
+def _sums(value: Any) -> NDArray[np.float64]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float64 or array.ndim != 2 or not np.isfinite(array).all():
+        raise ValueError("expected a matrix of finite float64")
+    return array
+
+
+def _number_vector(value: Any) -> NDArray[np.float64]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float64 or array.ndim != 1 or np.isnan(array).any():
+        raise ValueError("expected a vector of float64")
+    return array
+
+
 def _index_vector(value: Any) -> NDArray[np.int32]:
     array = _array_from_wire(value)
     if array.dtype != np.int32 or array.ndim != 1:
@@ -73,23 +105,32 @@ def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
     return image if isinstance(image, bytes) else _array_to_wire(image)
 
 
+Channel = Annotated[int, Field(ge=0, lt=2**16)]
 FloatVector = Annotated[
     NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
 ]
 IndexVector = Annotated[
     NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)
 ]
+NumberVector = Annotated[
+    NDArray[np.float64], PlainValidator(_number_vector), PlainSerializer(_array_to_wire)
+]
+Sums = Annotated[NDArray[np.float64], PlainValidator(_sums), PlainSerializer(_array_to_wire)]
 Image = Annotated[
     bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
 ]
 
 
-class Message(BaseModel):
-    """Root of all messages."""
+class _Strict(BaseModel):
+    """Takes no field that it does not know, and no value of another type."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True
     )
+
+
+class Message(_Strict):
+    """Root of all messages."""
 
     version: Literal[1] = 1  # of the schema
 
@@ -108,14 +149,15 @@ class Message(BaseModel):
         if len(data) > MAX_BYTES:
             raise MessageError(f"{cls.__name__}: {len(data)} bytes, more than {MAX_BYTES}")
         try:
-            message = cls.model_validate(msgpack.unpackb(data, use_list=False))
+            message = cls.model_validate(_unpack(data))
         except ValidationError as error:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = ".".join(str(part) for part in first["loc"])
             # A stranger may have named the field: quoted and cut, it stays one line of a log.
             raise MessageError(f"{cls.__name__}: {where!r:.80}: {first['msg']}") from None
         except Exception as error:  # msgpack raises a dozen kinds, RecursionError among them
-            raise MessageError(f"{cls.__name__}: no msgpack: {error}") from None
+            why = str(error) or type(error).__name__
+            raise MessageError(f"{cls.__name__}: no msgpack: {why}") from None
         if "version" not in message.model_fields_set:
             raise MessageError(f"{cls.__name__}: has no version")
         return message
@@ -129,6 +171,8 @@ class Header(Message):
         sequence: number of the frame in its stream, from 0, with no gaps at the source.
         stamp_ns: when the frame was taken, as its source has it, nanoseconds.
         live: whether old frames may be dropped for new ones.
+        oldest: the frame of lowest number that its source awaits an answer of, in a stream that
+            is not live.
         end: marks the end of the stream; the message has no payload, and its sequence is the
             number of frames.
     """
@@ -137,6 +181,7 @@ class Header(Message):
     sequence: int = Field(ge=0, lt=2**48)  # so that sums of gaps stay within msgpack's integers
     stamp_ns: int = Field(ge=-(2**63), lt=2**63)
     live: bool = False
+    oldest: int = Field(0, ge=0, lt=2**48)
     end: bool = False
 
 
@@ -153,11 +198,10 @@ class FeatureMessage(Message):
     descriptor: FloatVector | None
 
 
-class CandidateMessage(Message):
-    """A channel's candidate.
+class ChannelCandidate(_Strict):
+    """A channel's candidate, as part of a message.
 
     Attributes:
-        rule: how it was made.
         channel: whose it is.
         place: index of the place, or -1 where there is no answer.
         score: of that place.
@@ -165,12 +209,64 @@ class CandidateMessage(Message):
         evidence: (n,), or (K,) of every place; empty under ``lowest-score`` and without answer.
     """
 
-    rule: Rule
-    channel: int = Field(ge=0, lt=2**16)
+    channel: Channel
     place: int = Field(ge=-1, lt=2**31)
     score: FiniteFloat
     places: IndexVector
     evidence: FloatVector
+
+    @classmethod
+    def of(cls, channel: int, candidate: Candidate) -> Self:
+        """Say whose candidate it is."""
+        return cls(
+            channel=channel,
+            place=candidate.place,
+            score=candidate.score,
+            places=candidate.places,
+            evidence=candidate.evidence,
+        )
+
+    @property
+    def candidate(self) -> Candidate:
+        """The candidate, without the channel."""
+        return Candidate(self.place, self.score, self.places, self.evidence)
+
+
+class CandidatesMessage(Message):
+    """The candidates of a worker's channels: together, for each message costs the fuser a wake-up.
+
+    Attributes:
+        rule: how they were made.
+        shard: which part of the channels' places they are of.
+        shards: of how many.
+        candidates: one of each channel.
+    """
+
+    rule: Rule
+    shard: int = Field(0, ge=0, lt=2**16)
+    shards: int = Field(1, ge=1, le=2**16)
+    candidates: tuple[ChannelCandidate, ...] = Field(min_length=1)
+
+
+class ChannelSummary(_Strict):
+    """What a channel's shards need of one of them, as part of a message."""
+
+    channel: Channel
+    summary: NumberVector
+
+
+class BordersMessage(Message):
+    """What the shards of a worker tell those beside them of a frame.
+
+    Attributes:
+        shard: which part of the channels' places it is about.
+        shards: of how many.
+        summaries: one of each channel.
+    """
+
+    shard: int = Field(ge=0, lt=2**16)
+    shards: int = Field(ge=1, le=2**16)
+    summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
 
 
 class MatchMessage(Message):
@@ -188,7 +284,7 @@ class MatchMessage(Message):
 
     place: int = Field(ge=-1, lt=2**31)
     score: FiniteFloat
-    missing: tuple[int, ...] = ()
+    missing: tuple[Channel, ...] = ()
     probability: float | None = Field(None, ge=0, le=1)
     known: bool | None = None
     pose: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = None
@@ -199,6 +295,26 @@ class MatchMessage(Message):
         return Match(self.place, self.score, self.missing, self.probability, self.known)
 
 
+class MomentsMessage(Message):
+    """What the frames of a stream were like up to one, for a featurizer that goes on with it.
+
+    Attributes:
+        frames: how many.
+        sums: (2, D) float64, of raw features at unit length, and of their squares.
+    """
+
+    frames: FiniteFloat = Field(gt=0)
+    sums: Sums
+
+
+class HistoryQuery(Message):
+    """Asks for the messages of frames ``first`` to ``end`` - 1 of a stream."""
+
+    stream: str = Field(min_length=1, max_length=64)
+    first: int = Field(ge=0, lt=2**48)
+    end: int = Field(ge=0, le=2**48)
+
+
 class OdometryMessage(Message):
     """How far the vehicle has travelled since any start of its own; it needs no header."""
 
@@ -206,7 +322,18 @@ class OdometryMessage(Message):
 
 
 class StatsMessage(Message):
-    """What a service has counted since it started."""
+    """What a service has counted since it started, and how far it is.
+
+    Attributes:
+        service: its name.
+        counts: by what is counted.
+        stream: of the newest frame that it has answered; none if it has answered none.
+        sequence: of that frame; at the end of the stream, the number of its frames.
+        channels: of the map, where the service awaits them all.
+    """
 
     service: str = Field(max_length=64)
     counts: dict[str, int]
+    stream: str | None = Field(None, max_length=64)
+    sequence: int | None = Field(None, ge=0, lt=2**48)
+    channels: int | None = Field(None, ge=1, lt=2**16)

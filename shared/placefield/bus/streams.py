@@ -1,6 +1,7 @@
 """Follows streams: which one is on, what is missing of it, what came twice."""
 
 from collections import Counter, deque
+from collections.abc import Callable
 from enum import Enum, auto
 
 from placefield.bus.messages import Header
@@ -41,27 +42,47 @@ class StreamSwitch:
         return Arrival.NEW_STREAM
 
 
-class StreamFollower:
-    """Follows the frames of one stream after the other, each frame once.
+class Turn(Enum):
+    """What a message is to the one who takes the frames of a stream in order."""
 
-    Counts, besides what ``StreamSwitch`` counts, ``gaps`` (frames that did not come) and
-    ``duplicate`` messages.
+    NEXT = auto()
+    AHEAD = auto()  # there are frames before it that have not come
+    REPEATED = auto()
+    DROPPED = auto()  # of a stream that was left
+
+
+class StreamFollower:
+    """Follows the frames of one stream after the other, each frame once and in order.
+
+    Counts, besides what ``StreamSwitch`` counts, ``gaps`` (frames that were done without) and
+    ``repeated`` messages.
     """
 
-    def __init__(self, counts: Counter[str]) -> None:
+    def __init__(self, counts: Counter[str], join: Callable[[Header], int]) -> None:
+        """Call ``join`` with the first message of a stream; it returns the frame to begin with."""
         self._counts = counts
+        self._join = join
         self._switch = StreamSwitch(counts)
-        self._next = 0
+        self.next = 0
+        """The number of the frame whose turn it is."""
 
-    def follow(self, header: Header) -> Arrival:
-        """Say what the message with this header is."""
+    def follow(self, header: Header) -> Turn:
+        """Say what the message with this header is; if its turn has come, it is over."""
         arrival = self._switch.enter(header.stream)
         if arrival is Arrival.DROPPED:
-            return arrival
-        expected = header.sequence if arrival is Arrival.NEW_STREAM else self._next
-        if header.sequence < expected:
-            self._counts["duplicate"] += 1
-            return Arrival.DROPPED
-        self._counts["gaps"] += header.sequence - expected
-        self._next = header.sequence + 1
-        return arrival
+            return Turn.DROPPED
+        if arrival is Arrival.NEW_STREAM:
+            self.next = header.sequence
+            self.next = self._join(header)
+        if header.sequence < self.next:
+            self._counts["repeated"] += 1
+            return Turn.REPEATED
+        if header.sequence > self.next:
+            return Turn.AHEAD
+        self.next += 1
+        return Turn.NEXT
+
+    def leap(self, sequence: int, *, found: int = 0) -> None:
+        """Take this frame before its turn; of those before it so many were found elsewhere."""
+        self._counts["gaps"] += sequence - self.next - found
+        self.next = sequence + 1

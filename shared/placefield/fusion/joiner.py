@@ -8,6 +8,7 @@ that is slow but answers is waited for.
 """
 
 import heapq
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -45,14 +46,17 @@ class Joiner:
         deadline_s: float,
         counts: Counter[str],
         *,
+        first: int = 0,
         gaps_expected: bool = False,
     ) -> None:
         """Expect these channels' candidates, each at most ``deadline_s`` after its frame.
 
+        Frames before ``first`` have been answered.
+
         A channel that has others of the frames to answer first has as long after each of these.
 
-        With ``gaps_expected``, as in a live stream that drops old frames, a frame is not held back
-        for frames before it that have not been heard of.
+        A frame is held back until those before it have been heard of: their source sends them
+        again. Not so with ``gaps_expected``, as in a live stream that drops old frames.
         """
         self._channels = frozenset(channels)
         self._deadline_s = deadline_s
@@ -63,7 +67,7 @@ class Joiner:
         self._latest: dict[int, _Answer] = {}
         self._pending: dict[int, _Pending] = {}
         self._in_order: list[int] = []  # the pending frames, as a heap
-        self._next = 0
+        self._next = first
 
     def set_alive(self, channels: Iterable[int]) -> None:
         """Say which channels have a living worker; the others are not awaited."""
@@ -98,7 +102,7 @@ class Joiner:
         self._latest[channel] = _Answer(sequence, now)
 
     def release(self, now: float) -> list[Joined]:
-        """Return the frames that are complete or due, in order."""
+        """Return the frames that are complete or due, in order; at ``math.inf`` all of them."""
         released: list[Joined] = []
         while self._in_order:
             sequence = self._in_order[0]
@@ -107,8 +111,9 @@ class Joiner:
             awaited = self._awaited(sequence, absent)
             answers = [self._latest[c].at for c in awaited if c in self._latest]
             since = max([pending.since, *answers])
-            in_turn = sequence == self._next or self._gaps_expected
-            if (awaited or not in_turn) and now < since + self._deadline_s:
+            is_due = not awaited or now >= since + self._deadline_s
+            in_turn = sequence == self._next or self._gaps_expected or now == math.inf
+            if not (is_due and in_turn):
                 break
             self._tardy |= awaited
             released.append(self._release(sequence, absent))
@@ -130,6 +135,10 @@ class Joiner:
         heapq.heappop(self._in_order)
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
+
+    def is_released(self, sequence: int) -> bool:
+        """Whether a frame is over."""
+        return sequence < self._next
 
     def is_pending(self, sequence: int) -> bool:
         """Whether a frame has been heard of and is not released yet."""

@@ -1,13 +1,13 @@
 import pytest
 
-from placefield.bus.keys import Keys, channel_identity, channel_of, run_of, service_and_identity
+from placefield.bus.keys import Keys, Part, part_of, run_of, service_and_identity
 
 
 def test_no_two_keys_of_one_run_or_of_two_runs_are_one() -> None:
     keys = []
     for run in (Keys("one"), Keys("two")):
         keys += [run.frame, run.feature, run.match, run.ack]
-        keys += [run.candidate(0), run.candidate(1), run.candidate(0, shard=1)]
+        keys += [run.candidates("a"), run.candidates("b")]
         keys += [run.alive("fuser", "a"), run.stats("fuser", "a"), run.stats("featurizer", "a")]
     assert len(set(keys)) == len(keys)
 
@@ -20,15 +20,18 @@ def test_service_and_identity_come_back_out_of_a_key() -> None:
 
 def test_the_run_comes_back_out_of_a_key() -> None:
     keys = Keys("night")
-    for key in (keys.frame, keys.candidate(3), keys.match, keys.alive("fuser", "a")):
+    for key in (keys.frame, keys.candidates("a"), keys.match, keys.alive("fuser", "a")):
         assert run_of(key) == "night"
 
 
-@pytest.mark.parametrize("channel", [0, 7, 63])
-def test_the_channel_comes_back_out_of_a_workers_name(channel: int) -> None:
-    assert channel_of(channel_identity(channel, "ab12")) == channel
+@pytest.mark.parametrize("part", [Part(0), Part(63), Part(7, 0, 4), Part(7, 3, 4)])
+def test_what_a_worker_serves_comes_back_out_of_its_name(part: Part) -> None:
+    assert part_of(part.identity("ab12")) == part
 
 
-@pytest.mark.parametrize("name", ["", "-", "ab12", "x-ab12", "-1-ab12", "²-ab12", "*"])
-def test_a_name_without_a_channel_has_none(name: str) -> None:
-    assert channel_of(name) is None
+@pytest.mark.parametrize(
+    "name",
+    ["", "-", "ab12", "x-ab12", "-1-ab12", "²-ab12", "*", "1.4of4-a", "1.0of-a", "1.-a", "9" * 99],
+)
+def test_a_name_that_tells_nothing_is_none(name: str) -> None:
+    assert part_of(name) is None

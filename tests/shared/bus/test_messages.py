@@ -9,7 +9,8 @@ from hypothesis.extra import numpy as hnp
 
 from placefield.bus import messages
 from placefield.bus.messages import (
-    CandidateMessage,
+    CandidatesMessage,
+    ChannelCandidate,
     FeatureMessage,
     FrameMessage,
     Header,
@@ -39,18 +40,22 @@ headers = st.builds(
     live=st.booleans(),
     end=st.booleans(),
 )
+channel_candidates = st.builds(
+    ChannelCandidate,
+    channel=st.integers(0, 2**16 - 1),
+    place=st.integers(-1, 2**31 - 1),
+    score=finite,
+    places=hnp.arrays(np.int32, st.integers(0, 40)),
+    evidence=vectors,
+)
 all_messages: st.SearchStrategy[Message] = st.one_of(
     headers,
     st.builds(FrameMessage, image=st.binary(max_size=200) | pixels),
     st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
     st.builds(
-        CandidateMessage,
+        CandidatesMessage,
         rule=st.sampled_from(get_args(Rule)),
-        channel=st.integers(0, 2**16 - 1),
-        place=st.integers(-1, 2**31 - 1),
-        score=finite,
-        places=hnp.arrays(np.int32, st.integers(0, 40)),
-        evidence=vectors,
+        candidates=st.lists(channel_candidates, min_size=1, max_size=3).map(tuple),
     ),
     st.builds(
         MatchMessage,
@@ -69,7 +74,7 @@ KINDS: list[type[Message]] = [
     Header,
     FrameMessage,
     FeatureMessage,
-    CandidateMessage,
+    CandidatesMessage,
     MatchMessage,
     StatsMessage,
 ]
@@ -86,6 +91,16 @@ plain = st.recursive(
     ),
     max_leaves=12,
 )
+
+
+def candidate(channel: int) -> ChannelCandidate:
+    return ChannelCandidate(
+        channel=channel,
+        place=0,
+        score=1.0,
+        places=np.zeros(2, np.int32),
+        evidence=np.ones(2, np.float32),
+    )
 
 
 def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
@@ -107,6 +122,12 @@ def same(one: Any, other: Any) -> bool:
             and one.shape == other.shape
             and one.tobytes() == other.tobytes()
         )
+    if isinstance(one, ChannelCandidate):
+        return all(
+            same(getattr(one, name), getattr(other, name)) for name in type(one).model_fields
+        )
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
     return bool(one == other)
 
 
@@ -168,14 +189,7 @@ def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
         Header(stream="s", sequence=0, stamp_ns=0),
         FrameMessage(image=b"image"),
         FeatureMessage(model="m", descriptor=None),
-        CandidateMessage(
-            rule="evidence",
-            channel=0,
-            place=0,
-            score=0.0,
-            places=np.zeros(0, np.int32),
-            evidence=np.zeros(1, np.float32),
-        ),
+        CandidatesMessage(rule="evidence", candidates=(candidate(0),)),
         MatchMessage(place=0, score=0.0),
         StatsMessage(service="s", counts={}),
     ]
@@ -231,17 +245,20 @@ def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
 
 @pytest.mark.parametrize("places", [wire(), wire(dtype="int32", shape=(1, 2)), [1, 2], None])
 def test_places_that_are_no_vector_of_indices_are_refused(places: Any) -> None:
-    example = CandidateMessage(
-        rule="filter",
-        channel=0,
-        place=0,
-        score=1.0,
-        places=np.zeros(2, np.int32),
-        evidence=np.ones(2, np.float32),
+    fields = msgpack.unpackb(
+        CandidatesMessage(rule="filter", candidates=(candidate(0), candidate(1))).encode()
     )
-    fields = msgpack.unpackb(example.encode())
-    with pytest.raises(MessageError, match="CandidateMessage: 'places'"):
-        CandidateMessage.decode(msgpack.packb(fields | {"places": places}))
+    fields["candidates"][1]["places"] = places
+    with pytest.raises(MessageError, match=r"CandidatesMessage: 'candidates.1.places'"):
+        CandidatesMessage.decode(msgpack.packb(fields))
+
+
+def test_a_message_has_room_for_64_channels_and_is_of_one_at_least() -> None:
+    full = CandidatesMessage(rule="filter", candidates=tuple(map(candidate, range(64))))
+    assert same(CandidatesMessage.decode(full.encode()).candidates, full.candidates)
+    fields = msgpack.unpackb(full.encode()) | {"candidates": []}
+    with pytest.raises(MessageError, match="candidates"):
+        CandidatesMessage.decode(msgpack.packb(fields))
 
 
 @pytest.mark.parametrize("shape", [(0, 4), (8,), (1, 2, 2, 2), (2, 2, 2, 1), ()])

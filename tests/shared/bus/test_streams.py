@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from placefield.bus.messages import Header
-from placefield.bus.streams import Arrival, StreamFollower, StreamSwitch
+from placefield.bus.streams import Arrival, StreamFollower, StreamSwitch, Turn
 
 
 def header(stream: str, sequence: int) -> Header:
@@ -20,39 +20,63 @@ def test_a_stream_that_was_left_is_never_entered_again() -> None:
     assert counts == {"streams": 3, "stale": 3}
 
 
-@given(st.lists(st.integers(0, 12), min_size=1, max_size=40))
-def test_each_frame_is_followed_once_in_order_and_every_one_that_did_not_come_is_counted(
-    sequences: list[int],
+def follower_from_first(counts: Counter[str]) -> StreamFollower:
+    return StreamFollower(counts, lambda first: first.sequence)
+
+
+@given(st.lists(st.integers(0, 12), min_size=1, max_size=40), st.booleans())
+def test_each_frame_is_followed_once_in_order_and_every_one_that_was_done_without_is_counted(
+    sequences: list[int], leaps: bool
 ) -> None:
     counts: Counter[str] = Counter()
-    follower = StreamFollower(counts)
-    followed = []
+    follower = follower_from_first(counts)
+    followed, early = [], 0
     for sequence in sequences:
-        if follower.follow(header("s", sequence)) is not Arrival.DROPPED:
+        turn = follower.follow(header("s", sequence))
+        if turn is Turn.AHEAD and leaps:
+            follower.leap(sequence)
+        if turn is Turn.NEXT or (turn is Turn.AHEAD and leaps):
             followed.append(sequence)
+        early += turn is Turn.AHEAD and not leaps
     assert followed[0] == sequences[0]
     assert followed == sorted(set(followed))
-    assert followed[-1] == max(sequences)
     assert counts["gaps"] == followed[-1] - followed[0] + 1 - len(followed)
-    assert counts["duplicate"] == len(sequences) - len(followed)
+    assert counts["gaps"] == 0 or leaps
+    assert counts["repeated"] == len(sequences) - len(followed) - early
 
 
 def test_joining_a_stream_late_is_no_gap() -> None:
     counts: Counter[str] = Counter()
-    follower = StreamFollower(counts)
-    assert follower.follow(header("a", 0)) is Arrival.NEW_STREAM
-    assert follower.follow(header("b", 500)) is Arrival.NEW_STREAM
+    follower = follower_from_first(counts)
+    assert follower.follow(header("a", 0)) is Turn.NEXT
+    assert follower.follow(header("b", 500)) is Turn.NEXT
     assert counts["gaps"] == 0
-    assert follower.follow(header("b", 503)) is Arrival.SAME_STREAM
-    assert counts["gaps"] == 2
+    assert follower.follow(header("b", 503)) is Turn.AHEAD
+    follower.leap(503, found=1)
+    assert counts["gaps"] == 1
+    assert follower.next == 504
+
+
+def test_whoever_follows_says_where_a_stream_begins() -> None:
+    joined: list[int] = []
+
+    def join(first: Header) -> int:
+        joined.append(first.sequence)
+        return 7
+
+    follower = StreamFollower(Counter(), join)
+    turns = [follower.follow(header("a", sequence)) for sequence in (9, 6, 7, 8, 9)]
+    assert turns == [Turn.AHEAD, Turn.REPEATED, Turn.NEXT, Turn.NEXT, Turn.NEXT]
+    assert joined == [9]
 
 
 def test_a_message_that_is_dropped_leaves_the_stream_as_it_was() -> None:
     counts: Counter[str] = Counter()
-    follower = StreamFollower(counts)
+    follower = follower_from_first(counts)
     for arrived in (header("a", 0), header("b", 0), header("b", 1)):
         follower.follow(arrived)
-    for late in (header("a", 1), header("b", 0), header("b", 1)):
-        assert follower.follow(late) is Arrival.DROPPED
-    assert follower.follow(header("b", 2)) is Arrival.SAME_STREAM
+    assert follower.follow(header("a", 1)) is Turn.DROPPED
+    for late in (header("b", 0), header("b", 1)):
+        assert follower.follow(late) is Turn.REPEATED
+    assert follower.follow(header("b", 2)) is Turn.NEXT
     assert counts["gaps"] == 0

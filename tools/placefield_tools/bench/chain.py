@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from placefield.bus.keys import Keys, channel_of, service_and_identity
+from placefield.bus.keys import Keys, part_of, service_and_identity
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
 from placefield.maps.manifest import SUFFIX
@@ -93,9 +93,9 @@ def shape_of(bus: Bus, frames: Sequence[bytes]) -> Shape:
     workers: defaultdict[str, list[int]] = defaultdict(list)
     for token in sorted(bus.alive(_KEYS.all_alive("channel"))):
         _, identity = service_and_identity(token)
-        channel = channel_of(identity)
-        if channel is not None:
-            workers[identity.partition("-")[2]].append(channel)
+        part = part_of(identity)
+        if part is not None:
+            workers[identity.partition("-")[2]].append(part.channel)
     return Shape(tuple(map(tuple, workers.values())), features.median, candidates.median)
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.keys import Keys, channel_identity
+from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import MatchMessage, Message
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
@@ -30,12 +30,12 @@ class Shape:
     Attributes:
         workers: the channels of each channel worker.
         feature: size of the featurizer's messages, bytes.
-        candidate: of the channels'.
+        candidates: of the workers'.
     """
 
     workers: tuple[tuple[int, ...], ...]
     feature: int
-    candidate: int
+    candidates: int
 
     @property
     def channels(self) -> int:
@@ -107,15 +107,14 @@ def _featurizer(shape: Shape, bus: Bus, stop: threading.Event) -> None:
 
 
 def _channels(shape: Shape, channels: tuple[int, ...], bus: Bus, stop: threading.Event) -> None:
-    publishers = [bus.publisher(_KEYS.candidate(channel)) for channel in channels]
-    candidate = _Filler.of(shape.candidate)
+    process = ServiceProcess("channel", bus, [_KEYS.run])
+    publisher = bus.publisher(_KEYS.candidates(process.identity))
+    candidates = _Filler.of(shape.candidates)
 
     def handle(received: Received) -> None:
-        for publisher in publishers:
-            publisher.put(received.header, None if received.header.end else candidate)
+        publisher.put(received.header, None if received.header.end else candidates)
 
-    process = ServiceProcess("channel", bus, [_KEYS.run])
-    identities = [channel_identity(channel, process.identity) for channel in channels]
+    identities = [Part(channel).identity(process.identity) for channel in channels]
     _serve(process, bus, [_KEYS.feature], handle, identities, stop)
 
 
@@ -128,7 +127,7 @@ def _fuser(shape: Shape, bus: Bus, stop: threading.Event) -> None:
         header = received.header
         frame = header.stream, header.sequence
         come[frame] += 1
-        if come[frame] <= shape.channels:  # the feature comes besides
+        if come[frame] <= len(shape.workers):  # the feature comes besides
             return
         del come[frame]
         matches.put(header, None if header.end else match)

@@ -1,0 +1,137 @@
+"""What a worker serves: channels of a map, or shards of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.rehearsing import rehearse
+from placefield.matching.shard_matcher import ShardMatcher
+from placefield.matching.sharding import ChannelShard
+from placefield_services.channel_streams import ChannelStream, Outlet, Seen, WholeStream
+from placefield_services.shard_streams import ShardStream
+
+Descriptor = NDArray[np.float32]
+Sights = Iterator[Callable[[], Seen]]
+"""What tells how frames compare with the places, to be called in their order."""
+
+
+class ServedChannels(ABC):
+    """The channels of a worker, or shards of them."""
+
+    needs_all: bool
+    """Whether no frame may be left out that others have taken."""
+
+    @abstractmethod
+    def rehearse(self) -> None:
+        """Match frames of no stream, so that what is made at its first use is made."""
+
+    @abstractmethod
+    def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
+        """Begin a stream with the frame of this number."""
+
+    @abstractmethod
+    def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
+        """Yield what tells how each descriptor compares; None is a frame that was not seen."""
+
+
+class WholeChannels(ServedChannels):
+    """Whole channels: frames that come together are compared together."""
+
+    needs_all = False
+
+    def __init__(self, channels: Mapping[int, MapChannel], matching: MatchingConfig) -> None:
+        """Take them by number."""
+        self._channels = channels
+        self._matching = matching
+        metrics = dict.fromkeys(channel.metric for channel in channels.values())
+        self._places = {
+            metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
+        }
+
+    def rehearse(self) -> None:
+        """Match frames of no stream, so that what is made at its first use is made."""
+        rehearse(self._channels.values(), self._matching)
+
+    def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
+        """Begin a stream with the frame of this number."""
+        rule, reverse = self._matching.rule, self._matching.reverse
+        matchers = {
+            number: (channel.metric, matcher_of(channel, rule, reverse=reverse))
+            for number, channel in self._channels.items()
+        }
+        return WholeStream(matchers, rule, first, outlet.candidates)
+
+    def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
+        """Yield what tells how each descriptor compares; None is a frame that was not seen."""
+        compared = _compare(self._places, [one for one in descriptors if one is not None])
+        for descriptor in descriptors:
+            yield dict if descriptor is None else partial(next, compared)
+
+
+class ShardedChannels(ServedChannels):
+    """A shard of each channel: a frame may have to wait, and is compared when its turn has come."""
+
+    needs_all = True
+
+    def __init__(
+        self,
+        channels: Mapping[int, MapChannel],
+        matching: MatchingConfig,
+        shard: int,
+        shards: int,
+    ) -> None:
+        """Take channels by number, and which shard of how many."""
+        self._matching = matching
+        self._shard, self._shards = shard, shards
+        rule, reverse = matching.rule, matching.reverse
+        self._parts = {
+            number: ChannelShard(channel, rule, shard, shards, reverse=reverse)
+            for number, channel in channels.items()
+        }
+        metrics = dict.fromkeys(part.metric for part in self._parts.values())
+        self._places = {
+            metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
+        }
+
+    def rehearse(self) -> None:
+        """Match frames of no stream, so that what is made at its first use is made."""
+        dimensions = next(iter(self._places)).projection.shape[1]
+        frames = np.eye(3, dimensions, dtype=np.float32)
+        matchers = self._new_matchers()
+        for seen in _compare(self._places, list(frames)):
+            for metric, matcher in matchers.values():
+                matcher.finish([matcher.push(seen[metric])] * self._shards)
+
+    def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
+        """Begin a stream with the frame of this number."""
+        rule = self._matching.rule
+        return ShardStream(self._new_matchers, rule, self._shard, self._shards, first, outlet)
+
+    def _new_matchers(self) -> dict[int, tuple[MapMetric, ShardMatcher]]:
+        return {number: (part.metric, part.new_matcher()) for number, part in self._parts.items()}
+
+    def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
+        """Yield what tells how each descriptor compares; None is a frame that was not seen."""
+        for descriptor in descriptors:
+            yield dict if descriptor is None else partial(self._compare_one, descriptor)
+
+    def _compare_one(self, descriptor: Descriptor) -> Seen:
+        return next(_compare(self._places, [descriptor]))
+
+
+def _compare(
+    places: Mapping[MapMetric, MetricPlaces], descriptors: Sequence[Descriptor]
+) -> Iterator[dict[MapMetric, Comparison]]:
+    """Yield how each descriptor compares with the places, under each metric."""
+    if descriptors:
+        stacked = np.stack(descriptors)
+        by_metric = [of_metric.compare(stacked) for of_metric in places.values()]
+        for comparisons in zip(*by_metric, strict=True):
+            yield dict(zip(places, comparisons, strict=True))

@@ -1,0 +1,126 @@
+"""The newest messages of a stream, kept for whoever has missed them.
+
+A service that is started again in the midst of a stream asks for what came before. One that is sent
+a frame again finds what it has made of it, and sends that again.
+"""
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+
+from placefield.bus.messages import Header, HistoryQuery, Message
+from placefield.bus.session import Bus, Publisher
+from placefield.errors import MessageError
+
+LENGTH = 1000
+"""Frames: what was before so many changes nothing that matters."""
+
+_PATIENCE_S = 1.0
+
+Recalled = Mapping[int, tuple[Header, bytes]]
+"""Headers and payloads, by ascending sequence."""
+
+Recall = Callable[[str, int, int], Recalled]
+"""Returns what others remember of frames from one up to another of a stream; see ``recalling``."""
+
+
+class History:
+    """The newest messages of one stream on one key; of a new stream, once there is one.
+
+    One thread may remember while another replies.
+    """
+
+    def __init__(self, length: int = LENGTH) -> None:
+        self._length = length
+        self._stream = ""
+        self._kept: dict[int, tuple[Header, bytes]] = {}
+        self._lock = threading.Lock()
+
+    def remember(self, header: Header, payload: bytes) -> None:
+        """Keep a message; the first that came makes room for it."""
+        with self._lock:
+            if header.stream != self._stream:
+                self._stream = header.stream
+                self._kept.clear()
+            self._kept[header.sequence] = header, payload
+            if len(self._kept) > self._length:
+                del self._kept[next(iter(self._kept))]
+
+    @property
+    def newest(self) -> Header | None:
+        """The header of the message that came last; none if none has."""
+        with self._lock:
+            return next(reversed(self._kept.values()))[0] if self._kept else None
+
+    def find(self, header: Header) -> bytes | None:
+        """Return the payload that was kept of this frame of this stream, if one was."""
+        with self._lock:
+            if header.stream != self._stream or header.sequence not in self._kept:
+                return None
+            return self._kept[header.sequence][1]
+
+    def reply(self, asked: bytes) -> Iterator[tuple[bytes, bytes]]:
+        """Yield payloads and attachments of what a query asks for.
+
+        Raises:
+            MessageError: it is no ``HistoryQuery``.
+        """
+        query = HistoryQuery.decode(asked)
+        with self._lock:
+            kept = list(self._kept.values()) if query.stream == self._stream else []
+        for header, payload in kept:
+            if query.first <= header.sequence < query.end:
+                yield payload, header.encode()
+
+
+class Outbox:
+    """Publishes what a service makes of each frame, and remembers it."""
+
+    def __init__(self, publisher: Publisher, history: History) -> None:
+        """Take where to publish and what to remember it in."""
+        self._publisher = publisher
+        self.history = history
+
+    def put(self, header: Header, message: Message | None = None) -> None:
+        """Send a message with its header; no message at the end of a stream."""
+        payload = message.encode() if message else b""
+        self.history.remember(header, payload)
+        self._publisher.send(header, payload)
+
+    def put_again(self, header: Header) -> bool:
+        """Send what was sent of this frame; False if it is not remembered."""
+        payload = self.history.find(header)
+        if payload is not None:
+            self._publisher.send(header, payload)
+        return payload is not None
+
+
+def share(bus: Bus, key: str, history: History) -> None:
+    """Answer those who ask for this history at a key."""
+    bus.answer(key, lambda _, asked: history.reply(asked))
+
+
+def recalling(bus: Bus, key: str) -> Recall:
+    """Return what asks all who share a history of one key."""
+
+    def recall(stream: str, first: int, end: int) -> Recalled:
+        told = {
+            header.sequence: (header, payload)
+            for header, payload in recall_all(bus, key, stream, first, end)
+        }
+        return dict(sorted(told.items()))
+
+    return recall
+
+
+def recall_all(
+    bus: Bus, key: str, stream: str, first: int, end: int
+) -> Iterator[tuple[Header, bytes]]:
+    """Yield what each who shares a history remembers of frames ``first`` to ``end`` - 1."""
+    query = HistoryQuery(stream=stream, first=first, end=end)
+    for payload, attachment in bus.ask(key, query.encode(), timeout_s=_PATIENCE_S):
+        try:
+            header = Header.decode(attachment)
+        except MessageError:
+            continue
+        if header.stream == stream and first <= header.sequence < end:
+            yield header, payload

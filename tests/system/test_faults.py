@@ -1,0 +1,131 @@
+"""Services that are killed or stopped in the midst of a stream: nothing is lost, nothing wrong."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+from hosting import (
+    Answer,
+    Host,
+    Listener,
+    Process,
+    answers_of,
+    offline,
+    placefield,
+    wait_until,
+)
+
+from placefield.bus.session import open_bus
+from placefield.config import BusConfig
+from placefield.maps.map import Map
+
+RATE = "12"
+"""Frames a second: a service that was killed is back before the last of them."""
+
+CHANNELS = ("--channel", "0", "--channel", "1", "--channel", "2")
+
+BEFORE = 15
+"""Frames that are answered before the fault."""
+
+
+@pytest.fixture(scope="module")
+def host(logs: Path, map_path: Path) -> Iterator[Host]:
+    with Host(logs, map_path, "--workers", "3") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def undisturbed(route_map: Map, query_dir: Path) -> list[tuple[int, float, tuple[int, ...]]]:
+    return offline(route_map, sorted(query_dir.iterdir()))
+
+
+def kill(process: psutil.Process) -> None:
+    process.send_signal(signal.SIGKILL)
+
+
+def stop_for_a_while(process: psutil.Process) -> None:
+    process.suspend()
+    threading.Timer(2.5, process.resume).start()
+
+
+@contextmanager
+def replaying(endpoint: str, folder: Path) -> Iterator[None]:
+    with ThreadPoolExecutor() as aside:
+        command = "replay", folder, "--rate", RATE, "--endpoint", endpoint
+        replayed = aside.submit(placefield, *command)
+        yield
+    assert replayed.result().returncode == 0, replayed.result().stderr
+
+
+def disturbed(
+    host: Host, folder: Path, service: str, flag: str, disturb: Callable[[psutil.Process], None]
+) -> list[Answer]:
+    """Return the answers to all frames of a replay in whose midst a service is disturbed."""
+    with host.listener() as listener, replaying(host.endpoint, folder):
+        first = listener.answers(count=BEFORE)
+        (process,) = host.service(service, flag)
+        disturb(process)
+        return first + listener.answers(first=BEFORE)
+
+
+@pytest.mark.parametrize("service", ["featurizer", "fuser"])
+def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
+    host: Host,
+    query_dir: Path,
+    undisturbed: list[tuple[int, float, tuple[int, ...]]],
+    service: str,
+) -> None:
+    answers = disturbed(host, query_dir, service, "", kill)
+    assert answers_of(answers) == undisturbed
+
+
+@pytest.mark.parametrize("disturb", [kill, stop_for_a_while])
+def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_ever(
+    host: Host,
+    query_dir: Path,
+    undisturbed: list[tuple[int, float, tuple[int, ...]]],
+    disturb: Callable[[psutil.Process], None],
+) -> None:
+    answers = answers_of(disturbed(host, query_dir, "channel", "--channel 1", disturb))
+    flagged = [number for number, (_, _, missing) in enumerate(answers) if missing]
+    assert len(answers) == len(undisturbed)
+    assert flagged
+    assert flagged == list(range(flagged[0], flagged[-1] + 1))
+    assert flagged[0] >= BEFORE
+    assert flagged[-1] < len(answers) - 1
+    whole = [number for number in range(len(answers)) if number not in flagged]
+    assert [answers[number] for number in whole] == [undisturbed[number] for number in whole]
+    assert {answers[number][2] for number in flagged} == {(1,)}
+
+
+def test_a_router_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
+    tmp_path: Path,
+    endpoint: str,
+    map_path: Path,
+    query_dir: Path,
+    undisturbed: list[tuple[int, float, tuple[int, ...]]],
+) -> None:
+    services = ("featurizer", ()), ("fuser", ()), ("channel", CHANNELS)
+    with ExitStack() as stack:
+        router = stack.enter_context(Process(tmp_path, "router", "--endpoint", endpoint))
+        wait_until(lambda: "ready" in router.out, "the router is ready")
+        for service, flags in services:
+            command = service, map_path, *flags, "--endpoint", endpoint
+            stack.enter_context(Process(tmp_path, *command))
+        bus = stack.enter_context(open_bus(BusConfig(endpoint=endpoint)))
+        listener = Listener(bus)
+        wait_until(lambda: listener.alive("fuser"), "the services are ready")
+        with replaying(endpoint, query_dir):
+            first = listener.answers(count=BEFORE)
+            router.stop(signal.SIGKILL)
+            stack.enter_context(Process(tmp_path, "router", "--endpoint", endpoint))
+            answers = answers_of(first + listener.answers(first=BEFORE))
+    whole = [answer for answer in answers if not answer[2]]
+    assert len(answers) == len(undisturbed)
+    assert whole == [known for known, told in zip(undisturbed, answers, strict=True) if not told[2]]
+    assert not answers[-1][2]
