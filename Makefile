@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 
-.PHONY: demo test lint bench
+.PHONY: demo test lint audit bench
 
 demo: $(INSTALLED)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
@@ -15,6 +15,9 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+audit: $(INSTALLED)
+	$(BIN)/pip-audit --local --skip-editable --format json 2>/dev/null | $(PYTHON) .ci/audit
 
 bench: $(INSTALLED)
 	for part in match features build chain scale; do $(BIN)/placefield bench $$part || exit; done

@@ -60,6 +60,7 @@ RunNames = Annotated[
     AfterValidator(_check_distinct),
     Field(min_length=1),
 ]
+Endpoints = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split)]
 MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Rule = Literal["filter", "evidence", "lowest-score"]
 
@@ -74,6 +75,12 @@ class BusConfig(_Section):
     """Where the bus is."""
 
     endpoint: str = Field("tcp/127.0.0.1:7557", description="the router: PROTOCOL/HOST:PORT")
+    credentials: str | None = Field(
+        None, description="folder of one role's, for tls/HOST:PORT; see 'placefield security init'"
+    )
+    connect: Endpoints = Field(
+        (), description="routers of other hosts that this host's connects to, commas between them"
+    )
     connect_timeout_s: float = Field(10.0, gt=0, description="how long a service waits for it")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from placefield.bus.keys import Keys
 from placefield.bus.session import open_bus
-from placefield.config import Config
+from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield.fusion.match import Match
 from placefield_tools.hosting import await_ready, free_endpoint
@@ -27,12 +27,11 @@ def match_through_services(map_path: Path, source: Source, config: Config) -> li
     Raises:
         BusError: the services do not start or stop answering.
     """
-    alone = config.model_copy(
-        update={"bus": config.bus.model_copy(update={"endpoint": free_endpoint()})}
-    )
-    with _host(map_path, alone), open_bus(alone.bus) as bus:
-        matches = MatchQueue(bus, Keys(alone.run))
-        sent = replay(source, bus, alone, threading.Event())
+    bus = BusConfig(endpoint=free_endpoint(), connect_timeout_s=config.bus.connect_timeout_s)
+    alone = config.model_copy(update={"bus": bus})
+    with _host(map_path, alone), open_bus(bus) as session:
+        matches = MatchQueue(session, Keys(alone.run))
+        sent = replay(source, session, alone, threading.Event())
         answered = [message.match for _, message in stream_matches(matches, _LAST_MATCH_S)]
     if len(answered) != sent:
         raise BusError(f"{sent} frames were sent through the services, {len(answered)} matched")

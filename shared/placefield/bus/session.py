@@ -5,12 +5,14 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import zenoh
 
+from placefield.bus.credentials import access_control, encryption
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import MAX_BYTES, Header, Message
@@ -21,6 +23,7 @@ log = logging.getLogger(__name__)
 
 _LOG_EVERY_S = 10.0
 _ATTEMPT_S = 0.5
+_RETRY = {"period_init_ms": 100, "period_max_ms": 1000}
 
 
 class Publisher:
@@ -31,7 +34,10 @@ class Publisher:
 
     def put(self, header: Header, message: Message | None = None) -> None:
         """Send a message with its header; no message at the end of a stream."""
-        payload = message.encode() if message else b""
+        self.send(header, message.encode() if message else b"")
+
+    def send(self, header: Header, payload: bytes) -> None:
+        """Send a message that is encoded already."""
         self._publisher.put(payload, attachment=header.encode())
 
 
@@ -83,6 +89,48 @@ class Bus:
             receive(str(sample.key_expr), sample.payload.to_bytes())
 
         self._declared.append(self._session.declare_subscriber(key, call))
+
+    def answer(
+        self, key: str, reply: Callable[[str, bytes], Iterable[tuple[bytes, bytes]]]
+    ) -> None:
+        """Answer queries for a key: ``reply(key, payload)`` yields payloads and attachments.
+
+        It is called on the bus's thread, which must not wait. A query that raises ``MessageError``
+        is answered by nothing.
+        """
+
+        def call(query: zenoh.Query) -> None:
+            with query:
+                try:
+                    if query.payload is not None and len(query.payload) > MAX_BYTES:
+                        raise MessageError(f"{len(query.payload)} bytes, more than {MAX_BYTES}")
+                    asked = query.payload.to_bytes() if query.payload is not None else b""
+                    for payload, attachment in reply(str(query.key_expr), asked):
+                        query.reply(query.key_expr, payload, attachment=attachment)
+                except MessageError as error:
+                    self.log_dropped(str(query.key_expr), error)
+
+        self._declared.append(self._session.declare_queryable(key, call))
+
+    def ask(
+        self, key: str, payload: bytes = b"", *, timeout_s: float
+    ) -> Iterator[tuple[bytes, bytes]]:
+        """Yield the payloads and attachments that all who answer a key reply in time."""
+        try:
+            replies = self._session.get(
+                key,
+                payload=payload,
+                timeout=timeout_s,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+        except zenoh.ZError as error:
+            log.warning("asked in vain at %s: %s", key, error)
+            return
+        for reply in replies:
+            if reply.ok and len(reply.ok.payload) <= MAX_BYTES:
+                attachment = reply.ok.attachment
+                yield reply.ok.payload.to_bytes(), attachment.to_bytes() if attachment else b""
 
     def log_dropped(self, key: str, error: Exception) -> None:
         """Log a message that was dropped; once in a while only, for there may be many."""
@@ -142,13 +190,16 @@ def open_bus(config: BusConfig, stop: threading.Event | None = None) -> Iterator
         stop: ends the wait.
 
     Raises:
-        BusError: the endpoint is malformed, or no router answered before the wait ended.
+        BusError: the endpoint is malformed, the credentials do not fit, or no router answered
+            before the wait ended.
     """
     settings = _settings(config, "client", "connect") | {
         "connect/timeout_ms": round(_ATTEMPT_S * 1000),
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000},
+        "connect/retry": _RETRY,
     }
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
+    if config.credentials:
+        hint += "; if one is there, it refuses these credentials"
     with _open(_attempts(config, settings, stop), f"no router at {config.endpoint}: {hint}") as bus:
         yield bus
 
@@ -170,18 +221,43 @@ def _attempts(
 def open_router(config: BusConfig) -> Iterator[Bus]:
     """Open a session that is the router of this host, listening at the endpoint.
 
+    It connects to the routers of other hosts that it is told, as soon as they are there.
+
+    With credentials it lets in who has a certificate, to do what the role of it may do; without, it
+    lets in whoever reaches it.
+
     Raises:
-        BusError: the endpoint is malformed or in use.
+        BusError: the endpoint is malformed or in use, or the credentials do not fit.
     """
-    settings = _settings(config, "router", "listen") | {"scouting/delay": 0}
+    settings = router_settings(config)
+    if config.credentials:
+        settings["access_control"] = access_control(Path(config.credentials))
+    elif not _is_local(config.endpoint):
+        log.warning(
+            "%s: whoever reaches this may read and publish all; see 'placefield security init -h'",
+            config.endpoint,
+        )
     hint = "is another router running there? Name another with --endpoint"
     once = iter([_zenoh_config(config, settings)])
     with _open(once, f"cannot listen at {config.endpoint}: {hint}") as bus:
         yield bus
 
 
+def router_settings(config: BusConfig) -> dict[str, Any]:
+    """Return Zenoh's settings of a router at the endpoint, by their paths; no access control.
+
+    Raises:
+        BusError: the credentials do not fit.
+    """
+    return _settings(config, "router", "listen") | {
+        "scouting/delay": 0,
+        "connect/endpoints": config.connect,
+        "connect/retry": _RETRY,
+    }
+
+
 def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
-    return {
+    return encryption(config) | {
         "mode": mode,
         f"{use}/endpoints": [config.endpoint],
         "scouting/multicast/enabled": False,
@@ -191,15 +267,21 @@ def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
     }
 
 
+def _is_local(endpoint: str) -> bool:
+    host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
+    return host == "localhost" or host == "::1" or host.startswith("127.")
+
+
 def _zenoh_config(config: BusConfig, settings: dict[str, Any]) -> zenoh.Config:
     made = zenoh.Config()
     try:
         for key, value in settings.items():
             made.insert_json5(key, json.dumps(value))
     except zenoh.ZError:
-        raise BusError(
-            f"bus.endpoint {config.endpoint!r} is malformed: write it as tcp/HOST:PORT"
-        ) from None
+        given = f"bus.endpoint {config.endpoint!r}"
+        if config.connect:
+            given += f" or bus.connect {', '.join(map(repr, config.connect))}"
+        raise BusError(f"{given} is malformed: write it as tcp/HOST:PORT") from None
     return made
 
 

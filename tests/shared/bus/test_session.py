@@ -15,7 +15,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FeatureMessage, FrameMessage, Header, StatsMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
-from placefield.errors import BusError
+from placefield.errors import BusError, MessageError
 
 KEYS = Keys("test")
 END = Header(stream="s", sequence=0, stamp_ns=0, end=True)
@@ -222,3 +222,21 @@ def test_a_malformed_endpoint_is_refused_by_name(endpoint: str) -> None:
     for opener in (open_router, open_bus):
         with pytest.raises(BusError, match=f"'{endpoint}' is malformed.*tcp/HOST:PORT"):
             opener(config).__enter__()
+
+
+def test_a_query_is_answered_by_all_who_have_an_answer_and_by_no_one_who_has_not(
+    router: Bus, sender: Bus
+) -> None:
+    def refuse(key: str, payload: bytes) -> list[tuple[bytes, bytes]]:
+        raise MessageError("of no use")
+
+    router.answer("placefield/test/map/**", lambda key, asked: [(key.encode(), asked), (b"2", b"")])
+    sender.answer("placefield/test/map/1", lambda key, asked: [(b"3", b"")])
+    sender.answer("placefield/test/map/1", refuse)
+
+    def replies() -> list[tuple[bytes, bytes]]:
+        return sorted(sender.ask("placefield/test/map/1", b"which", timeout_s=10))
+
+    wait_until(lambda: len(replies()) == 3)
+    assert replies() == [(b"2", b""), (b"3", b""), (b"placefield/test/map/1", b"which")]
+    assert list(sender.ask("placefield/test/other", timeout_s=10)) == []

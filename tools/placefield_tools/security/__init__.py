@@ -1,0 +1,1 @@
+"""Credentials: an authority, a certificate for each role, and what each role may do."""

@@ -1,0 +1,72 @@
+"""Who may do what on the bus."""
+
+from dataclasses import dataclass
+
+from placefield.bus.keys import ROOT, Keys
+
+_ANY = Keys("*")
+_HISTORY = _ANY.history("*")
+_BORDERS = f"{ROOT}/*/border/**"
+_MAPS = f"{ROOT}/maps/**"
+
+EVERYTHING = f"{ROOT}/**"
+ALL_ALIVE = _ANY.all_alive()
+"""Everyone may look who is there."""
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a process of one role may do, as key expressions; all else is denied.
+
+    Attributes:
+        publishes: what it may publish on.
+        reads: what it may subscribe to.
+        is_alive_as: liveliness tokens that it may hold.
+        asks: what it may query.
+        answers: whose queries it may answer.
+    """
+
+    publishes: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+    is_alive_as: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+
+
+def _service(name: str, *, publishes: tuple[str, ...], reads: tuple[str, ...]) -> Role:
+    return Role(
+        publishes=(*publishes, _ANY.stats(name, "*")),
+        reads=reads,
+        is_alive_as=(_ANY.all_alive(name),),
+        asks=(_HISTORY, _MAPS),
+        answers=(_HISTORY,),
+    )
+
+
+ROLES = {
+    "featurizer": _service(
+        "featurizer", publishes=(_ANY.feature, _ANY.moments), reads=(_ANY.frame,)
+    ),
+    "channel": _service(
+        "channel", publishes=(_ANY.all_candidates, _BORDERS), reads=(_ANY.feature, _BORDERS)
+    ),
+    "fuser": _service(
+        "fuser",
+        publishes=(_ANY.match, _ANY.ack),
+        reads=(_ANY.feature, _ANY.moments, _ANY.all_candidates),
+    ),
+    "camera": Role(
+        publishes=(_ANY.frame, _ANY.odometry),
+        reads=(_ANY.ack, _ANY.odometry),
+        is_alive_as=(_ANY.all_alive("replay"),),
+    ),
+    "dashboard": Role(reads=(EVERYTHING,), asks=(_HISTORY,)),
+    "mapserver": Role(
+        publishes=(_ANY.stats("mapserver", "*"),),
+        is_alive_as=(_ANY.all_alive("mapserver"),),
+        answers=(_MAPS,),
+    ),
+}
+"""The roles of clients. A router may do everything: it passes on what others do."""
+
+ROUTER = "router"
