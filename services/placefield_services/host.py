@@ -1,6 +1,7 @@
 """One host: an embedded router and the services as processes of their own.
 
-What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``.
+What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``. A service
+that gives up before all have been there together has said why, and would do so again.
 """
 
 import itertools
@@ -11,10 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from placefield.bus.keys import Keys, channel_of, run_of, service_and_identity
+from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
 from placefield.bus.session import Bus, open_router
 from placefield.config import ENV_PREFIX, Config
 from placefield.errors import BusError
+from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED
 
 log = logging.getLogger(__name__)
@@ -45,7 +47,8 @@ def run_host(
         on_ready: called once, when featurizer, fuser and all channels are in all runs.
 
     Raises:
-        BusError: the endpoint is in use, or a service fails to start again and again.
+        BusError: the endpoint is in use, or a service dies again and again when it is started.
+        SystemExit: a service gave up at the start; the reason is on stderr.
     """
     with open_router(config.bus) as bus:
         readiness = _Readiness(bus, config.runs, channels)
@@ -53,9 +56,13 @@ def run_host(
         try:
             while not stop.is_set():
                 for child in children:
+                    if child.has_given_up() and not readiness.was_told:
+                        raise SystemExit(1)
                     child.keep_running()
                 if readiness.is_reached():
                     on_ready()
+                    notify_ready()
+                notify_alive()
                 stop.wait(_POLL_S)
         finally:
             _stop_all(children)
@@ -69,7 +76,7 @@ class _Readiness:
         roles += [("channel", channel) for channel in range(channels)]
         self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
-        self._told = False
+        self.was_told = False
         for run in runs:
             bus.watch_alive(Keys(run).all_alive(), self._change)
 
@@ -77,17 +84,22 @@ class _Readiness:
         (self._alive.add if is_alive else self._alive.discard)(key)
 
     def is_reached(self) -> bool:
-        if self._told:
+        if self.was_told:
             return False
         if not self._needed <= {(run_of(key), _role(key)) for key in tuple(self._alive)}:
             return False
-        self._told = True
+        self.was_told = True
         return True
 
 
 def _role(key: str) -> _Role:
     service, identity = service_and_identity(key)
-    return service, channel_of(identity) if service == "channel" else None
+    return service, _channel_of(identity) if service == "channel" else None
+
+
+def _channel_of(identity: str) -> int | None:
+    part = part_of(identity)
+    return part.channel if part else None
 
 
 class _Child:
@@ -100,6 +112,10 @@ class _Child:
         self._start_at = 0.0
         self._started = 0.0
         self._process: subprocess.Popen[bytes] | None = None
+
+    def has_given_up(self) -> bool:
+        """Whether the process has ended by itself, and not well."""
+        return self._process is not None and (self._process.poll() or 0) > 0
 
     def keep_running(self) -> None:
         """Start the process, or start it again some time after it died."""
@@ -156,9 +172,14 @@ def _environment() -> dict[str, str]:
     """Return the children's environment.
 
     Their commands carry the whole configuration, which settings in the environment would override.
-    One BLAS thread each: the processes are what runs in parallel.
+    What supervises the host hears of the host alone. One BLAS thread each: the processes are what
+    runs in parallel.
     """
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(ENV_PREFIX) and name != NOTIFY_SOCKET
+    }
     return kept | {SUPERVISED: "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 

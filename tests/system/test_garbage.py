@@ -21,7 +21,7 @@ class Vandal(threading.Thread):
         self._random = random.Random(5)
         self._enough = threading.Event()
         self.rounds = 0
-        topics = [keys.frame, keys.feature, keys.candidate(0), keys.candidate(7), keys.match]
+        topics = [keys.frame, keys.feature, keys.candidates("a"), keys.match]
         # To a topic, the streams that headers name; an acknowledgement is a header and no more.
         self._streams = {key: [stream, "another"] for key in topics} | {
             keys.ack: ["another"],

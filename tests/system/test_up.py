@@ -15,9 +15,9 @@ STOP_S = 3.0
 def test_a_host_says_once_that_it_is_ready_and_runs_the_services(host: Host) -> None:
     assert host.out.count("\n") == 1
     assert host.out.startswith(f"ready: run 'default' at {host.endpoint}, 3 channels")
-    for service, count in (("featurizer", 1), ("channel", 2), ("fuser", 1)):
+    for service, count in (("featurizer", 1), ("channel", 2), ("fuser", 1), ("serve", 1)):
         assert len(host.service(service)) == count
-    assert len(host.children()) == 4
+    assert len(host.children()) == 5
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

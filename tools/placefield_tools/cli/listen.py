@@ -18,6 +18,7 @@ def _listen(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON lines")] = False,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -28,7 +29,9 @@ def _listen(
     from placefield_services.process import stop_event
     from placefield_tools.listening import MatchQueue
 
-    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
     keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop) as bus:

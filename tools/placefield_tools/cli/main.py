@@ -9,14 +9,20 @@ from threadpoolctl import threadpool_limits
 
 from placefield.errors import PlacefieldError
 from placefield_tools.cli import (
+    alive,
     bench,
     build,
     config,
     demo,
     evaluate,
+    fetch,
     inspect,
     listen,
+    plan,
     replay,
+    router,
+    security,
+    serve,
     services,
     status,
     study,
@@ -29,8 +35,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_streaming = (up, services, replay, listen, status)
-for module in (build, inspect, *_streaming, evaluate, study, bench, config, demo):
+_streaming = (plan, up, services, router, serve, fetch, replay, listen, status, alive)
+for module in (build, inspect, *_streaming, evaluate, study, bench, config, security, demo):
     module.add_to(app)
 
 

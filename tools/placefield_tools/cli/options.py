@@ -36,6 +36,14 @@ Endpoint = Annotated[
     str | None,
     typer.Option(metavar="ENDPOINT", help="the router", show_default=_DEFAULTS.bus.endpoint),
 ]
+Credentials = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="of this role, as 'placefield security init' makes them",
+        show_default=False,
+    ),
+]
 RuleOption = Annotated[
     Rule | None,
     typer.Option("--rule", help="how places are matched", show_default=_DEFAULTS.matching.rule),

@@ -28,6 +28,7 @@ def _replay(
     spacing: options.Spacing = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -44,7 +45,9 @@ def _replay(
     from placefield_tools.replaying import replay
     from placefield_tools.sources import open_source
 
-    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
     keys = Keys(effective.run)
     stop = stop_event()
     odometry = Odometry()

@@ -1,10 +1,12 @@
 """``placefield featurizer``, ``channel`` and ``fuser``: one service each, on any host."""
 
+import re
 from typing import Annotated
 
 import typer
 
 from placefield.config import FusionConfig
+from placefield.errors import ConfigError
 from placefield_tools.cli import options
 
 
@@ -19,15 +21,20 @@ def _featurizer(
     map_path: options.MapPath,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
     """Serve as featurizer: frames in, descriptors out."""
+    from placefield_services.process import begin, leave, stop_event
+
+    begin()
     from placefield.maps.opening import open_map
     from placefield_services.featurizer import run_featurizer
-    from placefield_services.process import leave, stop_event
 
-    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
     run_featurizer(open_map(map_path, channels=()), effective, stop_event())
     leave()
 
@@ -37,34 +44,55 @@ def _channel(
     channel: Annotated[
         list[int], typer.Option(min=0, help="number of a channel of the map; may be repeated")
     ],
+    shard: Annotated[
+        str,
+        typer.Option(
+            help="which part of the places, of how many: 0/4 to 3/4, each at a worker of its own"
+        ),
+    ] = "0/1",
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     rule: options.RuleOption = None,
     exact: options.Exact = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
     """Serve as channel worker: descriptors in, a candidate per channel out."""
+    from placefield_services.process import begin, leave, stop_event
+
+    begin()
     from placefield.maps.opening import open_map
     from placefield_services.channel import run_channels
-    from placefield_services.process import leave, stop_event
 
     effective = options.effective_config(
         config,
         settings,
         runs=run,
         bus__endpoint=endpoint,
+        bus__credentials=credentials,
         matching__rule=rule,
         matching__exact=exact,
     )
-    run_channels(open_map(map_path, channels=channel), channel, effective, stop_event())
+    number, shards = _shard(shard)
+    placemap = open_map(map_path, channels=channel)
+    run_channels(placemap, channel, effective, stop_event(), shard=number, shards=shards)
     leave()
+
+
+def _shard(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", text)
+    number, shards = map(int, found.groups()) if found else (1, 0)
+    if number >= shards:
+        raise ConfigError(f"--shard {text!r}: write it as 0/4, from 0/4 to 3/4 for four of them")
+    return number, shards
 
 
 def _fuser(
     map_path: options.MapPath,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     deadline: Annotated[
@@ -78,15 +106,18 @@ def _fuser(
     settings: options.Settings = None,
 ) -> None:
     """Serve as fuser: candidates in, one match per frame out."""
+    from placefield_services.process import begin, leave, stop_event
+
+    begin()
     from placefield.maps.opening import open_map
     from placefield_services.fuser import run_fuser
-    from placefield_services.process import leave, stop_event
 
     effective = options.effective_config(
         config,
         settings,
         runs=run,
         bus__endpoint=endpoint,
+        bus__credentials=credentials,
         matching__rule=rule,
         matching__precision=precision,
         fusion__deadline_s=deadline,

@@ -1,13 +1,26 @@
-"""``placefield status``: the services of a run and what they counted."""
+"""``placefield status``: the services of a run, how far each is, and what is missing."""
 
+import json
 import threading
 import time
+from collections import Counter
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from placefield_tools.cli import options
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from placefield.bus.inbox import Received
+    from placefield.bus.keys import Keys
+    from placefield.bus.session import Bus
+    from placefield_tools.standing import RunStanding, ServiceStanding
+
+_LISTEN_S = 2.3  # every service tells of itself once a second: twice make a rate
+_REFRESH_S = 1.0
 
 
 def add_to(app: typer.Typer) -> None:
@@ -18,35 +31,120 @@ def add_to(app: typer.Typer) -> None:
 def _status(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    watch: Annotated[bool, typer.Option("--watch", help="go on until Ctrl-C")] = False,
+    json_: options.Json = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Print the services of a run that are alive, and what each has counted."""
-    from placefield.bus.keys import Keys, service_and_identity
-    from placefield.bus.messages import StatsMessage
+    """Print the services of a run, how far each is, and what is missing.
+
+    For each there is the newest frame that it has answered, how many frames it is behind, how many
+    it answers in a second, and what it has counted since it started.
+
+    Ends with code 0 if the run can give whole answers, and with 1 if not, saying what is missing: a
+    featurizer, a fuser, channels of the map, or shards of them.
+    """
+    from rich.console import Console
+
+    from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
-    from placefield.errors import MessageError
+    from placefield.errors import BusError, ConfigError
 
-    effective = options.effective_config(config, settings, runs=run, bus__endpoint=endpoint)
-    keys = Keys(effective.run)
-    counts: dict[tuple[str, str], dict[str, int]] = {}
-    lock = threading.Lock()
+    if watch and json_:
+        raise ConfigError("--watch and --json: give one of them")
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    name = effective.run
+    with open_bus(effective.bus) as bus:
+        listening = _Listening(bus, Keys(name))
+        if watch:
+            _watch(listening, name)
+            return
+        time.sleep(_LISTEN_S)
+        standing = listening.standing()
+    if json_:
+        print(json.dumps({"run": name, **asdict(standing)}))
+    else:
+        Console(markup=False, highlight=False).print(_table(standing, name))
+    if standing.missing:
+        raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}")
 
-    def receive(key: str, payload: bytes) -> None:
+
+class _Listening:
+    """Keeps a record of what a run says."""
+
+    def __init__(self, bus: "Bus", keys: "Keys") -> None:
+        from placefield_tools.standing import RunRecord
+
+        self._bus, self._keys = bus, keys
+        self._record = RunRecord()
+        self._lock = threading.Lock()
+        bus.subscribe(keys.feature, self._announce, Counter())
+        bus.subscribe_raw(keys.all_stats, self._tell)
+
+    def _announce(self, received: "Received") -> None:
+        with self._lock:
+            self._record.announce(received.header)
+
+    def _tell(self, key: str, payload: bytes) -> None:
+        from placefield.bus.keys import service_and_identity
+        from placefield.bus.messages import StatsMessage
+        from placefield.errors import MessageError
+
         try:
             stats = StatsMessage.decode(payload)
         except MessageError:
             return
-        with lock:
-            counts[service_and_identity(key)] = stats.counts
+        with self._lock:
+            self._record.tell(*service_and_identity(key), stats, time.monotonic())
 
-    with open_bus(effective.bus) as bus:
-        bus.subscribe_raw(keys.all_stats, receive)
-        time.sleep(1.5)  # every service publishes once a second
-        alive = sorted(map(service_and_identity, bus.alive(keys.all_alive())))
-    table = Table("service", "identity", "counts", title=f"run {effective.run}")
-    with lock:
-        for service, identity in alive:
-            own = counts.get((service, identity.rpartition("-")[2]), {})
-            table.add_row(service, identity, ", ".join(f"{k} {v}" for k, v in sorted(own.items())))
-    Console(markup=False).print(table)
+    def standing(self) -> "RunStanding":
+        tokens = self._bus.alive(self._keys.all_alive())
+        with self._lock:
+            return self._record.standing(tokens, time.monotonic())
+
+
+def _watch(listening: _Listening, run: str) -> None:
+    from rich.console import Console, Group
+    from rich.live import Live
+
+    def shown() -> "RenderableType":
+        standing = listening.standing()
+        lacking = "; ".join(standing.missing)
+        return Group(_table(standing, run), f"missing: {lacking}" if lacking else "complete")
+
+    console = Console(markup=False, highlight=False)
+    with Live(console=console, auto_refresh=False) as live:
+        try:
+            while True:
+                live.update(shown(), refresh=True)
+                time.sleep(_REFRESH_S)
+        except KeyboardInterrupt:
+            return
+
+
+def _table(standing: "RunStanding", run: str) -> "RenderableType":
+    from rich.table import Table
+
+    newest = "no frame yet" if standing.newest is None else f"newest frame {standing.newest}"
+    table = Table(title=f"run {run}, {newest}")
+    for column in ("service", "identity"):
+        table.add_column(column, no_wrap=True)
+    for column in ("frame", "behind", "frames/s"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("counts")
+    for service in standing.services:
+        table.add_row(service.service, service.identity, *_cells(service))
+    return table
+
+
+def _cells(service: "ServiceStanding") -> tuple[str, str, str, str]:
+    rate = "" if service.rate is None else f"{service.rate:.1f}"
+    return (
+        "" if service.sequence is None else str(service.sequence),
+        "" if service.behind is None else str(service.behind),
+        "silent" if service.silent else rate,
+        ", ".join(f"{name} {count}" for name, count in sorted(service.counts.items())),
+    )

@@ -2,7 +2,7 @@
 
 import sys
 import tempfile
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +10,14 @@ from typing import Annotated
 import typer
 
 from placefield_tools.cli import options
+
+_ROLES = {
+    "featurizer": "featurizer",
+    "channel": "channel",
+    "fuser": "fuser",
+    "serve": "mapserver",
+}
+"""Whose credentials a command needs."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,6 +33,7 @@ def _up(
     ] = None,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     exact: options.Exact = None,
@@ -37,7 +46,7 @@ def _up(
 
     What dies is started again; Ctrl-C stops all.
     """
-    from placefield.maps.opening import open_map
+    from placefield.maps.manifest import read_manifest
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.parallel import cores
@@ -48,11 +57,12 @@ def _up(
         settings,
         runs=run,
         bus__endpoint=endpoint,
+        bus__credentials=credentials,
         matching__rule=rule,
         matching__precision=precision,
         matching__exact=exact,
     )
-    channels = open_map(map_path).channels
+    channels = read_manifest(map_path).channels
     runs = ", ".join(map(repr, effective.runs))
 
     def ready() -> None:
@@ -70,6 +80,7 @@ def _up(
             [str(map_path), "--config", str(file)],
             deal([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
+            _credentials_beside(effective.bus.credentials),
         )
         run_host(commands, len(channels), effective, stop, ready)
 
@@ -87,16 +98,39 @@ def deal(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
     return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
 
 
+def _credentials_beside(routers: str | None) -> dict[str, Path]:
+    """Return the folders of the services' credentials, which lie beside the router's.
+
+    Raises:
+        BusError: one is missing or does not fit, which each service would find by itself.
+    """
+    from placefield.bus.credentials import tls_settings
+
+    if routers is None:
+        return {}
+    beside = Path(routers).resolve().parent
+    credentials = {command: beside / role for command, role in _ROLES.items()}
+    for folder in credentials.values():
+        tls_settings(folder)
+    return credentials
+
+
 def _commands(
-    common: Sequence[str], channels: Sequence[Sequence[int]], runs: Sequence[Sequence[str]]
+    common: Sequence[str],
+    channels: Sequence[Sequence[int]],
+    runs: Sequence[Sequence[str]],
+    credentials: Mapping[str, Path],
 ) -> dict[str, list[str]]:
     """Return the command lines of the services, by a name for each.
 
-    There is a worker for each lot of channels, and a featurizer and a fuser for each lot of runs.
+    There is a worker for each lot of channels, a featurizer and a fuser for each lot of runs, and
+    one map server. The credentials are by command; none where there are none.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
         flags = [part for value in own for part in (flag, str(value))]
+        if service in credentials:
+            flags += ["--credentials", str(credentials[service])]
         return [sys.executable, "-m", "placefield_tools", service, *common, *flags]
 
     commands = {}
@@ -105,4 +139,5 @@ def _commands(
         commands[f"fuser {number}"] = command("fuser", "--run", own_runs)
     for number, own_channels in enumerate(channels):
         commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
+    commands["map server"] = command("serve", "--run", [])
     return commands

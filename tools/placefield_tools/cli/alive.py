@@ -1,0 +1,51 @@
+"""``placefield alive``: whether a service is there, for probes and scripts."""
+
+from typing import Annotated, Literal
+
+import typer
+
+from placefield_tools.cli import options
+
+_Service = Literal["featurizer", "channel", "fuser", "mapserver"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("alive")(_alive)
+
+
+def _alive(
+    service: Annotated[
+        _Service | None, typer.Argument(help="none: only the router", show_default=False)
+    ] = None,
+    channel: Annotated[
+        int | None, typer.Option(min=0, help="number of the channel, where one is meant")
+    ] = None,
+    run: options.Runs = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """End with code 0 if a service is alive in every run, and with 1 if not, saying so."""
+    from placefield.bus.keys import Keys, part_of, service_and_identity
+    from placefield.bus.session import open_bus
+    from placefield.errors import BusError, ConfigError
+
+    if channel is not None and service != "channel":
+        raise ConfigError("--channel: is of 'placefield alive channel'")
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    with open_bus(effective.bus) as bus:
+        if service is None:
+            return
+        for name in effective.runs:
+            tokens = bus.alive(Keys(name).all_alive(service))
+            found = bool(tokens)
+            if channel is not None:
+                parts = (part_of(service_and_identity(token)[1]) for token in tokens)
+                found = any(part is not None and part.channel == channel for part in parts)
+            if not found:
+                wanted = service if channel is None else f"worker of channel {channel}"
+                raise BusError(f"run {name!r} has no living {wanted}")

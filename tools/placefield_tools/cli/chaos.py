@@ -1,0 +1,95 @@
+"""``placefield chaos``: what becomes of a replay whose services are killed, stopped and lied to."""
+
+import json
+import logging
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from placefield_tools.chaos.verdict import Verdict
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("chaos")(_chaos)
+
+
+def _chaos(
+    map_path: options.MapPath,
+    source: Annotated[
+        str, typer.Argument(help="a folder of frames or a video; it begins again at its end")
+    ],
+    faults: Annotated[int, typer.Option(min=0, help="how many")] = 7,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, help="how many to replay", show_default="as the faults need"),
+    ] = None,
+    rate: Annotated[float, typer.Option(min=0.01, help="frames per second")] = 12.0,
+    seed: Annotated[int, typer.Option(min=0, help="of the schedule of faults")] = 0,
+    as_json: options.Json = False,
+    rule: options.RuleOption = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Replay frames through services of its own while faults befall them.
+
+    Services and router are killed, a channel worker is stopped for a while, garbage and old
+    messages come. Every frame must be answered, and as offline where the answer isn't flagged
+    as partial; else the exit code is 1. One seed gives one schedule.
+    """
+    from rich.console import Console
+
+    from placefield.errors import ConfigError
+    from placefield.maps.manifest import read_manifest
+    from placefield_tools.chaos.clock import RealClock
+    from placefield_tools.chaos.running import disturbed_replay
+    from placefield_tools.chaos.schedule import APART, schedule
+    from placefield_tools.cli.up import deal
+    from placefield_tools.parallel import cores
+    from placefield_tools.sources import open_source
+
+    logging.getLogger("placefield").setLevel(logging.ERROR)  # garbage is dropped as it should be
+    effective = options.effective_config(config, settings, matching__rule=rule)
+    metrics = [channel.metric for channel in read_manifest(map_path).channels]
+    count = frames or (faults + 1) * APART
+    drawn = schedule(seed, count, faults)
+    with open_source(source) as opened:
+        if opened.live:
+            raise ConfigError(f"{source}: a camera gives no frame twice; give a folder or a video")
+        verdict = disturbed_replay(
+            map_path,
+            opened,
+            drawn,
+            effective,
+            RealClock(),
+            channels=deal(metrics, max(2, cores())),
+            frames=count,
+            rate=rate,
+        )
+    if as_json:
+        print(json.dumps({"seed": seed} | verdict.as_json()))
+    else:
+        Console(markup=False).print(*_tables(verdict, seed))
+    if not verdict.holds:
+        raise typer.Exit(1)
+
+
+def _tables(verdict: "Verdict", seed: int) -> "tuple[Table, Table]":
+    from rich.table import Table
+
+    faults = Table("frame", "fault", "well again after", title=f"faults of seed {seed}")
+    for each in verdict.recoveries:
+        faults.add_row(str(each.fault.at), each.fault.kind, _seconds(each.seconds))
+    counts = Table("sent", "answered", "partial", "wrong", "recovered", title="verdict")
+    counted = (verdict.sent, verdict.answered, verdict.partial, verdict.wrong)
+    counts.add_row(*map(str, counted), f"within {_seconds(verdict.recover_s)}")
+    return faults, counts
+
+
+def _seconds(seconds: float | None) -> str:
+    return "never" if seconds is None else f"{seconds:.2f} s"

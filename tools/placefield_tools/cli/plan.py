@@ -1,0 +1,186 @@
+"""``placefield plan``: which process goes to which host, and the commands."""
+
+import json
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from placefield.config import BusConfig
+from placefield_tools.cli import options
+
+if TYPE_CHECKING:
+    from placefield_tools.planning import Plan, Process
+
+_PORT = BusConfig().endpoint.rpartition(":")[2]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("plan")(_plan)
+
+
+def _plan(
+    map_path: options.MapPath,
+    hosts: Annotated[
+        str, typer.Option(metavar="N or NAME,NAME...", help="how many, or their names")
+    ] = "1",
+    cores: Annotated[int, typer.Option(min=1, help="of each host")] = 1,
+    rate: Annotated[float, typer.Option(min=0.01, help="frames per second wanted")] = 30.0,
+    json_: options.Json = False,
+) -> None:
+    """Propose where to run what for a map, and print the commands of each host.
+
+    The first host has featurizer and fuser. Channels share the cores of all hosts, one worker at
+    most on each; those of one metric stay together. They are cut into shards only where the wanted
+    rate takes it. All of it is an estimate from the map's manifest, for rule filter.
+    """
+    from placefield.maps.manifest import read_manifest
+    from placefield_tools.planning import loads_of, plan, services_of
+
+    names = _names(hosts)
+    manifest = read_manifest(map_path)
+    sizes = _sizes(map_path, list(manifest.files))
+    proposed = plan(
+        loads_of(manifest, sizes),
+        services_of(manifest),
+        manifest.places,
+        hosts=len(names),
+        cores=cores,
+        rate=rate,
+    )
+    commands = [
+        [_command(process, names, number, map_path) for process in processes]
+        for number, processes in enumerate(proposed.hosts)
+    ]
+    if json_:
+        print(json.dumps(_figures(proposed, names, commands, rate)))
+    else:
+        _print(proposed, names, commands, rate)
+
+
+def _names(hosts: str) -> list[str]:
+    """Return the hosts' names; made-up ones where their number is given.
+
+    Raises:
+        ConfigError: it is neither names, each once, nor a number above 0.
+    """
+    from placefield.errors import ConfigError
+
+    if hosts.isdecimal() and int(hosts) > 0:
+        return [f"host{number}" for number in range(1, int(hosts) + 1)]
+    names = hosts.split(",")
+    named = all(name and not name.isdecimal() and name.isprintable() for name in names)
+    if not named or len(set(names)) < len(names):
+        raise ConfigError(f"--hosts {hosts!r}: write how many, or their names with commas between")
+    return names
+
+
+def _sizes(map_path: Path, files: Sequence[str]) -> dict[str, int]:
+    from placefield.errors import MapError
+    from placefield.maps.manifest import REBUILD
+    from placefield.maps.reading import open_inside
+
+    sizes = {}
+    for file in files:
+        try:
+            with open_inside(map_path, file) as opened:
+                sizes[file] = os.fstat(opened.fileno()).st_size
+        except OSError:
+            raise MapError(f"{map_path / file}: missing or unreadable; {REBUILD}") from None
+    return sizes
+
+
+def _command(process: "Process", names: Sequence[str], host: int, map_path: Path) -> str:
+    """Return the command line of a process on a host; one host alone has its bus on loopback."""
+    endpoints = [f"tcp/{name}:{_PORT}" for name in names]
+    flags = ["--endpoint", endpoints[host]] if len(names) > 1 else []
+    if process.service == "router":
+        connect = [part for other in endpoints[:host] for part in ("--connect", other)]
+        return shlex.join(["placefield", "router", *flags, *connect])
+    own = [part for channel in process.channels for part in ("--channel", str(channel))]
+    if process.shards > 1:
+        own += ["--shard", f"{process.shard}/{process.shards}"]
+    return shlex.join(["placefield", process.service, str(map_path), *own, *flags])
+
+
+def _memory(processes: Sequence["Process"]) -> int:
+    """Return the bytes that a host needs, at most: of the map, workers may share some."""
+    return sum(process.own_bytes + process.mapped_bytes for process in processes)
+
+
+def _figures(
+    proposed: "Plan", names: Sequence[str], commands: Sequence[Sequence[str]], rate: float
+) -> dict[str, Any]:
+    return {
+        "rate": rate,
+        "suffices": proposed.suffices(rate),
+        "highest_rate": proposed.highest_rate,
+        "hosts": [
+            {
+                "name": name,
+                "memory_bytes": _memory(processes),
+                "processes": [
+                    {
+                        "service": process.service,
+                        "channels": process.channels,
+                        "shard": process.shard,
+                        "shards": process.shards,
+                        "core_share": process.frame_s * rate,
+                        "own_bytes": process.own_bytes,
+                        "mapped_bytes": process.mapped_bytes,
+                        "command": command,
+                    }
+                    for process, command in zip(processes, own, strict=True)
+                ],
+            }
+            for name, processes, own in zip(names, proposed.hosts, commands, strict=True)
+        ],
+    }
+
+
+def _print(
+    proposed: "Plan", names: Sequence[str], commands: Sequence[Sequence[str]], rate: float
+) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(markup=False, highlight=False)
+    table = Table(title=f"an estimate, at {rate:g} frames/s")
+    table.add_column("host")
+    table.add_column("process")
+    for column in ("of a core", "memory, MB", "of the map, MB"):
+        table.add_column(column, justify="right")
+    for name, processes in zip(names, proposed.hosts, strict=True):
+        for process in processes:
+            table.add_row(
+                name,
+                _label(process),
+                f"{process.frame_s * rate:.0%}",
+                f"{process.own_bytes / 1e6:.0f}",
+                f"{process.mapped_bytes / 1e6:.0f}" if process.mapped_bytes else "",
+            )
+        table.add_section()
+    console.print(table)
+    console.print(f"at most about {proposed.highest_rate:.2g} frames/s", soft_wrap=True)
+    if not proposed.suffices(rate):
+        console.print(
+            "too few for the rate: give more hosts or cores, or build the map for a coarse look "
+            "(--set matching.coarse_from)",
+            soft_wrap=True,
+        )
+    for name, own in zip(names, commands, strict=True):
+        console.print(f"\n{name}:")
+        for command in own:
+            console.print(f"  {command}", soft_wrap=True)
+
+
+def _label(process: "Process") -> str:
+    if process.service != "channel":
+        return process.service
+    numbers = ", ".join(map(str, process.channels))
+    label = f"channel{'s' if len(process.channels) > 1 else ''} {numbers}"
+    return label if process.shards == 1 else f"{label}, shard {process.shard}/{process.shards}"

@@ -1,0 +1,42 @@
+"""``placefield router``: a router of its own, for a bus of many hosts."""
+
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("router")(_router)
+
+
+def _router(
+    endpoint: options.Endpoint = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ENDPOINT", help="a router of another host; may be repeated"),
+    ] = None,
+    credentials: options.Credentials = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Run a router: services of this host connect to it, and it to routers of other hosts.
+
+    Of two hosts one connects to the other. What many read on a host crosses to it once.
+    """
+    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.router import run_router
+
+    begin()
+    stop = stop_event()
+    bus = options.effective_config(
+        config,
+        settings,
+        bus__endpoint=endpoint,
+        bus__connect=connect,
+        bus__credentials=credentials,
+    ).bus
+    run_router(bus, stop, lambda: print(f"ready: router at {bus.endpoint}", flush=True))
+    leave()
