@@ -51,11 +51,10 @@ def run_channels(
             raise ConfigError(
                 f"--channel {channel}: the map has channels 0 to {len(placemap.channels) - 1}"
             )
-    own = {number: placemap.channels[number] for number in channels}
     served = (
-        WholeChannels(own, config.matching)
+        WholeChannels(placemap, channels, config.matching)
         if shards == 1
-        else ShardedChannels(own, config.matching, shard, shards)
+        else ShardedChannels(placemap, channels, config.matching, shard, shards)
     )
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
@@ -196,7 +195,7 @@ class ChannelWorker:
         feature = FeatureMessage.decode(payload)
         if feature.model != self._model:
             raise MessageError(
-                f"descriptor of model {feature.model}; this channel's map has {self._model}: "
+                f"descriptor of model {feature.model!r}; this channel's map has {self._model}: "
                 "give the featurizer the same map"
             )
         if feature.descriptor is not None:

@@ -169,8 +169,6 @@ class Fuser:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        if message.shard >= message.shards:
-            raise MessageError(f"candidate of shard {message.shard} of {message.shards}")
         if message.shards == 1:  # a message is taken as a whole or not at all
             for each in message.candidates:
                 self._check(each.candidate)

@@ -18,7 +18,7 @@ from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.bus.session import Bus
-from placefield.errors import MessageError
+from placefield.errors import MapError, MessageError
 from placefield_services.notifying import notify_alive, notify_ready
 
 log = logging.getLogger(__name__)
@@ -143,9 +143,14 @@ class ServiceProcess:
 
 @contextmanager
 def counting_failure(counts: Iterable[Counter[str]]) -> Iterator[None]:
-    """Outlive a defect that costs each of these runs a message: count it as ``failed``."""
+    """Outlive a defect that costs each of these runs a message: count it as ``failed``.
+
+    A map that was written to is no such defect: nothing can be matched with it.
+    """
     try:
         yield
+    except MapError:
+        raise
     except Exception:
         for of_run in counts:
             of_run["failed"] += 1

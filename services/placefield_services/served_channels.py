@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
-from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.map import Map, MapMetric
 from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.rehearsing import rehearse
 from placefield.matching.shard_matcher import ShardMatcher
-from placefield.matching.sharding import ChannelShard
+from placefield.matching.sharding import ChannelShard, ShardMetrics
 from placefield_services.channel_streams import ChannelStream, Outlet, Seen, WholeStream
 from placefield_services.shard_streams import ShardStream
 
@@ -28,6 +28,12 @@ class ServedChannels(ABC):
     needs_all: bool
     """Whether no frame may be left out that others have taken."""
 
+    _places: Mapping[MapMetric, MetricPlaces]
+
+    def __init__(self, placemap: Map, channels: Sequence[int]) -> None:
+        self._channels = {number: placemap.channels[number] for number in channels}
+        self._check_unchanged = placemap.check_unchanged
+
     @abstractmethod
     def rehearse(self) -> None:
         """Match frames of no stream, so that what is made at its first use is made."""
@@ -40,17 +46,31 @@ class ServedChannels(ABC):
     def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
         """Yield what tells how each descriptor compares; None is a frame that was not seen."""
 
+    def _compare(self, descriptors: Sequence[Descriptor]) -> Iterator[dict[MapMetric, Comparison]]:
+        """Yield how each descriptor compares with the places, under each metric.
+
+        Raises:
+            MapError: somebody has written to the map meanwhile.
+        """
+        if descriptors:
+            stacked = np.stack(descriptors)
+            by_metric = [of_metric.compare(stacked) for of_metric in self._places.values()]
+            self._check_unchanged()
+            for comparisons in zip(*by_metric, strict=True):
+                self._check_unchanged()
+                yield dict(zip(self._places, comparisons, strict=True))
+
 
 class WholeChannels(ServedChannels):
     """Whole channels: frames that come together are compared together."""
 
     needs_all = False
 
-    def __init__(self, channels: Mapping[int, MapChannel], matching: MatchingConfig) -> None:
-        """Take them by number."""
-        self._channels = channels
+    def __init__(self, placemap: Map, channels: Sequence[int], matching: MatchingConfig) -> None:
+        """Take their numbers in a map."""
+        super().__init__(placemap, channels)
         self._matching = matching
-        metrics = dict.fromkeys(channel.metric for channel in channels.values())
+        metrics = dict.fromkeys(channel.metric for channel in self._channels.values())
         self._places = {
             metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
         }
@@ -70,7 +90,7 @@ class WholeChannels(ServedChannels):
 
     def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
         """Yield what tells how each descriptor compares; None is a frame that was not seen."""
-        compared = _compare(self._places, [one for one in descriptors if one is not None])
+        compared = self._compare([one for one in descriptors if one is not None])
         for descriptor in descriptors:
             yield dict if descriptor is None else partial(next, compared)
 
@@ -82,18 +102,20 @@ class ShardedChannels(ServedChannels):
 
     def __init__(
         self,
-        channels: Mapping[int, MapChannel],
+        placemap: Map,
+        channels: Sequence[int],
         matching: MatchingConfig,
         shard: int,
         shards: int,
     ) -> None:
-        """Take channels by number, and which shard of how many."""
+        """Take the channels' numbers in a map, and which shard of how many."""
+        super().__init__(placemap, channels)
         self._matching = matching
         self._shard, self._shards = shard, shards
-        rule, reverse = matching.rule, matching.reverse
+        rule, reverse, shared = matching.rule, matching.reverse, ShardMetrics()
         self._parts = {
-            number: ChannelShard(channel, rule, shard, shards, reverse=reverse)
-            for number, channel in channels.items()
+            number: ChannelShard(channel, rule, shard, shards, shared, reverse=reverse)
+            for number, channel in self._channels.items()
         }
         metrics = dict.fromkeys(part.metric for part in self._parts.values())
         self._places = {
@@ -105,7 +127,7 @@ class ShardedChannels(ServedChannels):
         dimensions = next(iter(self._places)).projection.shape[1]
         frames = np.eye(3, dimensions, dtype=np.float32)
         matchers = self._new_matchers()
-        for seen in _compare(self._places, list(frames)):
+        for seen in self._compare(list(frames)):
             for metric, matcher in matchers.values():
                 matcher.finish([matcher.push(seen[metric])] * self._shards)
 
@@ -123,15 +145,4 @@ class ShardedChannels(ServedChannels):
             yield dict if descriptor is None else partial(self._compare_one, descriptor)
 
     def _compare_one(self, descriptor: Descriptor) -> Seen:
-        return next(_compare(self._places, [descriptor]))
-
-
-def _compare(
-    places: Mapping[MapMetric, MetricPlaces], descriptors: Sequence[Descriptor]
-) -> Iterator[dict[MapMetric, Comparison]]:
-    """Yield how each descriptor compares with the places, under each metric."""
-    if descriptors:
-        stacked = np.stack(descriptors)
-        by_metric = [of_metric.compare(stacked) for of_metric in places.values()]
-        for comparisons in zip(*by_metric, strict=True):
-            yield dict(zip(places, comparisons, strict=True))
+        return next(self._compare([descriptor]))

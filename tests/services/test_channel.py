@@ -60,7 +60,7 @@ class Stage:
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
         outlets = {run: self._outlet(run) for run in RUNS}
-        served = WholeChannels({number: placemap.channels[number] for number in channels}, matching)
+        served = WholeChannels(placemap, channels, matching)
         served.rehearse()
         self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
 

@@ -404,9 +404,3 @@ def test_the_shards_of_a_channel_answer_as_the_channel_does(
     expected = stage.expected(0)
     assert (sequence, match.place, match.missing) == (0, expected.place, ())
     assert match.score == pytest.approx(expected.score, abs=1e-3)  # the next to nothing is dropped
-
-
-def test_a_shard_that_does_not_exist_is_refused(stage: Stage) -> None:
-    message = CandidatesMessage(rule="filter", shard=3, shards=3, candidates=(stage.written(0, 0),))
-    with pytest.raises(MessageError, match="shard 3 of 3"):
-        stage.handle(CANDIDATES, header(0), message)

@@ -49,7 +49,7 @@ MAP = "placefield/maps/route/manifest"
 PUBLISHES = {
     "camera": {"frame", "odometry"},
     "featurizer": {"feature", "moments", "stats/featurizer/x"},
-    "channel": {CANDIDATE, "border/0/0of2", "stats/channel/x"},
+    "channel": {CANDIDATE, "border/x", "stats/channel/x"},
     "fuser": {"match", "ack", "stats/fuser/x"},
     "mapserver": {"stats/mapserver/x"},
     "dashboard": set[str](),
@@ -58,10 +58,10 @@ PUBLISHES = {
 READS = {
     "camera": {"odometry", "ack"},
     "featurizer": {"frame"},
-    "channel": {"feature", "border/0/0of2"},
+    "channel": {"feature", "border/x"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
-    "dashboard": {*STREAMS, *COUNTS, "border/0/0of2"},
+    "dashboard": {*STREAMS, *COUNTS, "border/x"},
 }
 IS_ALIVE_AS = {
     "camera": {"alive/replay/x"},
@@ -216,7 +216,7 @@ def gather(into: set[tuple[str, str]], name: str) -> Callable[[str, bytes], None
 def test_each_role_publishes_and_reads_what_it_may_and_nothing_else(
     endpoint: str, issued: Path
 ) -> None:
-    keys = (*STREAMS, *COUNTS, "border/0/0of2", "anything")
+    keys = (*STREAMS, *COUNTS, "border/x", "anything")
     heard: set[tuple[str, str]] = set()
     expected = {
         (reader, f"{writer} {key}")

@@ -18,6 +18,10 @@ CAPACITY = 4096
 lossless stream never fills it."""
 
 
+CAPACITY_BYTES = 2**28
+"""Of the messages of a run, before the last: above a credit window of frames of 8 MB."""
+
+
 @dataclass(frozen=True)
 class Received:
     """A message as it came: its payload is not decoded yet."""
@@ -42,6 +46,7 @@ class Inbox:
         self._counts = counts
         self._live_capacity = live_capacity
         self._waiting: dict[str, deque[Received]] = {run: deque() for run in counts}
+        self._bytes = dict.fromkeys(counts, 0)
         self._turns = deque(counts)  # whose turn it is, is first
         self._changed = threading.Condition()
 
@@ -55,15 +60,17 @@ class Inbox:
             waiting = self._waiting[run]
             if _may_be_dropped(received):
                 self._make_room(waiting, run)
-            if len(waiting) >= CAPACITY:
+            if len(waiting) >= CAPACITY or self._bytes[run] >= CAPACITY_BYTES:
                 self._counts[run]["dropped_full"] += 1
                 return
             waiting.append(received)
+            self._bytes[run] += len(received.payload)
             self._changed.notify()
 
     def _make_room(self, waiting: deque[Received], run: str) -> None:
         live = [place for place, old in enumerate(waiting) if _may_be_dropped(old)]
         if len(live) >= self._live_capacity:
+            self._bytes[run] -= len(waiting[live[0]].payload)
             del waiting[live[0]]
             self._counts[run]["dropped_old"] += 1
 
@@ -80,7 +87,9 @@ class Inbox:
             self._turns.rotate(-1)
         run = self._turns[0]
         self._turns.rotate(-1)
-        return self._waiting[run].popleft()
+        received = self._waiting[run].popleft()
+        self._bytes[run] -= len(received.payload)
+        return received
 
 
 def _may_be_dropped(received: Received) -> bool:

@@ -66,6 +66,11 @@ class Keys:
         """Where to ask for what came on a key of this run, or on one that begins like it."""
         return f"{ROOT}/{self.run}/history/{key.split('/')[2]}"
 
+    @property
+    def all_history(self) -> str:
+        """Where to ask for anything that came."""
+        return f"{ROOT}/{self.run}/history/*"
+
     def alive(self, service: str, identity: str) -> str:
         """Liveliness token of one process of a service: present means ready."""
         return f"{ROOT}/{self.run}/alive/{service}/{identity}"

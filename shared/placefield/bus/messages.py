@@ -18,7 +18,9 @@ from pydantic import (
     PlainSerializer,
     PlainValidator,
     ValidationError,
+    model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from placefield.config import Rule
 from placefield.errors import MessageError
@@ -232,19 +234,33 @@ class ChannelCandidate(_Strict):
         return Candidate(self.place, self.score, self.places, self.evidence)
 
 
-class CandidatesMessage(Message):
+class _OfShard(Message):
+    """Root of what is about a shard of a worker's channels.
+
+    Attributes:
+        shard: which part of the channels' places it is about.
+        shards: of how many.
+    """
+
+    shard: int = Field(0, ge=0)
+    shards: int = Field(1, ge=1, le=2**16)
+
+    @model_validator(mode="after")
+    def _check_shard(self) -> Self:
+        if self.shard >= self.shards:
+            raise PydanticCustomError("shard", "there is no such shard")
+        return self
+
+
+class CandidatesMessage(_OfShard):
     """The candidates of a worker's channels: together, for each message costs the fuser a wake-up.
 
     Attributes:
         rule: how they were made.
-        shard: which part of the channels' places they are of.
-        shards: of how many.
         candidates: one of each channel.
     """
 
     rule: Rule
-    shard: int = Field(0, ge=0, lt=2**16)
-    shards: int = Field(1, ge=1, le=2**16)
     candidates: tuple[ChannelCandidate, ...] = Field(min_length=1)
 
 
@@ -255,17 +271,13 @@ class ChannelSummary(_Strict):
     summary: NumberVector
 
 
-class BordersMessage(Message):
+class BordersMessage(_OfShard):
     """What the shards of a worker tell those beside them of a frame.
 
     Attributes:
-        shard: which part of the channels' places it is about.
-        shards: of how many.
         summaries: one of each channel.
     """
 
-    shard: int = Field(ge=0, lt=2**16)
-    shards: int = Field(ge=1, le=2**16)
     summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
 
 

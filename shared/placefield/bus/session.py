@@ -137,7 +137,7 @@ class Bus:
         now = time.monotonic()
         if now - self._last_logged >= _LOG_EVERY_S:
             self._last_logged = now
-            log.warning("dropped a message on %s: %s", key, error)
+            log.warning("dropped a message on %.200r: %s", key, error)
 
     def declare_alive(self, key: str) -> None:
         """Declare a liveliness token: it lives as long as this session."""

@@ -11,9 +11,31 @@ from placefield.matching.place_filter import PlaceFilter
 from placefield.matching.shard_matcher import FilterShard, ReverseShard, ShardMatcher
 from placefield.matching.window_shards import EvidenceShard, LowestScoreShard, MeanDistance
 from placefield.matching.windows import WindowSums
-from placefield.metric.spread import spread_of
+from placefield.metric.spread import Spread, spread_of
 
 _WINDOW_RULES = {"evidence": EvidenceShard, "lowest-score": LowestScoreShard}
+
+
+class ShardMetrics:
+    """What the shards of several channels under one metric share, each made once."""
+
+    def __init__(self) -> None:
+        self._cuts: dict[tuple[MapMetric, int, int], MapMetric] = {}
+        self._spreads: dict[MapMetric, Spread] = {}
+
+    def cut(self, metric: MapMetric, places: slice) -> MapMetric:
+        """Return a metric with these places alone."""
+        key = metric, places.start, places.stop
+        if key not in self._cuts:
+            self._cuts[key] = _cut(metric, places)
+        return self._cuts[key]
+
+    def spread(self, metric: MapMetric) -> Spread:
+        """Return how all places under a metric spread; without a coarse look, this reads them."""
+        if metric not in self._spreads:
+            coarse = metric.coarse
+            self._spreads[metric] = spread_of(metric.places) if coarse is None else coarse.spread
+        return self._spreads[metric]
 
 
 class ChannelShard:
@@ -28,7 +50,14 @@ class ChannelShard:
     own: slice
 
     def __init__(
-        self, channel: MapChannel, rule: Rule, shard: int, shards: int, *, reverse: bool = False
+        self,
+        channel: MapChannel,
+        rule: Rule,
+        shard: int,
+        shards: int,
+        metrics: ShardMetrics,
+        *,
+        reverse: bool = False,
     ) -> None:
         """Prepare a shard; this reads all places of the map once.
 
@@ -37,6 +66,7 @@ class ChannelShard:
             rule: how candidates are made.
             shard: which of them, from 0.
             shards: how many there are.
+            metrics: of all channels of a worker.
             reverse: whether the route is driven the other way, see ``matcher_of``.
 
         Raises:
@@ -51,13 +81,11 @@ class ChannelShard:
         self._driven = self._turned(self.own)
         self._seen = self._driven
         if rule == "filter":
-            self._spread = (
-                spread_of(metric.places) if metric.coarse is None else metric.coarse.spread
-            )
+            self._spread = metrics.spread(metric)
         else:
             self._mean_distance = MeanDistance(metric)
             self._seen = slice(max(self._driven.start - longest + 1, 0), self._driven.stop)
-        self.metric = _cut(metric, self._turned(self._seen))
+        self.metric = metrics.cut(metric, self._turned(self._seen))
 
     def _turned(self, places: slice) -> slice:
         """Return where places are in the map that are so in driven order, or the reverse."""

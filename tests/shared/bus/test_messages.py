@@ -9,8 +9,10 @@ from hypothesis.extra import numpy as hnp
 
 from placefield.bus import messages
 from placefield.bus.messages import (
+    BordersMessage,
     CandidatesMessage,
     ChannelCandidate,
+    ChannelSummary,
     FeatureMessage,
     FrameMessage,
     Header,
@@ -294,3 +296,10 @@ def test_a_strangers_field_name_can_forge_no_log_line() -> None:
     name = "x\nplacefield: all is well" + "!" * 10_000
     fields = msgpack.unpackb(Header(stream="s", sequence=0, stamp_ns=0).encode())
     assert decode_or_refuse(Header, msgpack.packb(fields | {name: 1})) is None
+
+
+def test_a_shard_that_does_not_exist_is_refused() -> None:
+    summary = ChannelSummary(channel=0, summary=np.zeros(1))
+    message = BordersMessage.model_construct(shard=3, shards=3, summaries=(summary,), version=1)
+    with pytest.raises(MessageError, match="there is no such shard"):
+        BordersMessage.decode(message.encode())

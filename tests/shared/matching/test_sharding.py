@@ -20,7 +20,7 @@ from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.shard_matcher import ShardMatcher, Summary
-from placefield.matching.sharding import ChannelShard, shard_range
+from placefield.matching.sharding import ChannelShard, ShardMetrics, shard_range
 from placefield.metric.codes import Codes
 
 Array = NDArray[np.float32]
@@ -89,7 +89,8 @@ class Shards:
     ) -> None:
         self.rule = rule
         self.parts = [
-            ChannelShard(channel, rule, shard, shards, reverse=reverse) for shard in range(shards)
+            ChannelShard(channel, rule, shard, shards, ShardMetrics(), reverse=reverse)
+            for shard in range(shards)
         ]
         self.matchers: list[ShardMatcher] = [part.new_matcher() for part in self.parts]
         self.summaries: list[Summary] = []
@@ -315,7 +316,9 @@ def test_there_are_no_other_shards(shard: int) -> None:
 @pytest.mark.parametrize("reverse", [False, True])
 def test_a_shard_is_as_long_as_the_longest_scale(rule: Rule, reverse: bool) -> None:
     channel = channel_of(identity_metric(random_walk(25, seed=1)))
-    shards = [ChannelShard(channel, rule, shard, 2, reverse=reverse) for shard in (0, 1)]
+    shards = [
+        ChannelShard(channel, rule, shard, 2, ShardMetrics(), reverse=reverse) for shard in (0, 1)
+    ]
     assert [shard.own for shard in shards] == [slice(0, 12), slice(12, 25)]
     with pytest.raises(ConfigError, match="each needs 12"):
-        ChannelShard(channel, rule, 0, 3, reverse=reverse)
+        ChannelShard(channel, rule, 0, 3, ShardMetrics(), reverse=reverse)

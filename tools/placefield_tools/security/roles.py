@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from placefield.bus.keys import ROOT, Keys
 
 _ANY = Keys("*")
-_HISTORY = _ANY.history("*")
-_BORDERS = f"{ROOT}/*/border/**"
+_HISTORY = _ANY.all_history
 _MAPS = f"{ROOT}/maps/**"
 
 EVERYTHING = f"{ROOT}/**"
@@ -48,7 +47,9 @@ ROLES = {
         "featurizer", publishes=(_ANY.feature, _ANY.moments), reads=(_ANY.frame,)
     ),
     "channel": _service(
-        "channel", publishes=(_ANY.all_candidates, _BORDERS), reads=(_ANY.feature, _BORDERS)
+        "channel",
+        publishes=(_ANY.all_candidates, _ANY.all_borders),
+        reads=(_ANY.feature, _ANY.all_borders),
     ),
     "fuser": _service(
         "fuser",

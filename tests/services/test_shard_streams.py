@@ -1,0 +1,272 @@
+"""Shards of a channel at workers of their own, joined as the fuser joins them."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from bus_doubles import Memory, RecordingPublisher, header, received
+from numpy.typing import NDArray
+
+from placefield.bus.history import History, Outbox
+from placefield.bus.keys import Keys
+from placefield.bus.messages import (
+    BordersMessage,
+    CandidatesMessage,
+    ChannelSummary,
+    FeatureMessage,
+    Header,
+    HistoryQuery,
+)
+from placefield.config import MatchingConfig, Rule
+from placefield.features.descriptors import DescriptorStream
+from placefield.features.extract import feature_of_model
+from placefield.fusion.shards import ShardJoiner
+from placefield.maps.map import Map, fingerprint
+from placefield.matching.candidate import Candidate
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
+from placefield_services import channel as channel_module
+from placefield_services import shard_streams
+from placefield_services.channel import ChannelWorker
+from placefield_services.channel_streams import Outlet
+from placefield_services.served_channels import ShardedChannels
+
+SHARDS = 3
+RULES: tuple[Rule, ...] = get_args(Rule)
+KEYS = Keys("test")
+Descriptor = NDArray[np.float32]
+
+
+class Shards:
+    """The workers of all shards of a map's channels, and the bus between them."""
+
+    def __init__(self, placemap: Map, rule: Rule) -> None:
+        self._map, self._rule = placemap, rule
+        self.model = fingerprint(placemap.model)
+        self.features = Memory()
+        self.borders: dict[int, History] = {}
+        self.told: dict[int, RecordingPublisher] = {}
+        self.answered: dict[int, RecordingPublisher] = {}
+        self.workers: dict[int, ChannelWorker] = {}
+        self._heard: dict[tuple[int, int], int] = {}
+        for shard in range(SHARDS):
+            self.start(shard)
+
+    def start(self, shard: int) -> None:
+        """Start a worker, in the place of another perhaps."""
+        self.told[shard] = RecordingPublisher(BordersMessage)
+        self.answered[shard] = RecordingPublisher(CandidatesMessage)
+        self.borders[shard] = History()
+        outlet = Outlet(
+            candidates=Outbox(self.answered[shard], History()),
+            recall=self.features.recall,
+            borders=Outbox(self.told[shard], self.borders[shard]),
+            recall_borders=self._recall_borders,
+        )
+        channels = range(len(self._map.channels))
+        matching = MatchingConfig(rule=self._rule)
+        served = ShardedChannels(self._map, channels, matching, shard, SHARDS)
+        served.rehearse()
+        self.workers[shard] = ChannelWorker(
+            self._map.model, served, {"test": outlet}, {"test": Counter()}
+        )
+        self._heard = (
+            {key: 0 for key in self._heard if shard not in key}
+            | {(shard, other): 0 for other in range(SHARDS)}
+            | {(other, shard): 0 for other in range(SHARDS)}
+        )
+
+    def _recall_borders(self, stream: str, first: int, end: int) -> Iterator[tuple[Header, bytes]]:
+        query = HistoryQuery(stream=stream, first=first, end=end).encode()
+        for history in self.borders.values():
+            for payload, attachment in history.reply(query):
+                yield Header.decode(attachment), payload
+
+    def send(self, about: Header, descriptor: Descriptor | None, shards: Iterable[int]) -> None:
+        """Let workers have a descriptor, in this order."""
+        message = FeatureMessage(model=self.model, descriptor=descriptor)
+        payload = b"" if about.end else message
+        self.features.kept[about.sequence] = about, b"" if about.end else message.encode()
+        for shard in shards:
+            worker = self.workers[shard]
+            worker.match([worker.accept(received(KEYS.feature, about, payload))])
+
+    def exchange(self, *, lost: bool = False) -> None:
+        """Let all hear what the others have told by now, and what they tell then."""
+        while self._pass_on(lost=lost):
+            pass
+
+    def _pass_on(self, *, lost: bool) -> bool:
+        news = False
+        for (speaker, hearer), heard in list(self._heard.items()):
+            told = self.told[speaker].sent
+            self._heard[speaker, hearer] = len(told)
+            if speaker == hearer or hearer not in self.workers or lost:
+                continue
+            for about, message in told[heard:]:
+                assert message is not None
+                news = True
+                border = received(KEYS.borders(str(speaker)), about, message)
+                self.workers[hearer].accept(border)
+        return news
+
+    def settle(self) -> None:
+        for worker in self.workers.values():
+            worker.settle("test")
+
+    def joined(self, channel: int) -> dict[int, Candidate]:
+        """What the fuser makes of the answers, by frame."""
+        joiner, joined = ShardJoiner(self._rule), {}
+        for shard, answered in self.answered.items():
+            for about, message in answered.sent:
+                if not isinstance(message, CandidatesMessage):
+                    continue
+                (own,) = [each for each in message.candidates if each.channel == channel]
+                whole = joiner.add(about.sequence, channel, shard, SHARDS, own.candidate)
+                if whole is not None:
+                    joined[about.sequence] = whole
+        return joined
+
+
+def whole(
+    placemap: Map, channel: int, rule: Rule, descriptors: Sequence[Descriptor | None]
+) -> list[Candidate]:
+    matcher = matcher_of(placemap.channels[channel], rule)
+    places = MetricPlaces(placemap.channels[channel].metric, exact=True)
+    return [
+        matcher.push(None if one is None else next(iter(places.compare(one[None]))))
+        for one in descriptors
+    ]
+
+
+def assert_same(joined: dict[int, Candidate], expected: Sequence[Candidate]) -> None:
+    assert sorted(joined) == list(range(len(expected)))
+    for sequence, candidate in enumerate(expected):
+        assert joined[sequence].place == candidate.place
+        assert joined[sequence].score == pytest.approx(candidate.score, rel=1e-4, abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
+    stream = DescriptorStream(route_map.model)
+    feature = feature_of_model(route_map.model)
+    files = sorted(query_dir.iterdir())[:16]
+    return [stream.push(feature.describe(file.read_bytes())) for file in files]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_workers_that_hear_each_other_late_and_in_any_order_answer_as_the_whole(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
+) -> None:
+    shards, rng = Shards(route_map, rule), np.random.default_rng(0)
+    seen = [None if s == 5 else one for s, one in enumerate(descriptors)]
+    for sequence, descriptor in enumerate(seen):
+        shards.send(header(sequence), descriptor, rng.permutation(SHARDS).tolist())
+        if rng.random() < 0.5:
+            shards.exchange()
+    shards.exchange()
+    for channel in (0, 2):
+        assert_same(shards.joined(channel), whole(route_map, channel, rule, seen))
+
+
+def test_a_frame_that_no_one_has_is_one_that_was_not_seen(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    shards = Shards(route_map, "filter")
+    seen = [None if s in (4, 5, 6) else one for s, one in enumerate(descriptors)]
+    for sequence, descriptor in enumerate(seen):
+        if descriptor is not None:
+            shards.send(header(sequence, live=True), descriptor, range(SHARDS))
+            shards.exchange()
+    expected = whole(route_map, 0, "filter", seen)
+    joined = shards.joined(0)
+    assert sorted(joined) == [s for s, one in enumerate(seen) if one is not None]
+    assert all(joined[s].place == expected[s].place for s in joined)
+
+
+def test_what_was_lost_between_workers_is_asked_for(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
+    shards = Shards(route_map, "filter")
+    for sequence, descriptor in enumerate(descriptors):
+        shards.send(header(sequence), descriptor, range(SHARDS))
+        shards.exchange(lost=sequence % 3 == 1)
+        shards.settle()
+    for _ in descriptors:
+        shards.settle()
+        shards.exchange(lost=True)
+    assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
+
+
+def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had_not_been(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
+    shards = Shards(route_map, "filter")
+    answered = []
+    for sequence, descriptor in enumerate(descriptors):
+        there = [0, 2] if 6 <= sequence < 12 else range(SHARDS)
+        if sequence == 6:
+            answered = shards.answered[1].sent
+            del shards.workers[1]
+        if sequence == 12:
+            shards.start(1)
+        shards.send(header(sequence, oldest=6), descriptor, there)
+        shards.exchange()
+    for _ in range(3):
+        shards.settle()
+        shards.exchange()
+    shards.answered[1].sent[:0] = answered
+    assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
+
+
+def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_others(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
+    monkeypatch.setattr(shard_streams, "LENGTH", 3)
+    monkeypatch.setattr(channel_module, "LENGTH", 3)
+    shards = Shards(route_map, "filter")
+    del shards.workers[1]
+    for sequence, descriptor in enumerate(descriptors):
+        if sequence == 12:
+            shards.start(1)
+        shards.send(header(sequence), descriptor, shards.workers)
+        shards.exchange()
+        shards.settle()
+    for _ in range(3):
+        shards.settle()
+        shards.exchange()
+    assert max(shards.joined(0)) == len(descriptors) - 1
+
+
+def test_the_end_comes_behind_the_last_answer(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    shards = Shards(route_map, "filter")
+    shards.send(header(0), descriptors[0], range(SHARDS))
+    shards.send(header(1, end=True), None, range(SHARDS))
+    assert not shards.answered[0].sent
+    shards.exchange()
+    assert shards.answered[0].sequences == [0, 1]
+    assert shards.answered[0].sent[-1] == (header(1, end=True), None)
+
+
+def test_what_is_told_of_another_cut_or_map_is_not_taken(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    shards = Shards(route_map, "filter")
+    for foreign in (2, 40):
+        summary = ChannelSummary(channel=0, summary=np.zeros(foreign))
+        for count in (SHARDS, SHARDS + 1):
+            message = BordersMessage(shard=1, shards=count, summaries=(summary,))
+            border = received(KEYS.borders("stranger"), header(0), message)
+            shards.workers[0].accept(border)
+    shards.send(header(0), descriptors[0], range(SHARDS))
+    shards.exchange()
+    shards.settle()
+    assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors[:1]))
