@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import pytest
 from bus_doubles import header, received
 
+from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Message, StatsMessage
@@ -130,6 +131,23 @@ def test_counts_are_published_by_run_under_the_process_own_name(
         (KEYS.stats("fuser", process.identity), own),
         (Keys("other").stats("fuser", process.identity), other),
     ]
+
+
+def test_the_newest_answer_of_each_run_is_told_and_the_channels(
+    bus: QuietBus, process: ServiceProcess
+) -> None:
+    answers = History()
+    process.answers["test"], process.answers["other"] = answers, History()
+    process.channels = 3
+    answers.remember(header(41), b"an answer")
+    serve(process, sequence_of, messages_of(1))
+    stats = dict(bus.published)
+    assert stats[KEYS.stats("fuser", process.identity)] == StatsMessage(
+        service="fuser", counts={"received": 1}, stream="s", sequence=41, channels=3
+    )
+    assert stats[Keys("other").stats("fuser", process.identity)] == StatsMessage(
+        service="fuser", counts={}, channels=3
+    )
 
 
 def test_no_garbage_is_looked_for_until_a_process_serves(process: ServiceProcess) -> None:

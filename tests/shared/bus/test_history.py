@@ -49,6 +49,14 @@ def test_the_newest_messages_of_the_last_stream_are_told(
     assert history.find(header(3, "another")) is None
 
 
+def test_the_newest_is_what_came_last_also_where_little_is_kept() -> None:
+    history = History(2)
+    assert history.newest is None
+    for newest in (header(7), header(8), header(9), header(0, "next")):
+        history.remember(newest, b"")
+        assert history.newest == newest
+
+
 def test_what_is_no_query_is_refused() -> None:
     with pytest.raises(MessageError):
         list(History().reply(b"garbage"))

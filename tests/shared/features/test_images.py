@@ -1,5 +1,8 @@
 import struct
+import subprocess
+import sys
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -202,3 +205,22 @@ def test_real_frames_decode(data_dir):
     for folder in folders:
         frame = min(folder.iterdir())
         assert grey(decode(frame.read_bytes())).ndim == 2
+
+
+def test_a_small_file_of_a_huge_image_is_refused_before_it_takes_memory(tmp_path: Path) -> None:
+    huge = tmp_path / "huge.webp"
+    huge.write_bytes(cv2.imencode(".webp", np.zeros((9000, 9000, 3), np.uint8))[1].tobytes())
+    assert huge.stat().st_size < 100_000
+    code = (
+        "import resource, sys\n"
+        "from placefield.features.images import decode\n"
+        "from placefield.errors import FrameError\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try:\n    decode(open(sys.argv[1], 'rb').read())\n"
+        "except FrameError:\n"
+        "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    taken = subprocess.run(
+        [sys.executable, "-c", code, str(huge)], capture_output=True, text=True, check=True
+    )
+    assert int(taken.stdout) < 50_000  # KiB; its pixels are 237 MiB

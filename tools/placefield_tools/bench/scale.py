@@ -18,6 +18,7 @@ from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.hosting import started
 from placefield_tools.bench.made import made_map
+from placefield_tools.bench.shards import bench_shards
 from placefield_tools.bench.start import bench_start
 from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 from placefield_tools.progress import tracked
@@ -27,6 +28,7 @@ DIMENSIONS = 300
 _FRAMES = 300
 _WARM_UP = 20  # frames
 _LIGHT = 0.8  # how strong the noise is that sets the query apart
+_SHARDED = 100_000
 _BARS = {100_000: 30.0, 1_000_000: 10.0}  # frames per second
 
 Array = NDArray[np.float32]
@@ -73,6 +75,8 @@ def _figures_of(walk: Array) -> list[Figure]:
             ),
             Figure(f"right_{size}", _right(matches, drive), "share of matches that is right"),
         ]
+        if size == _SHARDED:
+            figures += bench_shards(path, model, query, matches)
         if size >= config.matching.coarse_from:
             figures += _beside_exact(size, path, model, query, matches)
     return figures
