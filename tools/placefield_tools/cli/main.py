@@ -12,6 +12,7 @@ from placefield_tools.cli import (
     alive,
     bench,
     build,
+    chaos,
     config,
     demo,
     evaluate,
@@ -36,7 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _streaming = (plan, up, services, router, serve, fetch, replay, listen, status, alive)
-for module in (build, inspect, *_streaming, evaluate, study, bench, config, security, demo):
+for module in (build, inspect, *_streaming, evaluate, study, bench, chaos, config, security, demo):
     module.add_to(app)
 
 

@@ -34,9 +34,13 @@ def _plan(
 ) -> None:
     """Propose where to run what for a map, and print the commands of each host.
 
-    The first host has featurizer and fuser. Channels share the cores of all hosts, one worker at
-    most on each; those of one metric stay together. They are cut into shards only where the wanted
-    rate takes it. All of it is an estimate from the map's manifest, for rule filter.
+    All of it is an estimate, from the map's manifest alone, for rule filter.
+
+    The first host has featurizer and fuser; a core has one channel worker at most.
+
+    Channels are cut into shards only where the rate takes it; those of one metric stay together.
+
+    Each host needs the map at the same path: see 'placefield fetch'.
     """
     from placefield.maps.manifest import read_manifest
     from placefield_tools.planning import loads_of, plan, services_of
@@ -108,7 +112,7 @@ def _command(process: "Process", names: Sequence[str], host: int, map_path: Path
 
 
 def _memory(processes: Sequence["Process"]) -> int:
-    """Return the bytes that a host needs, at most: of the map, workers may share some."""
+    """Return the bytes that a host needs; no two of its workers have the same part of the map."""
     return sum(process.own_bytes + process.mapped_bytes for process in processes)
 
 
@@ -148,11 +152,13 @@ def _print(
     from rich.console import Console
     from rich.table import Table
 
+    from placefield_tools.planning import ROOM
+
     console = Console(markup=False, highlight=False)
     table = Table(title=f"an estimate, at {rate:g} frames/s")
     table.add_column("host")
     table.add_column("process")
-    for column in ("of a core", "memory, MB", "of the map, MB"):
+    for column in ("of a core", "own MB", "map's MB"):
         table.add_column(column, justify="right")
     for name, processes in zip(names, proposed.hosts, strict=True):
         for process in processes:
@@ -165,15 +171,15 @@ def _print(
             )
         table.add_section()
     console.print(table)
-    console.print(f"at most about {proposed.highest_rate:.2g} frames/s", soft_wrap=True)
+    console.print(f"at most about {proposed.highest_rate:.0f} frames/s")
     if not proposed.suffices(rate):
         console.print(
-            "too few for the rate: give more hosts or cores, or build the map for a coarse look "
-            "(--set matching.coarse_from)",
+            f"too few: {rate:g} would take more than {ROOM:.0%} of a core; "
+            "give more hosts or cores, or a lower --rate",
             soft_wrap=True,
         )
-    for name, own in zip(names, commands, strict=True):
-        console.print(f"\n{name}:")
+    for name, processes, own in zip(names, proposed.hosts, commands, strict=True):
+        console.print(f"\n{name}, about {_memory(processes) / 1e9:.1f} GB of memory:")
         for command in own:
             console.print(f"  {command}", soft_wrap=True)
 

@@ -39,11 +39,9 @@ def _status(
 ) -> None:
     """Print the services of a run, how far each is, and what is missing.
 
-    For each there is the newest frame that it has answered, how many frames it is behind, how many
-    it answers in a second, and what it has counted since it started.
+    For each: its newest answer, by how many frames it is behind, frames per second, and counts.
 
-    Ends with code 0 if the run can give whole answers, and with 1 if not, saying what is missing: a
-    featurizer, a fuser, channels of the map, or shards of them.
+    Ends with code 1 if a featurizer, a fuser, a channel or a shard is missing, saying which.
     """
     from rich.console import Console
 

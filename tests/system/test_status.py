@@ -1,0 +1,74 @@
+import json
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hosting import Host, placefield
+
+from placefield.bus.keys import Keys, Part
+from placefield.bus.messages import StatsMessage
+from placefield.bus.session import Bus, open_bus
+from placefield.config import BusConfig
+
+
+def complaint(ended: "subprocess.CompletedProcess[str]") -> str:
+    """Return the one line in which status says what is missing, below what there is."""
+    assert ended.returncode == 1, ended
+    [line] = ended.stderr.splitlines()
+    return line
+
+
+def test_status_tells_how_far_each_service_of_a_whole_run_is(host: Host, query_dir: Path) -> None:
+    host.replay(query_dir)
+    ended = placefield("status", "--json", "--endpoint", host.endpoint)
+    assert ended.returncode == 0, ended.stderr
+    standing = json.loads(ended.stdout)
+    assert standing["run"] == "default"
+    assert standing["channels"] == 3
+    assert standing["missing"] == []
+    assert standing["newest"] == 60  # the end: so many frames
+    told = [s for s in standing["services"] if s["service"] in ("featurizer", "channel", "fuser")]
+    assert len(told) == 1 + 3 + 1
+    assert sorted(s["part"]["channel"] for s in told if s["part"]) == [0, 1, 2]
+    for service in told:
+        assert service["stream"] == standing["stream"]
+        assert (service["sequence"], service["behind"]) == (60, 0)
+        assert not service["silent"]
+        assert service["counts"]["received"] >= 60
+
+
+def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
+    at = ("--endpoint", host.endpoint)
+    nobody = placefield("status", *at, "--run", "nobody")
+    assert complaint(nobody) == "placefield: run 'nobody' lacks featurizer; fuser; channel"
+
+    with open_bus(BusConfig(endpoint=host.endpoint)) as bus, half_a_run(bus, Keys("half")):
+        half = placefield("status", *at, "--run", "half")
+    assert "run half" in half.stdout
+    assert "0.1of2-ab" in half.stdout
+    assert "matches 7" in half.stdout
+    lacking = "featurizer; channel 0, shard 0/2; channel 1"
+    assert complaint(half) == f"placefield: run 'half' lacks {lacking}"
+
+
+@contextmanager
+def half_a_run(bus: Bus, keys: Keys) -> Iterator[None]:
+    """A fuser of two channels, and half of the first."""
+    stats = StatsMessage(service="fuser", counts={"matches": 7}, channels=2)
+    over = threading.Event()
+
+    def tell() -> None:
+        while not over.wait(0.2):
+            bus.put(keys.stats("fuser", "cd"), stats)
+
+    bus.declare_alive(keys.alive("fuser", "cd"))
+    bus.declare_alive(keys.alive("channel", Part(0, 1, 2).identity("ab")))
+    telling = threading.Thread(target=tell)
+    telling.start()
+    try:
+        yield
+    finally:
+        over.set()
+        telling.join()

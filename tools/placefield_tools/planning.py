@@ -1,0 +1,262 @@
+"""Which process of a run goes to which host, by an estimate of what each costs.
+
+A frame costs a channel worker what it reads: the codes of all places under each metric, or a few
+bytes of each where the map is built for a coarse look, and the beliefs of each channel. Shards cut
+that into parts. Channels of one metric stay together, for frames are compared once for all of them.
+
+The constants are of the machine of docs/performance.md; rule ``filter``.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from placefield.errors import MapError
+from placefield.maps.layout import COARSE_FILES, METRIC_FILES
+from placefield.maps.manifest import REBUILD, Manifest
+
+ROOM = 0.7
+"""Share of a core that is given away: the estimate is rough, and other work goes on."""
+
+LEAST_SHARD = 10_000
+"""Places: with fewer a shard spends more on telling the others than it saves."""
+
+# Seconds of a core for a frame.
+_FEATURIZER_S = {"gist": 5.3e-3, "grayscale": 3.5e-3}
+_NETWORK_S = 30e-3  # a small one
+_FUSER_S = 2.1e-3
+_ROUTER_S = 1.3e-3
+_WORKER_S = 1.2e-3  # to wake up, and to answer
+_SHARD_S = 1.0e-3  # more, to hear of the other shards and be heard
+_READ_S = 1 / 15e9  # for a byte of places or of a projection
+_FILTER_S = 25e-9  # for a place of a channel: move its beliefs, weigh them
+
+_PROCESS_BYTES = 120_000_000  # Python and its libraries
+_BELIEFS_BYTES = 2 * 7 * 4 + 24  # of a place of a channel; the second, what it is weighed by
+_LOOKED_AT = 64  # of so many places one is near enough at the coarse look for an exact one
+
+
+@dataclass(frozen=True)
+class MetricLoad:
+    """What the channels of one metric take.
+
+    Attributes:
+        channels: their numbers.
+        read_bytes: for a frame, of what is of places.
+        projected_bytes: for a frame, of what is not.
+        mapped_bytes: of the files of the map.
+    """
+
+    channels: tuple[int, ...]
+    read_bytes: int
+    projected_bytes: int
+    mapped_bytes: int
+
+
+Service = Literal["router", "featurizer", "fuser", "channel"]
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process that runs on a host.
+
+    Attributes:
+        service: which.
+        frame_s: seconds of a core that it takes for a frame.
+        own_bytes: of memory that is its alone.
+        mapped_bytes: of the map, which all processes of a host share.
+        channels: that it serves, if it is a channel worker.
+        shard: which one of each, from 0.
+        shards: into how many they are cut.
+    """
+
+    service: Service
+    frame_s: float
+    own_bytes: int = _PROCESS_BYTES
+    mapped_bytes: int = 0
+    channels: tuple[int, ...] = ()
+    shard: int = 0
+    shards: int = 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A placement.
+
+    Attributes:
+        hosts: their processes, each in the order in which to start them.
+        busiest_s: seconds for a frame of the core that has most to do.
+    """
+
+    hosts: tuple[tuple[Process, ...], ...]
+    busiest_s: float
+
+    @property
+    def highest_rate(self) -> float:
+        """Frames per second that all cores can do."""
+        return 1 / self.busiest_s
+
+    def suffices(self, rate: float) -> bool:
+        """Whether so many frames per second leave room on every core."""
+        return self.busiest_s * rate <= ROOM
+
+
+def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
+    """Return what each metric of a map takes, given the bytes of its files.
+
+    Raises:
+        MapError: one of its files is not among them.
+    """
+    loads = []
+    for number, metric in enumerate(manifest.metrics):
+        files = [f"metrics/{number}/{name}.npy" for name in METRIC_FILES]
+        if metric.coarse_unit is not None:
+            files += [f"metrics/{number}/coarse/{name}.npy" for name in COARSE_FILES]
+        for file in files:
+            if file not in sizes:
+                raise MapError(f"{file}: not in the manifest; {REBUILD}")
+        own = {Path(file).stem: sizes[file] for file in files}
+        read, projected = own["places"], own["projection"] if metric.learned else 0
+        if metric.coarse_unit is not None:
+            read = own["codes"] + own["places"] // _LOOKED_AT
+            projected += own["axes"]
+        channels = tuple(
+            channel for channel, of in enumerate(manifest.channels) if of.metric == number
+        )
+        if channels:
+            loads.append(MetricLoad(channels, read, projected, sum(own.values())))
+    return loads
+
+
+def services_of(manifest: Manifest) -> list[Process]:
+    """Return the services besides channel workers that a run has one of."""
+    featurizer_s = _FEATURIZER_S.get(manifest.features.kind, _NETWORK_S)
+    return [Process("featurizer", featurizer_s), Process("fuser", _FUSER_S)]
+
+
+def plan(
+    loads: Sequence[MetricLoad],
+    services: Sequence[Process],
+    places: int,
+    *,
+    hosts: int,
+    cores: int,
+    rate: float,
+) -> Plan:
+    """Place the channels of a map, with no more than one worker on a core.
+
+    Of all ways that are tried and suffice it is the one with the fewest shards of a channel, and of
+    those the one with the fewest workers: if one shard fails, the channel has no answer. If none
+    suffices, it is the one that can do the highest rate.
+
+    Args:
+        loads: of all metrics.
+        services: that go to the first host.
+        places: of the map.
+        hosts: how many.
+        cores: of each host.
+        rate: frames per second that are wanted.
+    """
+    plans: list[Plan] = []
+    for lots in range(1, min(len(loads), hosts * cores) + 1):
+        for workers in _ways(_lots(loads, places, lots), places, hosts * cores):
+            plans.append(_placed(workers, services, hosts, cores))
+            if plans[-1].suffices(rate):
+                break
+
+    def preference(way: Plan) -> tuple[bool, float, int, int, float]:
+        suffices = way.suffices(rate)
+        processes = [process for host in way.hosts for process in host]
+        shards = max(process.shards for process in processes)
+        to_do = 0.0 if suffices else way.busiest_s
+        return not suffices, to_do, shards, len(processes), way.busiest_s
+
+    return min(plans, key=preference)
+
+
+Lot = list[MetricLoad]
+
+
+def _lots(loads: Sequence[MetricLoad], places: int, count: int) -> list[Lot]:
+    """Deal metrics to so many lots, the costliest first, each to the lot that costs least."""
+    lots: list[Lot] = [[] for _ in range(count)]
+    for load in sorted(loads, key=lambda load: -_frame_s([load], places, 1)):
+        min(lots, key=lambda lot: _frame_s(lot, places, 1)).append(load)
+    return lots
+
+
+def _ways(lots: Sequence[Lot], places: int, cores: int) -> Iterator[list[Process]]:
+    """Yield the workers of uncut lots, and of those with a shard more of the costliest, and so on.
+
+    It ends where there are no more cores, or that lot cannot be cut further.
+    """
+    shards = [1] * len(lots)
+    yield _workers(lots, shards, places)
+    while sum(shards) < cores:
+        costs = [_frame_s(lot, places, cut) for lot, cut in zip(lots, shards, strict=True)]
+        costliest = costs.index(max(costs))
+        shards[costliest] += 1
+        if places // shards[costliest] < LEAST_SHARD:
+            break
+        yield _workers(lots, shards, places)
+
+
+def _workers(lots: Sequence[Lot], shards: Sequence[int], places: int) -> list[Process]:
+    return [
+        _worker(lot, shard, cut, places)
+        for lot, cut in zip(lots, shards, strict=True)
+        for shard in range(cut)
+    ]
+
+
+def _worker(lot: Lot, shard: int, shards: int, places: int) -> Process:
+    channels = tuple(sorted(channel for load in lot for channel in load.channels))
+    beliefs = _BELIEFS_BYTES * len(channels) * places // shards
+    return Process(
+        "channel",
+        _frame_s(lot, places, shards),
+        _PROCESS_BYTES + beliefs,
+        sum(load.mapped_bytes for load in lot) // shards,
+        channels,
+        shard,
+        shards,
+    )
+
+
+def _frame_s(lot: Lot, places: int, shards: int) -> float:
+    """Return the seconds for a frame of a worker of one of so many shards."""
+    alone = _READ_S * sum(load.projected_bytes for load in lot)
+    shared = sum(
+        _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels) for load in lot
+    )
+    return _WORKER_S + (_SHARD_S if shards > 1 else 0.0) + alone + shared / shards
+
+
+def _placed(
+    workers: Sequence[Process], services: Sequence[Process], hosts: int, cores: int
+) -> Plan:
+    """Give the costliest worker to the core that has least to do, and so on.
+
+    Cores that have as much to do take turns by host, and so memory is as even as can be.
+    """
+    core_s = {(core, host): 0.0 for core in range(cores) for host in range(hosts)}
+    on: list[list[Process]] = [[] for _ in range(hosts)]
+
+    def put(process: Process, core: tuple[int, int]) -> None:
+        core_s[core] += process.frame_s
+        on[core[1]].append(process)
+
+    for host in range(hosts):
+        own_cores = [(core, host) for core in range(cores)]
+        for process in [*(services if host == 0 else ()), Process("router", _ROUTER_S)]:
+            put(process, min(own_cores, key=lambda core: core_s[core]))
+    free = sorted(core_s, key=lambda core: (core_s[core], core))
+    for worker, core in zip(sorted(workers, key=lambda w: -w.frame_s), free, strict=False):
+        put(worker, core)
+    in_order = (tuple(sorted(processes, key=_turn)) for processes in on)
+    return Plan(tuple(in_order), max(core_s.values()))
+
+
+def _turn(process: Process) -> tuple[int, int, tuple[int, ...]]:
+    return get_args(Service).index(process.service), process.shard, process.channels
