@@ -1,0 +1,1 @@
+"""Faults made on purpose: what a running system must outlive."""

@@ -1,0 +1,224 @@
+"""Messages that a stranger, or a defect, may put on the bus: every sort of them, on every topic.
+
+They are made of messages that were overheard, so that no topic and no field is forgotten.
+"""
+
+import random
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import msgpack
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import ROOT, Keys
+from placefield.bus.messages import Header
+from placefield.bus.session import Bus
+
+_KEPT = 64  # overheard messages of a topic
+_LARGE = 2**16  # bytes
+_STRANGE_NAMES = ("-1-x", "7-x", "٣-x", "%s", "a b", "0", "-", "9" * 5000 + "-x", "new\nline-x")
+
+
+class Overheard:
+    """The first messages of every topic of a run from now on; those without a header, too."""
+
+    def __init__(self, bus: Bus, keys: Keys) -> None:
+        self.topics: dict[str, list[Received]] = {}
+        bus.subscribe(f"{ROOT}/{keys.run}/**", self._keep, Counter())
+        bus.subscribe_raw(keys.all_stats, self._keep_bare)
+        self._keep_bare(keys.odometry, msgpack.packb({"version": 1, "metres": 1.0}))
+        self._keep_bare(f"{ROOT}/{keys.run}/nobody's", b"nobody's")
+
+    def _keep(self, received: Received) -> None:
+        kept = self.topics.setdefault(received.key, [])
+        if len(kept) < _KEPT:
+            kept.append(received)
+
+    def _keep_bare(self, key: str, payload: bytes) -> None:
+        self._keep(Received(key, _header("overheard", 0), payload))
+
+
+Bytes = tuple[bytes, bytes]
+"""A header and a payload as they travel."""
+
+Spoiler = Callable[[random.Random, Received, int], Bytes]
+"""Makes the n-th message of its sort of one that was overheard."""
+
+
+def _noise(rng: random.Random, heard: Received, _: int) -> Bytes:
+    whole = heard.header.encode(), heard.payload
+    noise = rng.randbytes(rng.randrange(200))
+    return (noise, whole[1]) if rng.random() < 0.5 else (whole[0], noise)
+
+
+def _flipped(rng: random.Random, heard: Received, _: int) -> Bytes:
+    return _flip(rng, heard.header.encode()), _flip(rng, heard.payload)
+
+
+def _flip(rng: random.Random, whole: bytes) -> bytes:
+    flipped = bytearray(whole)
+    for _ in range(rng.randrange(3) if whole else 0):
+        flipped[rng.randrange(len(flipped))] ^= 1 << rng.randrange(8)
+    return bytes(flipped)
+
+
+def _cut(rng: random.Random, heard: Received, _: int) -> Bytes:
+    return heard.header.encode(), heard.payload[: rng.randrange(len(heard.payload) + 1)]
+
+
+def _of_another_version(rng: random.Random, heard: Received, _: int) -> Bytes:
+    version = {"version": rng.choice([0, 2, -1, 2**40, "1", None])}
+    if rng.random() < 0.5:
+        return _with(heard.header.encode(), version), heard.payload
+    return heard.header.encode(), _with(heard.payload, version)
+
+
+def _of_other_values(rng: random.Random, heard: Received, _: int) -> Bytes:
+    strange: list[Any] = [
+        -1,
+        2**64 - 1,
+        float("nan"),
+        float("inf"),
+        None,
+        "x",
+        b"x",
+        [],
+        {},
+        [[[]]],
+        True,
+    ]
+    fields = _fields(heard.payload)
+    changed = {name: rng.choice(strange) for name in fields if rng.random() < 0.4}
+    return _header("other values", 0).encode(), _with(heard.payload, changed)
+
+
+def _large(rng: random.Random, heard: Received, _: int) -> Bytes:
+    greedy = [
+        bytes(_LARGE),
+        b"\xdd" + struct.pack(">I", _LARGE) + b"\x80" * _LARGE,  # mappings, 64 bytes each
+        b"\x91" * _LARGE,
+        b"\xdd\xff\xff\xff\xff",
+    ]
+    return heard.header.encode(), rng.choice(greedy)
+
+
+def _replayed(rng: random.Random, heard: Received, _: int) -> Bytes:
+    return heard.header.encode(), heard.payload
+
+
+def _out_of_order(rng: random.Random, heard: Received, number: int) -> Bytes:
+    sequence = max(0, number + rng.randrange(-40, 40))
+    return _header("out of order", sequence).encode(), heard.payload
+
+
+def _of_the_future(rng: random.Random, heard: Received, number: int) -> Bytes:
+    sequence = min(2**48 - 1, 2 ** rng.randrange(48) + number)
+    return _header("the future", sequence).encode(), heard.payload
+
+
+def _of_many_streams(rng: random.Random, heard: Received, number: int) -> Bytes:
+    return _header(f"stream {number}", 0).encode(), heard.payload
+
+
+def _end(rng: random.Random, heard: Received, number: int) -> Bytes:
+    stream = rng.choice(["overheard", f"ended {number}"])
+    header = _header(stream, rng.choice([0, number, 2**48 - 1]), end=True)
+    return header.encode(), rng.choice([b"", heard.payload])
+
+
+SPOILERS: Mapping[str, Spoiler] = {
+    "noise": _noise,
+    "flipped bits": _flipped,
+    "cut": _cut,
+    "another version": _of_another_version,
+    "other values": _of_other_values,
+    "large": _large,
+    "replayed": _replayed,
+    "out of order": _out_of_order,
+    "the future": _of_the_future,
+    "many streams": _of_many_streams,
+    "end of no stream": _end,
+}
+
+
+def _header(stream: str, sequence: int, *, end: bool = False) -> Header:
+    return Header(stream=stream, sequence=sequence, stamp_ns=0, end=end)
+
+
+def _fields(packed: bytes) -> dict[str, Any]:
+    try:
+        fields = msgpack.unpackb(packed)
+    except ValueError:
+        return {}
+    return fields if isinstance(fields, dict) else {}
+
+
+def _with(packed: bytes, changes: dict[str, Any]) -> bytes:
+    """Change fields of a message; one that has none becomes one that has only these."""
+    changed: bytes = msgpack.packb(_fields(packed) | changes)
+    return changed
+
+
+class _Written(Header):
+    """Bytes that stand where the bus takes a header."""
+
+    stream: str = "written"
+    sequence: int = 0
+    stamp_ns: int = 0
+    written: bytes
+
+    def encode(self) -> bytes:
+        """Return the bytes."""
+        return self.written
+
+
+def messages(
+    heard: Mapping[str, list[Received]], sort: str, count: int, seed: int
+) -> Iterator[tuple[str, Bytes]]:
+    """Yield so many messages of a sort, with their keys, evenly over all topics.
+
+    Args:
+        heard: messages of every topic, as ``Overheard`` has them.
+        sort: of ``SPOILERS``.
+        count: how many.
+        seed: of what is drawn by chance.
+    """
+    rng = random.Random(f"{seed} {sort}")
+    topics = sorted(heard)
+    for number in range(count):
+        key = topics[number % len(topics)]
+        yield key, SPOILERS[sort](rng, rng.choice(heard[key]), number)
+
+
+def publish(
+    bus: Bus,
+    heard: Mapping[str, list[Received]],
+    count: int,
+    seed: int,
+    sorts: Iterable[str] = SPOILERS,
+) -> Counter[tuple[str, str]]:
+    """Publish so many messages of every sort; return how many of each, by topic and sort."""
+    publishers = {key: bus.publisher(key) for key in heard}
+    published: Counter[tuple[str, str]] = Counter()
+    for sort in sorts:
+        for key, (header, payload) in messages(heard, sort, count, seed):
+            publishers[key].send(_Written(written=header), payload)
+            published[key, sort] += 1
+    return published
+
+
+def be_strange(bus: Bus, keys: Keys) -> None:
+    """Declare liveliness tokens of names that no service has; they last as long as the session."""
+    for service in ("channel", "featurizer!", "stranger"):
+        for name in _STRANGE_NAMES:
+            bus.declare_alive(keys.alive(service, name))
+
+
+def query(bus: Bus, key: str, count: int, seed: int) -> Iterator[Bytes]:
+    """Ask for nonsense under a key so many times; yield what is replied all the same."""
+    rng = random.Random(seed)
+    for number in range(count):
+        asked = [rng.randbytes(40), b"", b"\x91" * 999, _with(b"", {"version": 1, "first": -1})]
+        yield from bus.ask(key, asked[number % len(asked)], timeout_s=0.5)

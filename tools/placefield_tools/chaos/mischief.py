@@ -1,0 +1,70 @@
+"""Faults inflicted on a run: services killed and stopped, and messages that should not be."""
+
+import random
+import signal
+import threading
+from collections import Counter, deque
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.session import Bus
+from placefield_tools.chaos.children import Children
+from placefield_tools.chaos.garbage import Overheard, publish
+from placefield_tools.chaos.schedule import Fault
+
+_KEPT = 256  # messages of all topics
+
+_SORTS = ("noise", "cut", "another version", "large")
+"""Garbage that names no stream but the one that is on: whoever may publish frames may as well
+begin a stream of his own, which ends this one."""
+
+_OF_EACH = 50
+"""Messages of a sort in one burst, over all topics."""
+
+
+class Mischief:
+    """Does what a schedule says, to services that are children and on their bus."""
+
+    def __init__(self, children: Children, bus: Bus, keys: Keys) -> None:
+        self._children = children
+        self._bus = bus
+        self._overheard = Overheard(bus, keys)
+        self._newest: deque[Received] = deque(maxlen=_KEPT)
+        self._lock = threading.Lock()
+        for key in (keys.frame, keys.feature, keys.all_candidates, keys.match, keys.ack):
+            bus.subscribe(key, self._keep, Counter())
+
+    def _keep(self, received: Received) -> None:
+        with self._lock:
+            self._newest.append(received)
+
+    def begin(self, fault: Fault) -> None:
+        """Let a fault happen, or begin."""
+        verb, _, service = fault.kind.partition(" ")
+        if verb == "kill":
+            self._children.signal(self._one_of(service, fault), signal.SIGKILL)
+        elif verb == "stop":
+            self._children.signal(self._one_of(service, fault), signal.SIGSTOP)
+        elif verb == "garbage":
+            heard = dict(self._overheard.topics)
+            publish(self._bus, heard, _OF_EACH, fault.draw, _SORTS)
+        else:
+            self._repeat(random.Random(fault.draw))
+
+    def end(self, fault: Fault) -> None:
+        """Let what has begun end."""
+        if fault.kind == "stop channel":
+            self._children.signal(self._one_of("channel", fault), signal.SIGCONT)
+
+    def _one_of(self, service: str, fault: Fault) -> str:
+        names = self._children.names(service)
+        return names[fault.draw % len(names)]
+
+    def _repeat(self, rng: random.Random) -> None:
+        """Publish the newest messages of all topics again, in any order."""
+        with self._lock:
+            again = list(self._newest)
+        rng.shuffle(again)
+        publishers = {key: self._bus.publisher(key) for key in {each.key for each in again}}
+        for each in again:
+            publishers[each.key].send(each.header, each.payload)
