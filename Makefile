@@ -8,7 +8,7 @@ demo: $(INSTALLED)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
 
 test: $(INSTALLED)
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check

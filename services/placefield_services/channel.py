@@ -1,6 +1,7 @@
 """The channel worker: descriptors in, the candidates of its channels out."""
 
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,8 @@ from placefield_services.served_channels import ServedChannels, ShardedChannels,
 SERVICE = "channel"
 
 _EARLY = 256  # messages
+_ASK_FOR_S = 3.0
+_PATIENCE_S = 0.2  # with shards, one of which may be stopped, for all runs wait
 
 _LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
 
@@ -82,7 +85,7 @@ def _outlet(bus: Bus, keys: Keys, identity: str) -> Outlet:
         candidates=Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW)),
         recall=recalling(bus, keys.history(keys.feature)),
         borders=borders,
-        recall_borders=partial(recall_all, bus, history),
+        recall_borders=partial(recall_all, bus, history, patience_s=_PATIENCE_S),
     )
 
 
@@ -94,8 +97,10 @@ class _Run:
     stream: ChannelStream | None = None
     name: str = ""
     """Of the stream."""
-    missed: list["_Accepted"] = field(default_factory=list)
-    """Frames to be matched before the next one."""
+    is_joining: bool = False
+    """Whether the stream was on before, and what came is not known yet."""
+    ask_until: float = 0.0
+    """Until then what is missing may still be found."""
     early: deque[Received] = field(default_factory=lambda: deque(maxlen=_EARLY))
     """What shards have told of a stream that is not on yet."""
 
@@ -149,13 +154,28 @@ class ChannelWorker:
         if turn is Turn.REPEATED:
             run.outlet.candidates.put_again(header)
             return []
-        if turn is Turn.AHEAD and (self._channels.needs_all or not header.live):
-            run.missed = self._recall(run, header, run.follower.next)
-        if turn is Turn.AHEAD:
-            run.follower.leap(header.sequence, found=len(run.missed))
+        missed = self._missed(run, header) if turn is Turn.AHEAD else []
+        if missed is None:
+            run.counts["early"] += 1
+            return []
         assert run.stream is not None
-        missed, run.missed = run.missed, []
         return [*missed, _Accepted(run, run.stream, header, descriptor)]
+
+    def _missed(self, run: _Run, header: Header) -> list[_Accepted] | None:
+        """Return the frames before this one that others remember, and take its turn.
+
+        None: they may not be within reach yet; what comes now will be remembered, too.
+        """
+        first = max(run.follower.next, header.sequence - LENGTH)
+        is_asked = run.is_joining or self._channels.needs_all or not header.live
+        frames = self._recall(run, header, first) if is_asked else []
+        is_complete = len(frames) == header.sequence - first
+        if not is_complete and not header.live and time.monotonic() < run.ask_until:
+            return None
+        unknown = 0 if run.is_joining else header.sequence - run.follower.next - len(frames)
+        run.follower.leap(header.sequence, gaps=max(unknown, 0))
+        run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
+        return frames
 
     def _hear(self, run: _Run, received: Received) -> None:
         """Take what another worker tells of its shards."""
@@ -170,20 +190,20 @@ class ChannelWorker:
         run = self._runs[name]
         first = max(0, header.sequence - LENGTH)
         run.stream, run.name = self._channels.new_stream(run.outlet, first), header.stream
-        run.missed = self._recall(run, header, first) if header.sequence else []
+        run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
         early = list(run.early)
         run.early.clear()
         for received in early:
             self._hear(run, received)
-        return header.sequence
+        return first
 
     def _recall(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
         """Return the frames before this one that others remember; the source awaits the newest."""
         assert run.stream is not None
-        first = max(first, header.sequence - LENGTH)
         frames = []
         for old, payload in run.outlet.recall(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
+            old = old.model_copy(update={"oldest": header.oldest})
             try:
                 frames.append(_Accepted(run, run.stream, old, self._decode(payload), is_awaited))
             except MessageError:

@@ -1,6 +1,8 @@
 """The featurizer: frames in, descriptors out."""
 
+import logging
 import threading
+import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,16 +16,18 @@ from placefield.bus.messages import FeatureMessage, FrameMessage, Header, Moment
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
-from placefield.errors import FrameError
+from placefield.errors import FrameError, MessageError
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield_services.process import ServiceProcess
 
+log = logging.getLogger(__name__)
+
 SERVICE = "featurizer"
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
-_ANY = 2**48  # no frame has a higher number
+_ATTEMPTS, _ATTEMPT_S = 5, 0.3
 _LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
 
 
@@ -120,7 +124,7 @@ class Featurizer:
             run.counts["early"] += 1
         if turn is Turn.NEXT:
             self._publish(run, header, frame)
-        if turn is Turn.REPEATED and not header.live:
+        if turn is Turn.REPEATED and (header.end or not header.live):
             run.outlet.features.put_again(header)
 
     def _join(self, name: str, header: Header) -> int:
@@ -129,16 +133,34 @@ class Featurizer:
         run.descriptors = DescriptorStream(self._model)
         if header.sequence == 0:
             return 0
+        for _ in range(_ATTEMPTS):  # what others know may not be within reach yet
+            made, moments = self._recall(run, header)
+            if made >= header.oldest - 1 and (moments is not None or not self._model.standardise):
+                break
+            time.sleep(_ATTEMPT_S)
+        else:
+            run.counts["forgotten"] += 1
+        run.descriptors = DescriptorStream(self._model, moments)
+        return header.sequence if header.live else max(made + 1, header.oldest)
+
+    def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
+        """Return the last frame of a stream that was described, and its moments, if known."""
         first = max(0, header.sequence - LENGTH)
-        features = run.outlet.recall_features(header.stream, first, _ANY)
+        features = run.outlet.recall_features(header.stream, first, header.sequence + LENGTH)
         for feature in features.values():
             run.outlet.features.history.remember(*feature)
-        made = max(features, default=header.oldest - 1)
-        moments = run.outlet.recall_moments(header.stream, first, made + 1)
-        if moments:
-            last = MomentsMessage.decode(moments[max(moments)][1])
-            run.descriptors = DescriptorStream(self._model, Moments(last.frames, last.sums))
-        return header.sequence if header.live else max(made + 1, header.oldest)
+        described = [sequence for sequence, (about, _) in features.items() if not about.end]
+        last = max(described, default=-1)
+        recalled = run.outlet.recall_moments(header.stream, last, last + 1) if described else {}
+        made = max(features, default=-1)
+        if last not in recalled:
+            return made, None
+        try:
+            moments = MomentsMessage.decode(recalled[last][1])
+        except MessageError:
+            return made, None
+        fits = moments.sums.shape == run.descriptors.moments.sums.shape
+        return made, Moments(moments.frames, moments.sums) if fits else None
 
     def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, frame)
@@ -149,9 +171,12 @@ class Featurizer:
         run.outlet.features.put(header, feature)
 
     def _describe(self, run: _Run, frame: FrameMessage) -> FeatureMessage:
+        descriptor = None
         try:
-            raw = self._feature.describe(frame.image)
+            descriptor = run.descriptors.push(self._feature.describe(frame.image))
         except FrameError:
             run.counts["unreadable"] += 1
-            return FeatureMessage(model=self._fingerprint, descriptor=None)
-        return FeatureMessage(model=self._fingerprint, descriptor=run.descriptors.push(raw))
+        except Exception:  # a defect costs what was seen of the frame, and not its turn
+            run.counts["failed"] += 1
+            log.exception("a defect; the frame goes on as one that was not seen")
+        return FeatureMessage(model=self._fingerprint, descriptor=descriptor)

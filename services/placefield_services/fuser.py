@@ -3,11 +3,12 @@
 import math
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from functools import partial
 
 import numpy as np
 
+from placefield.bus.credits import WINDOW
 from placefield.bus.history import History, Outbox, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
@@ -16,21 +17,24 @@ from placefield.bus.messages import (
     FeatureMessage,
     Header,
     MatchMessage,
+    MomentsMessage,
 )
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
+from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels
-from placefield_services.process import ServiceProcess
+from placefield_services.process import ServiceProcess, counting_failure
 
 SERVICE = "fuser"
 
+_EARLY = 256  # candidates of a stream that is not on yet
 _MOMENTS = 64  # frames: a featurizer that comes back asks for those of the last one
 
 
@@ -59,8 +63,10 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             )
         rehearse(placemap.places.count, config.matching)
         end = time.monotonic() + config.bus.connect_timeout_s
-        for fuser in fusers.values():
-            fuser.channels.wait_for_all(end - time.monotonic(), stop)
+        for fuser in fusers.values():  # a stream that is on is answered by the channels there are
+            fuser.channels.wait_for_all(
+                end - time.monotonic(), lambda: stop.is_set() or inbox.is_waiting
+            )
         with process.sole():
             process.serve(
                 inbox,
@@ -71,6 +77,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
 
 
 def _remember(history: History, received: Received) -> None:
+    MomentsMessage.decode(received.payload)
     history.remember(received.header, received.payload)
 
 
@@ -107,6 +114,8 @@ class Fuser:
         self._acks = acks
         self._counts = counts
         self._switch = StreamSwitch(counts)
+        self._stream = ""
+        self._early: deque[Received] = deque(maxlen=_EARLY)
         self._begin(0, live=False)
 
     def _begin(self, first: int, *, live: bool) -> None:
@@ -122,43 +131,72 @@ class Fuser:
         self._end: Header | None = None
 
     def handle(self, received: Received) -> None:
-        """Take a descriptor, which announces a frame, or candidates."""
+        """Take a descriptor, which announces a frame, or candidates.
+
+        Only descriptors begin a stream; candidates that are faster wait for it.
+        """
         header = received.header
+        is_feature = received.key == self._feature_key
         message = None if header.end else self._decode(received)
+        if is_feature and not self._follow(received):
+            return
+        if self._switch.has_left(header.stream):
+            self._counts["stale"] += 1
+            return
+        if header.stream != self._stream:
+            self._early.append(received)
+            return
+        if not header.live:
+            self._joiner.skip_to(header.oldest)
+            if header.sequence > self._joiner.next + 2 * WINDOW:  # none is under way
+                self._counts["early"] += 1
+                return
+        if not self._joiner.is_released(header.sequence):
+            self._headers[header.sequence] = header
+        now = time.monotonic()
+        if isinstance(message, CandidatesMessage):
+            self._add(header.sequence, message, now)
+        elif header.end and is_feature:
+            self._end = header
+        elif is_feature:
+            self._joiner.announce(header.sequence, now)
+
+    def _follow(self, received: Received) -> bool:
+        """Enter the stream of a descriptor; False if it was left."""
+        header = received.header
         arrival = self._switch.enter(header.stream)
         if arrival is Arrival.DROPPED:
-            return
+            return False
         if arrival is Arrival.NEW_STREAM:
             self._release(math.inf)  # what the stream before it still owes
             self._begin(header.oldest, live=header.live)
-        if received.key == self._feature_key:
-            self._features.remember(header, received.payload)
-            if self._joiner.is_released(header.sequence) and not header.live:
-                self._answer_again(header)
-        now = time.monotonic()
-        if isinstance(message, FeatureMessage):
-            self._joiner.announce(header.sequence, now)
-        elif isinstance(message, CandidatesMessage):
-            self._add(header.sequence, message, now)
-        elif received.key == self._feature_key:
-            self._end = header
-        if self._joiner.is_pending(header.sequence):
-            self._headers[header.sequence] = header
+            self._stream = header.stream
+            early, self._early = self._early, deque(maxlen=_EARLY)
+            for candidates in early:
+                self.handle(candidates)
+        self._features.remember(header, received.payload)
+        if self._joiner.is_released(header.sequence) and not header.live:
+            self._answer_again(header)
+        return True
 
     def _add(self, sequence: int, message: CandidatesMessage, now: float) -> None:
+        whole = []
         for each in message.candidates:
-            joined = self._shards.add(
-                sequence, each.channel, message.shard, message.shards, each.candidate
-            )
+            if each.channel not in self.channels.all:
+                self._counts["unknown_channel"] += 1
+                continue
+            part = message.shard, message.shards
+            joined = self._shards.add(sequence, each.channel, *part, each.candidate)
             if joined is not None:
-                if message.shards > 1:
-                    self._check(joined)
-                self._joiner.add(sequence, each.channel, joined, now)
+                self._check(joined)
+                whole.append((each.channel, joined))
+        for channel, candidate in whole:
+            self._joiner.add(sequence, channel, candidate, now)
 
     def _answer_again(self, header: Header) -> None:
         """Publish the match of a frame whose source has not heard of it."""
-        self._matches.put_again(header)
-        self._acks.put(header)
+        if self._matches.put_again(header):
+            self._acks.put(header)
 
     def _decode(self, received: Received) -> FeatureMessage | CandidatesMessage:
         if received.key == self._feature_key:
@@ -187,20 +225,27 @@ class Fuser:
     def _release(self, now: float) -> None:
         last = None
         for joined in self._joiner.release(now):
-            last = self._headers.pop(joined.sequence)
+            last = self._headers[joined.sequence]
             self._publish(last, joined)
         if last is not None:
-            self._shards.forget_before(last.sequence)
-        if self._end is not None and not self._joiner.pending:
+            self._forget_before(last.sequence)
+        if self._end is not None and self._is_over(self._end):
             last, self._end = self._end, None
             self._matches.put(last)
         if last is not None:  # stands for all before it
             self._acks.put(last)
 
+    def _forget_before(self, sequence: int) -> None:
+        self._shards.forget_before(sequence)
+        for old in [old for old in self._headers if old < sequence]:
+            del self._headers[old]
+
+    def _is_over(self, end: Header) -> bool:
+        """Whether all frames are answered: of a lossless stream, those not heard of yet, too."""
+        return not self._joiner.pending and (end.live or self._joiner.next >= end.sequence)
+
     def _publish(self, header: Header, joined: Joined) -> None:
-        match = fuse(
-            list(joined.candidates.values()), self._config.matching, missing=joined.missing
-        )
+        match = self._fuse(joined)
         answered = match.place != UNANSWERED
         message = MatchMessage(
             place=match.place,
@@ -212,6 +257,13 @@ class Fuser:
         )
         self._matches.put(header, message)
         self._counts["matches"] += 1
+
+    def _fuse(self, joined: Joined) -> Match:
+        """Make one match of a frame's candidates; a defect costs its answer, and no other's."""
+        with counting_failure([self._counts]):
+            candidates = list(joined.candidates.values())
+            return fuse(candidates, self._config.matching, missing=joined.missing)
+        return Match(UNANSWERED, 0.0, tuple(self.channels.all))
 
 
 def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import defaultdict
+from collections.abc import Callable
 
 from placefield.bus.keys import Part, part_of, service_and_identity
 
@@ -28,10 +29,10 @@ class LiveChannels:
             self.alive = _whole({part for part, _ in self._tokens})
             self._changed.notify_all()
 
-    def wait_for_all(self, timeout: float, stop: threading.Event) -> None:
-        """Wait until every channel can answer, at most ``timeout`` seconds."""
+    def wait_for_all(self, timeout: float, is_over: Callable[[], bool]) -> None:
+        """Wait until every channel can answer, or it is over, at most ``timeout`` seconds."""
         end = time.monotonic() + timeout
-        while not self.alive.issuperset(self.all) and not stop.is_set():
+        while not self.alive.issuperset(self.all) and not is_over():
             remaining = end - time.monotonic()
             if remaining <= 0:
                 return

@@ -83,7 +83,8 @@ class ShardStream(ChannelStream):
     def _note(self, sequence: int, told: BordersMessage) -> None:
         if told.shards == self._shards and self._next <= sequence < self._next + 2 * LENGTH:
             for each in told.summaries:
-                self._told[sequence].setdefault((each.channel, told.shard), each.summary)
+                if each.channel in self._matchers:
+                    self._told[sequence].setdefault((each.channel, told.shard), each.summary)
 
     def settle(self) -> None:
         """Ask again for what the next frame waits for, once in a while."""
@@ -127,6 +128,8 @@ class ShardStream(ChannelStream):
     def _push(self, frame: Frame) -> None:
         """Push the frame, or one before it that was not seen, and tell the others."""
         self._next = max(self._next, frame.header.sequence - self._memory)
+        for old in [old for old in self._told if old < self._next]:
+            del self._told[old]
         seen = frame.see() if self._next == frame.header.sequence else {}
         self._pushed = {
             channel: matcher.push(seen.get(metric))

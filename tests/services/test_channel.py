@@ -23,11 +23,20 @@ from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_matcher import FilterMatcher, matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield_services import channel as channel_module
 from placefield_services.channel import ChannelWorker, run_channels
 from placefield_services.channel_streams import Outlet
 from placefield_services.served_channels import WholeChannels
 
 RUNS = ("day", "night")
+
+
+@pytest.fixture(autouse=True)
+def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a worker not wait for what nobody remembers."""
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+
+
 RULES: tuple[Rule, ...] = get_args(Rule)
 Descriptor = NDArray[np.float32]
 Told = tuple[int, int, float, bytes, bytes]
@@ -196,6 +205,20 @@ def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
     assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])
     assert stage.counts[RUNS[0]]["gaps"] == 0
     assert stage.counts[RUNS[0]]["recalled"] == 3
+
+
+def test_what_may_still_be_found_is_waited_for(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 1000.0)
+    stage = Stage(route_map, "filter")
+    for sequence in (0, 1, 4, 5):
+        stage.send(header(sequence), descriptors[sequence])
+    assert stage.publishers[RUNS[0]].sequences == [0, 1]
+    assert stage.counts[RUNS[0]]["early"] == 2
+    stage.remember_elsewhere(descriptors)
+    stage.send(header(6), descriptors[6])
+    assert stage.candidates(0) == offline(route_map, 0, "filter", [*descriptors[:7]])
 
 
 def test_a_frame_that_comes_again_is_answered_again_and_matched_once(

@@ -13,9 +13,15 @@ from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
+from placefield_services import featurizer as featurizer_module
 from placefield_services.featurizer import Featurizer, Outlet
 
 KEY = Keys("test").frame
+
+
+@pytest.fixture(autouse=True)
+def ask_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(featurizer_module, "_ATTEMPT_S", 0.0)
 
 
 @pytest.fixture

@@ -231,8 +231,10 @@ def test_of_replicas_the_first_answer_counts_channel_by_channel(stage: Stage) ->
 def test_a_new_stream_begins_afresh_once_the_old_one_has_its_answers(stage: Stage) -> None:
     stage.announce(header(0))
     stage.answer(0, header(0))
-    for channel in range(CHANNELS):
+    for channel in range(CHANNELS):  # those that are faster than the descriptor wait for it
         stage.answer(channel, header(0, stream="next"))
+    assert not stage.matches.sent
+    stage.announce(header(0, stream="next"))
     stage.answer(1, header(0))
     assert [about.stream for about, _ in stage.matches.sent] == ["s", "next"]
     assert stage.counts["partial"] == 1
@@ -257,6 +259,7 @@ def test_an_answer_has_the_pose_of_its_place_where_the_map_has_poses(
     poses = np.random.default_rng(2).normal(size=(route_map.places.count, 3))
     posed = replace(route_map, places=replace(route_map.places, poses=poses))
     stage = Stage(posed, clock)
+    stage.announce(header(0))
     for channel in range(CHANNELS):
         stage.answer(channel, header(0))
     ((_, match),) = stage.matches.sent
@@ -348,6 +351,7 @@ def test_candidates_hold_what_their_rule_has_and_nothing_else(
         with pytest.raises(MessageError, match="another map"):
             stage.handle(CANDIDATES, header(0), message)
     for sequence, held in enumerate(right):
+        stage.announce(header(sequence))
         places, evidence = held(stage.places)
         for channel in range(CHANNELS):
             message = stage.message(stage.written(channel, 0, places=places, evidence=evidence))
@@ -404,3 +408,38 @@ def test_the_shards_of_a_channel_answer_as_the_channel_does(
     expected = stage.expected(0)
     assert (sequence, match.place, match.missing) == (0, expected.place, ())
     assert match.score == pytest.approx(expected.score, abs=1e-3)  # the next to nothing is dropped
+
+
+def test_a_stream_is_not_over_before_its_last_frames_have_been_heard_of(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer((0, 1, 2), header(0))
+    stage.handle(KEYS.feature, header(2, end=True))
+    stage.pass_time(1000)
+    assert [about.sequence for about, _ in stage.matches.sent] == [0]
+    stage.announce(header(1))
+    stage.answer((0, 1, 2), header(1))
+    assert [about.sequence for about, _ in stage.matches.sent] == [0, 1, 2]
+    assert stage.acks.sequences[-1] == 2
+
+
+def test_frames_that_their_source_has_answers_of_are_not_waited_for(stage: Stage) -> None:
+    stage.announce(header(5, oldest=3))
+    stage.announce(header(9, oldest=8))  # others have answered while this fuser was started
+    stage.announce(header(8, oldest=8))
+    for sequence in (8, 9):
+        stage.answer((0, 1, 2), header(sequence, oldest=8))
+    assert [sequence for sequence, _ in stage.published] == [8, 9]
+
+
+def test_a_defect_in_one_frame_is_answered_by_nothing_and_costs_no_other(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(fuser_module, "fuse", lambda *_, **__: 1 // 0)
+        stage.announce(header(0))
+        stage.answer((0, 1, 2), header(0))
+    stage.announce(header(1))
+    stage.answer((0, 1, 2), header(1))
+    assert [match.place for _, match in stage.published] == [-1, stage.expected(1).place]
+    assert stage.published[0][1].missing == (0, 1, 2)
+    assert stage.counts["failed"] == 1

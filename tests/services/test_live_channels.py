@@ -20,16 +20,16 @@ def test_a_channel_is_alive_as_long_as_one_of_its_workers() -> None:
 def test_waiting_for_all_channels_ends_with_the_last_or_with_the_time_or_when_stopped() -> None:
     channels, stop = LiveChannels(2), threading.Event()
     channels.change(KEYS.alive("channel", Part(0).identity("worker")), True)
-    channels.wait_for_all(0.05, stop)
+    channels.wait_for_all(0.05, stop.is_set)
     last = KEYS.alive("channel", Part(1).identity("worker"))
     timer = threading.Timer(0.05, channels.change, [last, True])
     timer.start()
-    channels.wait_for_all(60, stop)
+    channels.wait_for_all(60, stop.is_set)
     timer.join()
     assert channels.alive == {0, 1}
     channels.change(last, False)
     stop.set()
-    channels.wait_for_all(60, stop)
+    channels.wait_for_all(60, stop.is_set)
 
 
 def test_a_channel_in_shards_is_alive_once_all_of_them_are() -> None:

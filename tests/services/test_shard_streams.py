@@ -149,6 +149,12 @@ def assert_same(joined: dict[int, Candidate], expected: Sequence[Candidate]) -> 
         assert joined[sequence].score == pytest.approx(candidate.score, rel=1e-4, abs=1e-6)
 
 
+@pytest.fixture(autouse=True)
+def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a worker not wait for what nobody remembers."""
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+
+
 @pytest.fixture(scope="module")
 def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
     stream = DescriptorStream(route_map.model)

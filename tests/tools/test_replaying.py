@@ -4,7 +4,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -168,6 +168,42 @@ def test_no_more_frames_are_under_way_than_there_are_credits(
         wait_for(services, WINDOW + 5)
         time.sleep(0.3)
         assert services.sequences == list(range(WINDOW + 5))
+
+
+def test_what_is_not_answered_is_sent_again_from_the_oldest_on(
+    services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 0.1)
+    services.answering = False
+    with in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, 2 * WINDOW)
+        assert services.sequences[: 2 * WINDOW] == 2 * list(range(WINDOW))
+        assert services.images[:WINDOW] == services.images[WINDOW : 2 * WINDOW]
+        services.answer(services.headers[4])
+        there = len(services.headers)
+        end = time.monotonic() + 10
+        while not any(header.oldest == 5 and header.sequence == 5 for header in services.headers):
+            assert time.monotonic() < end, "in vain"
+            time.sleep(0.01)
+        assert all(header.sequence >= 5 for header in services.headers[there + WINDOW :])
+
+
+def test_what_was_under_way_when_a_service_died_is_sent_again_when_it_is_back(
+    router: Bus, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 1000.0)
+    with ExitStack() as stack:
+        first = Services(stack.enter_context(open_bus(config.bus)), answering=False)
+        with in_background(MadeUp(3 * WINDOW), bus, config):
+            wait_for(first, WINDOW)
+            time.sleep(0.2)
+            assert first.sequences == list(range(WINDOW))
+            stack.pop_all().close()
+            time.sleep(0.2)
+            with open_bus(config.bus) as again:
+                second = Services(again)
+                wait_for(second, 3 * WINDOW)
+    assert second.sequences == list(range(3 * WINDOW))
 
 
 def test_answers_to_another_stream_give_no_credit(

@@ -5,12 +5,14 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 
-from placefield.bus.history import recalling
+from placefield.bus.history import LENGTH, recalling
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
+
+_QUIET_S = 2.0
 
 Taken = tuple[Header, MatchMessage | None]
 
@@ -26,6 +28,8 @@ class MatchQueue:
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._taken: deque[Taken] = deque()
         self._follower = StreamFollower(self.counts, lambda header: header.sequence)
+        self._open_stream: str | None = None
+        self._ask_at = 0.0
         self._recall = recalling(bus, keys.history(keys.match))
         bus.subscribe(keys.match, self._received.put, self.counts)
 
@@ -40,9 +44,20 @@ class MatchQueue:
             try:
                 received = self._received.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
-                return None
+                self._ask_if_quiet()
+                return self._taken.popleft() if self._taken else None
             self._receive(received.header, received.payload)
+            self._ask_at = time.monotonic() + _QUIET_S
         return self._taken.popleft()
+
+    def _ask_if_quiet(self) -> None:
+        """Ask for what comes next: it, and all behind it, may have been lost on the way."""
+        if self._open_stream is None or time.monotonic() < self._ask_at:
+            return
+        self._ask_at = time.monotonic() + _QUIET_S
+        first = self._follower.next
+        for header, payload in self._recall(self._open_stream, first, first + LENGTH).values():
+            self._receive(header, payload)
 
     def _receive(self, header: Header, payload: bytes) -> None:
         match = None if header.end else MatchMessage.decode(payload)
@@ -50,9 +65,11 @@ class MatchQueue:
         if turn is Turn.AHEAD:
             missed = [] if header.live else self._missed(header)
             self._taken += missed
-            self._follower.leap(header.sequence, found=len(missed))
+            gap = header.sequence - self._follower.next
+            self._follower.leap(header.sequence, gap - len(missed))
         if turn in (Turn.NEXT, Turn.AHEAD):
             self._taken.append((header, match))
+            self._open_stream = None if header.end or header.live else header.stream
 
     def _missed(self, header: Header) -> list[Taken]:
         recalled = self._recall(header.stream, self._follower.next, header.sequence)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
-from placefield.bus.keys import Keys
+from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.messages import FrameMessage, Header
 from placefield.bus.session import Bus
 from placefield.config import Config
@@ -78,16 +78,30 @@ class _Stream:
         self._unanswered: deque[tuple[Header, bytes]] = deque()
         self._run = keys.run
         self._publisher = bus.publisher(keys.frame)
+        self._since, self._wait_s = time.monotonic(), _SEND_AGAIN_S
+        self._gone: set[str] = set()
+        self._is_back = threading.Event()  # a service that was gone: what was under way is lost
         bus.subscribe(keys.ack, self._answered, Counter())
+        for service in ("featurizer", "fuser"):
+            bus.watch_alive(keys.all_alive(service), self._note_life)
 
     def _answered(self, received: Received) -> None:
         if received.header.stream == self._name:
             self._credits.answer(received.header.sequence)
 
+    def _note_life(self, key: str, is_alive: bool) -> None:
+        service, _ = service_and_identity(key)
+        if not is_alive:
+            self._gone.add(service)
+        elif service in self._gone:
+            self._gone.discard(service)
+            self._is_back.set()
+
     def send(self, frame: Frame, stop: threading.Event) -> bool:
         """Publish a frame when there is a credit for it; False if stopped before."""
         if stop.is_set() or not (self._live or self._await(self._take_credit, stop)):
             return False
+        self._look_after()
         self._stamp_ns = frame.stamp_ns
         self._put(self._header(), FrameMessage(image=frame.image).encode())
         self.sent += 1
@@ -102,12 +116,11 @@ class _Stream:
         self._publisher.send(header, payload)
         if header.end or not self._live:
             self._unanswered.append((header, payload))
-        while self._unanswered and self._unanswered[0][0].sequence < self._credits.answered:
-            self._unanswered.popleft()
 
     def _send_again(self) -> None:
         """Send what has not been answered: it, or its answer, may be lost."""
-        oldest = self._credits.answered
+        self._is_back.clear()
+        oldest = 0 if self._live else self._credits.answered
         for header, payload in self._unanswered:
             self._publisher.send(header.model_copy(update={"oldest": oldest}), payload)
 
@@ -130,18 +143,31 @@ class _Stream:
         Raises:
             BusError: the services have answered nothing for a long time.
         """
-        answered, since, wait_s = self._credits.answered, time.monotonic(), _SEND_AGAIN_S
         while not stop.is_set():
             if is_over():
                 return True
-            if self._credits.answered != answered:
-                answered, since, wait_s = self._credits.answered, time.monotonic(), _SEND_AGAIN_S
-            elif time.monotonic() > since + _STALLED_S:
-                raise self._stalled()
-            elif time.monotonic() > since + wait_s:
-                self._send_again()
-                wait_s *= 2
+            self._look_after()
         return False
+
+    def _look_after(self) -> None:
+        """Send again what has not been answered for some time, or since a service was away.
+
+        Raises:
+            BusError: the services have answered nothing for a long time.
+        """
+        now = time.monotonic()
+        oldest = self._unanswered[0][0].sequence if self._unanswered else None
+        while self._unanswered and self._unanswered[0][0].sequence < self._credits.answered:
+            self._unanswered.popleft()
+        if not self._unanswered or self._unanswered[0][0].sequence != oldest:
+            self._since, self._wait_s = now, _SEND_AGAIN_S
+        if now > self._since + _STALLED_S:
+            raise self._stalled()
+        if now > self._since + self._wait_s:
+            self._wait_s *= 2
+            self._send_again()
+        elif self._is_back.is_set():
+            self._send_again()
 
     def _stalled(self) -> BusError:
         return BusError(

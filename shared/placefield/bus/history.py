@@ -4,6 +4,7 @@ A service that is started again in the midst of a stream asks for what came befo
 a frame again finds what it has made of it, and sends that again.
 """
 
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping
 
@@ -15,6 +16,7 @@ LENGTH = 1000
 """Frames: what was before so many changes nothing that matters."""
 
 _PATIENCE_S = 1.0
+_MOST_REPLIES = 64 * LENGTH
 
 Recalled = Mapping[int, tuple[Header, bytes]]
 """Headers and payloads, by ascending sequence."""
@@ -113,11 +115,18 @@ def recalling(bus: Bus, key: str) -> Recall:
 
 
 def recall_all(
-    bus: Bus, key: str, stream: str, first: int, end: int
+    bus: Bus,
+    key: str,
+    stream: str,
+    first: int,
+    end: int,
+    *,
+    patience_s: float = _PATIENCE_S,
 ) -> Iterator[tuple[Header, bytes]]:
     """Yield what each who shares a history remembers of frames ``first`` to ``end`` - 1."""
     query = HistoryQuery(stream=stream, first=first, end=end)
-    for payload, attachment in bus.ask(key, query.encode(), timeout_s=_PATIENCE_S):
+    replies = bus.ask(key, query.encode(), timeout_s=patience_s)
+    for payload, attachment in itertools.islice(replies, _MOST_REPLIES):
         try:
             header = Header.decode(attachment)
         except MessageError:

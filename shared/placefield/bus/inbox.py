@@ -18,8 +18,8 @@ CAPACITY = 4096
 lossless stream never fills it."""
 
 
-CAPACITY_BYTES = 2**28
-"""Of the messages of a run, before the last: above a credit window of frames of 8 MB."""
+CAPACITY_BYTES = 2**30
+"""Of the messages of a run, before the last: above a credit window of frames of 32 MB."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,15 @@ class Inbox:
             del waiting[live[0]]
             self._counts[run]["dropped_old"] += 1
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there is anything to take."""
+        return any(self._waiting.values())
+
     def take_all(self, timeout: float, limit: int) -> list[Received]:
         """Take what waits, ``limit`` at most; empty if nothing comes within ``timeout`` seconds."""
         with self._changed:
-            self._changed.wait_for(lambda: any(self._waiting.values()), timeout)
+            self._changed.wait_for(lambda: self.is_waiting, timeout)
             held = sum(map(len, self._waiting.values()))
             return [self._take() for _ in range(min(limit, held))]
 

@@ -41,6 +41,10 @@ class StreamSwitch:
         self._counts["streams"] += 1
         return Arrival.NEW_STREAM
 
+    def has_left(self, stream: str) -> bool:
+        """Whether this is a stream that was left."""
+        return stream in self._left
+
 
 class Turn(Enum):
     """What a message is to the one who takes the frames of a stream in order."""
@@ -82,7 +86,7 @@ class StreamFollower:
         self.next += 1
         return Turn.NEXT
 
-    def leap(self, sequence: int, *, found: int = 0) -> None:
-        """Take this frame before its turn; of those before it so many were found elsewhere."""
-        self._counts["gaps"] += sequence - self.next - found
+    def leap(self, sequence: int, gaps: int | None = None) -> None:
+        """Take this frame before its turn; so many before it are done without, if not all."""
+        self._counts["gaps"] += sequence - self.next if gaps is None else gaps
         self.next = sequence + 1

@@ -67,7 +67,8 @@ class Joiner:
         self._latest: dict[int, _Answer] = {}
         self._pending: dict[int, _Pending] = {}
         self._in_order: list[int] = []  # the pending frames, as a heap
-        self._next = first
+        self.next = first
+        """The number of the oldest frame that is not released yet."""
 
     def set_alive(self, channels: Iterable[int]) -> None:
         """Say which channels have a living worker; the others are not awaited."""
@@ -75,7 +76,7 @@ class Joiner:
 
     def announce(self, sequence: int, now: float) -> None:
         """Say that a frame is under way (``now`` in seconds, of any clock that never goes back)."""
-        if sequence >= self._next:
+        if sequence >= self.next:
             self._frame(sequence, now)
 
     def _frame(self, sequence: int, now: float) -> _Pending:
@@ -91,7 +92,7 @@ class Joiner:
             self._counts["unknown_channel"] += 1
             return
         self._tardy.discard(channel)
-        if sequence < self._next:
+        if sequence < self.next:
             self._counts["late"] += 1
             return
         candidates = self._frame(sequence, now).candidates
@@ -112,7 +113,7 @@ class Joiner:
             answers = [self._latest[c].at for c in awaited if c in self._latest]
             since = max([pending.since, *answers])
             is_due = not awaited or now >= since + self._deadline_s
-            in_turn = sequence == self._next or self._gaps_expected or now == math.inf
+            in_turn = sequence == self.next or self._gaps_expected or now == math.inf
             if not (is_due and in_turn):
                 break
             self._tardy |= awaited
@@ -130,15 +131,21 @@ class Joiner:
         return awaited - {c for c, latest in self._latest.items() if latest.sequence > sequence}
 
     def _release(self, sequence: int, missing: frozenset[int]) -> Joined:
-        self._next = sequence + 1
+        self.next = sequence + 1
         self._counts["partial"] += bool(missing)
         heapq.heappop(self._in_order)
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
 
+    def skip_to(self, first: int) -> None:
+        """Take the frames before this one as answered, whoever has done it."""
+        self.next = max(self.next, first)
+        while self._in_order and self._in_order[0] < self.next:
+            del self._pending[heapq.heappop(self._in_order)]
+
     def is_released(self, sequence: int) -> bool:
         """Whether a frame is over."""
-        return sequence < self._next
+        return sequence < self.next
 
     def is_pending(self, sequence: int) -> bool:
         """Whether a frame has been heard of and is not released yet."""

@@ -52,7 +52,7 @@ def test_joining_a_stream_late_is_no_gap() -> None:
     assert follower.follow(header("b", 500)) is Turn.NEXT
     assert counts["gaps"] == 0
     assert follower.follow(header("b", 503)) is Turn.AHEAD
-    follower.leap(503, found=1)
+    follower.leap(503, 1)
     assert counts["gaps"] == 1
     assert follower.next == 504
 
