@@ -10,10 +10,11 @@ from functools import partial
 
 import numpy as np
 
+from placefield.bus.credits import WINDOW
 from placefield.bus.history import LENGTH, History, Outbox, Recall, recalling, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
-from placefield.bus.session import Publisher, open_bus
+from placefield.bus.session import open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
@@ -25,6 +26,9 @@ from placefield_services.process import ServiceProcess
 log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
+
+MOMENTS = 64
+"""Frames whose moments are kept: who comes back asks for those of the last one."""
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ATTEMPTS, _ATTEMPT_S = 5, 0.3
@@ -42,9 +46,11 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
             features = Outbox(bus.publisher(keys.feature), History())
             process.answers[run] = features.history
             share(bus, keys.history(keys.feature), features.history)
+            moments = Outbox(bus.publisher(keys.moments), History(MOMENTS))
+            share(bus, keys.history(keys.moments), moments.history)
             outlets[run] = Outlet(
                 features,
-                bus.publisher(keys.moments),
+                moments,
                 recalling(bus, keys.history(keys.feature)),
                 recalling(bus, keys.history(keys.moments)),
             )
@@ -60,7 +66,7 @@ class Outlet:
     """Where a featurizer publishes what it makes of a run, and asks what another has made."""
 
     features: Outbox
-    moments: Publisher
+    moments: Outbox
     recall_features: Recall
     recall_moments: Recall
 
@@ -145,8 +151,8 @@ class Featurizer:
 
     def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
         """Return the last frame of a stream that was described, and its moments, if known."""
-        first = max(0, header.sequence - LENGTH)
-        features = run.outlet.recall_features(header.stream, first, header.sequence + LENGTH)
+        first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
+        features = run.outlet.recall_features(header.stream, first, end)
         for feature in features.values():
             run.outlet.features.history.remember(*feature)
         described = [sequence for sequence, (about, _) in features.items() if not about.end]

@@ -4,12 +4,13 @@ import math
 import threading
 import time
 from collections import Counter, deque
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import History, Outbox, share
+from placefield.bus.history import LENGTH, History, Outbox, Recall, recalling, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
@@ -29,13 +30,13 @@ from placefield.fusion.rules import fuse
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield_services.featurizer import MOMENTS
 from placefield_services.live_channels import LiveChannels
 from placefield_services.process import ServiceProcess, counting_failure
 
 SERVICE = "fuser"
 
 _EARLY = 256  # candidates of a stream that is not on yet
-_MOMENTS = 64  # frames: a featurizer that comes back asks for those of the last one
 
 
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
@@ -50,16 +51,20 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run])
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
-            features, moments = History(), History(_MOMENTS)
+            features, moments = History(), History(MOMENTS)
             bus.subscribe(keys.moments, partial(_remember, moments), process.counts[run])
             matches = Outbox(bus.publisher(keys.match), History())
             process.answers[run] = matches.history
             share(bus, keys.history(keys.feature), features)
             share(bus, keys.history(keys.moments), moments)
             share(bus, keys.history(keys.match), matches.history)
+            memories = (
+                Memory(features, recalling(bus, keys.history(keys.feature))),
+                Memory(moments, recalling(bus, keys.history(keys.moments))),
+            )
             outlets = matches, bus.publisher(keys.ack)
             fusers[run] = Fuser(
-                placemap, config, keys, channels, features, *outlets, process.counts[run]
+                placemap, config, keys, channels, memories, *outlets, process.counts[run]
             )
         rehearse(placemap.places.count, config.matching)
         end = time.monotonic() + config.bus.connect_timeout_s
@@ -88,6 +93,20 @@ def rehearse(count: int, matching: MatchingConfig) -> None:
     fuse([Candidate(0, float(belief[0]), places, belief)], matching)
 
 
+@dataclass(frozen=True)
+class Memory:
+    """What a fuser remembers for others, and where it asks for what was before its time."""
+
+    history: History
+    recall: Recall
+
+    def fill(self, header: Header) -> None:
+        """Remember what others do of the frames before this one."""
+        first = max(0, header.sequence - LENGTH)
+        for old, payload in self.recall(header.stream, first, header.sequence).values():
+            self.history.remember(old, payload)
+
+
 class Fuser:
     """Joins the candidates of a run's stream and answers each frame once, with what came in time.
 
@@ -100,7 +119,7 @@ class Fuser:
         config: Config,
         keys: Keys,
         channels: LiveChannels,
-        features: History,
+        memories: tuple[Memory, Memory],
         matches: Outbox,
         acks: Publisher,
         counts: Counter[str],
@@ -109,7 +128,7 @@ class Fuser:
         self._config = config
         self._feature_key = keys.feature
         self.channels = channels
-        self._features = features
+        self._memories = memories
         self._matches = matches
         self._acks = acks
         self._counts = counts
@@ -171,10 +190,14 @@ class Fuser:
             self._release(math.inf)  # what the stream before it still owes
             self._begin(header.oldest, live=header.live)
             self._stream = header.stream
+            if header.sequence > 0:  # others may forget what they know of it
+                for memory in self._memories:
+                    memory.fill(header)
             early, self._early = self._early, deque(maxlen=_EARLY)
             for candidates in early:
                 self.handle(candidates)
-        self._features.remember(header, received.payload)
+        features, _ = self._memories
+        features.history.remember(header, received.payload)
         if self._joiner.is_released(header.sequence) and not header.live:
             self._answer_again(header)
         return True

@@ -39,13 +39,13 @@ class Stage:
         self.counts: Counter[str] = Counter()
         outlet = Outlet(
             Outbox(self.publisher, History()),
-            self.moments,
+            Outbox(self.moments, History()),
             self.features_elsewhere.recall,
             self.moments_elsewhere.recall,
         )
         other = Outlet(
             Outbox(RecordingPublisher(FeatureMessage), History()),
-            RecordingPublisher(MomentsMessage),
+            Outbox(RecordingPublisher(MomentsMessage), History()),
             Memory().recall,
             Memory().recall,
         )

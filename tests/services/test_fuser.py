@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bus_doubles import RecordingPublisher, header, received
+from bus_doubles import Memory, RecordingPublisher, header, received
 
 from placefield.bus.history import History, Outbox
 from placefield.bus.keys import Keys, Part
@@ -59,7 +59,8 @@ class Stage:
         for channel in range(CHANNELS):
             self.set_alive(channel, True)
         self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
-        self.features = History()
+        self.features, self.elsewhere = History(), Memory()
+        unasked = fuser_module.Memory(History(), Memory().recall)
         self.counts: Counter[str] = Counter()
         self._clock = clock
         self._fuser = Fuser(
@@ -67,7 +68,7 @@ class Stage:
             self.config,
             KEYS,
             self.channels,
-            self.features,
+            (fuser_module.Memory(self.features, self.elsewhere.recall), unasked),
             Outbox(self.matches, History()),
             self.acks,
             self.counts,
@@ -386,6 +387,15 @@ def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
     query = HistoryQuery(stream="s", first=1, end=9).encode()
     told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
     assert told == [1, 2]
+
+
+def test_one_that_comes_back_learns_what_others_remember(stage: Stage) -> None:
+    message = FeatureMessage(model="m", descriptor=None).encode()
+    stage.elsewhere.kept = {sequence: (header(sequence), message) for sequence in range(5)}
+    stage.announce(header(5, oldest=5))
+    query = HistoryQuery(stream="s", first=0, end=9).encode()
+    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert told == [0, 1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])

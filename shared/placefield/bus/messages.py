@@ -324,7 +324,7 @@ class HistoryQuery(Message):
 
     stream: str = Field(min_length=1, max_length=64)
     first: int = Field(ge=0, lt=2**48)
-    end: int = Field(ge=0, le=2**48)
+    end: int = Field(ge=0, le=2**49)
 
 
 class OdometryMessage(Message):

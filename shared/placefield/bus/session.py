@@ -232,14 +232,14 @@ def open_router(config: BusConfig) -> Iterator[Bus]:
     settings = router_settings(config)
     if config.credentials:
         settings["access_control"] = access_control(Path(config.credentials))
-    elif not _is_local(config.endpoint):
+    made = _zenoh_config(config, settings)
+    if not config.credentials and not _is_local(config.endpoint):
         log.warning(
             "%s: whoever reaches this may read and publish all; see 'placefield security init -h'",
             config.endpoint,
         )
     hint = "is another router running there? Name another with --endpoint"
-    once = iter([_zenoh_config(config, settings)])
-    with _open(once, f"cannot listen at {config.endpoint}: {hint}") as bus:
+    with _open(iter([made]), f"cannot listen at {config.endpoint}: {hint}") as bus:
         yield bus
 
 

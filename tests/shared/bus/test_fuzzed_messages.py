@@ -171,7 +171,7 @@ def check_bounds(message: Message) -> None:
         case HistoryQuery():
             assert 1 <= len(message.stream) <= 64
             assert 0 <= message.first < 2**48
-            assert 0 <= message.end <= 2**48
+            assert 0 <= message.end <= 2**49
         case OdometryMessage():
             assert 0 <= message.metres < np.inf
         case StatsMessage():
