@@ -31,7 +31,8 @@ MOMENTS = 64
 """Frames whose moments are kept: who comes back asks for those of the last one."""
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
-_ATTEMPTS, _ATTEMPT_S = 5, 0.3
+_ATTEMPTS, _ATTEMPT_S = 4, 0.3
+_IMPATIENT_S = 10.0  # after it was in vain: strangers may begin streams by the thousand
 _LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
 
 
@@ -77,6 +78,7 @@ class _Run:
     counts: Counter[str]
     follower: StreamFollower
     descriptors: DescriptorStream
+    patient_from: float = 0.0
 
 
 class Featurizer:
@@ -139,15 +141,21 @@ class Featurizer:
         run.descriptors = DescriptorStream(self._model)
         if header.sequence == 0:
             return 0
-        for _ in range(_ATTEMPTS):  # what others know may not be within reach yet
-            made, moments = self._recall(run, header)
-            if made >= header.oldest - 1 and (moments is not None or not self._model.standardise):
-                break
+        made, moments = self._recall(run, header)
+        attempts = _ATTEMPTS if time.monotonic() >= run.patient_from else 0
+        while attempts and not self._goes_on(header, made, moments):  # not within reach yet?
             time.sleep(_ATTEMPT_S)
-        else:
+            made, moments = self._recall(run, header)
+            attempts -= 1
+        if not self._goes_on(header, made, moments):
             run.counts["forgotten"] += 1
+            run.patient_from = time.monotonic() + _IMPATIENT_S
         run.descriptors = DescriptorStream(self._model, moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
+
+    def _goes_on(self, header: Header, made: int, moments: Moments | None) -> bool:
+        """Whether enough is known of a stream to go on with it as the one before would have."""
+        return made >= header.oldest - 1 and (moments is not None or not self._model.standardise)
 
     def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
         """Return the last frame of a stream that was described, and its moments, if known."""
