@@ -95,13 +95,13 @@ class _Run:
     counts: Counter[str]
     follower: StreamFollower
     stream: ChannelStream | None = None
-    name: str = ""
-    """Of the stream."""
     is_joining: bool = False
     """Whether the stream was on before, and what came is not known yet."""
     ask_until: float = 0.0
     """Until then what is missing may still be found."""
-    early: deque[Received] = field(default_factory=lambda: deque(maxlen=_EARLY))
+    early: deque[tuple[Header, BordersMessage]] = field(
+        default_factory=lambda: deque(maxlen=_EARLY)
+    )
     """What shards have told of a stream that is not on yet."""
 
 
@@ -145,7 +145,7 @@ class ChannelWorker:
         """Take a descriptor; return what is to be matched, with what was missed before it."""
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
-            self._hear(run, received)
+            self._hear(run, header, BordersMessage.decode(received.payload))
             return []
         descriptor = None if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
@@ -177,24 +177,23 @@ class ChannelWorker:
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
         return frames
 
-    def _hear(self, run: _Run, received: Received) -> None:
+    def _hear(self, run: _Run, header: Header, told: BordersMessage) -> None:
         """Take what another worker tells of its shards."""
-        told = BordersMessage.decode(received.payload)
-        if run.stream is not None and received.header.stream == run.name:
-            run.stream.hear(received.header, told)
+        if run.stream is not None and header.stream == run.follower.stream:
+            run.stream.hear(header, told)
         else:
-            run.early.append(received)
+            run.early.append((header, told))
 
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream; if it is on already, with what others remember of it."""
         run = self._runs[name]
         first = max(0, header.sequence - LENGTH)
-        run.stream, run.name = self._channels.new_stream(run.outlet, first), header.stream
+        run.stream = self._channels.new_stream(run.outlet, first)
         run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
         early = list(run.early)
         run.early.clear()
-        for received in early:
-            self._hear(run, received)
+        for about, told in early:
+            self._hear(run, about, told)
         return first
 
     def _recall(self, run: _Run, header: Header, first: int) -> list[_Accepted]:

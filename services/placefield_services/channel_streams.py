@@ -90,11 +90,7 @@ class WholeStream(ChannelStream):
             return
         candidates = self._push(frame.header.sequence, frame.see())
         if frame.is_awaited:
-            message = CandidatesMessage(
-                rule=self._rule,
-                candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
-            )
-            self._candidates.put(frame.header, message)
+            self._candidates.put(frame.header, candidates_message(self._rule, candidates))
 
     def _push(self, sequence: int, seen: Seen) -> dict[int, Candidate]:
         candidates = {}
@@ -105,3 +101,11 @@ class WholeStream(ChannelStream):
             candidates[number] = matcher.push(seen.get(metric))
             self._next[number] = sequence + 1
         return candidates
+
+
+def candidates_message(
+    rule: Rule, candidates: Mapping[int, Candidate], shard: int = 0, shards: int = 1
+) -> CandidatesMessage:
+    """Return what a worker says of a frame: the candidate of each channel, or of a shard of it."""
+    written = tuple(ChannelCandidate.of(*each) for each in candidates.items())
+    return CandidatesMessage(rule=rule, shard=shard, shards=shards, candidates=written)

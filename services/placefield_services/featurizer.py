@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, History, Outbox, Recall, recalling, share
+from placefield.bus.history import LENGTH, MOMENTS, Outbox, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
 from placefield.bus.session import open_bus
@@ -27,9 +27,6 @@ log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
 
-MOMENTS = 64
-"""Frames whose moments are kept: who comes back asks for those of the last one."""
-
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ATTEMPTS, _ATTEMPT_S = 4, 0.3
 _IMPATIENT_S = 10.0  # after it was in vain: strangers may begin streams by the thousand
@@ -44,16 +41,14 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
         outlets = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.frame, inbox.offer, process.counts[run])
-            features = Outbox(bus.publisher(keys.feature), History())
+            features = remembering(bus, keys.history(keys.feature))
+            moments = remembering(bus, keys.history(keys.moments), MOMENTS)
             process.answers[run] = features.history
-            share(bus, keys.history(keys.feature), features.history)
-            moments = Outbox(bus.publisher(keys.moments), History(MOMENTS))
-            share(bus, keys.history(keys.moments), moments.history)
             outlets[run] = Outlet(
-                features,
-                moments,
-                recalling(bus, keys.history(keys.feature)),
-                recalling(bus, keys.history(keys.moments)),
+                Outbox(bus.publisher(keys.feature), features.history),
+                Outbox(bus.publisher(keys.moments), moments.history),
+                features.recall,
+                moments.recall,
             )
         featurizer = Featurizer(placemap.model, outlets, process.counts)
         featurizer.rehearse()

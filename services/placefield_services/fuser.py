@@ -4,13 +4,12 @@ import math
 import threading
 import time
 from collections import Counter, deque
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, History, Outbox, Recall, recalling, share
+from placefield.bus.history import MOMENTS, History, Memory, Outbox, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
@@ -30,7 +29,6 @@ from placefield.fusion.rules import fuse
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
-from placefield_services.featurizer import MOMENTS
 from placefield_services.live_channels import LiveChannels
 from placefield_services.process import ServiceProcess, counting_failure
 
@@ -51,20 +49,15 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run])
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
-            features, moments = History(), History(MOMENTS)
-            bus.subscribe(keys.moments, partial(_remember, moments), process.counts[run])
+            features = remembering(bus, keys.history(keys.feature))
+            moments = remembering(bus, keys.history(keys.moments), MOMENTS)
+            bus.subscribe(keys.moments, partial(_remember, moments.history), process.counts[run])
             matches = Outbox(bus.publisher(keys.match), History())
             process.answers[run] = matches.history
-            share(bus, keys.history(keys.feature), features)
-            share(bus, keys.history(keys.moments), moments)
             share(bus, keys.history(keys.match), matches.history)
-            memories = (
-                Memory(features, recalling(bus, keys.history(keys.feature))),
-                Memory(moments, recalling(bus, keys.history(keys.moments))),
-            )
             outlets = matches, bus.publisher(keys.ack)
             fusers[run] = Fuser(
-                placemap, config, keys, channels, memories, *outlets, process.counts[run]
+                placemap, config, keys, channels, (features, moments), *outlets, process.counts[run]
             )
         rehearse(placemap.places.count, config.matching)
         end = time.monotonic() + config.bus.connect_timeout_s
@@ -93,20 +86,6 @@ def rehearse(count: int, matching: MatchingConfig) -> None:
     fuse([Candidate(0, float(belief[0]), places, belief)], matching)
 
 
-@dataclass(frozen=True)
-class Memory:
-    """What a fuser remembers for others, and where it asks for what was before its time."""
-
-    history: History
-    recall: Recall
-
-    def fill(self, header: Header) -> None:
-        """Remember what others do of the frames before this one."""
-        first = max(0, header.sequence - LENGTH)
-        for old, payload in self.recall(header.stream, first, header.sequence).values():
-            self.history.remember(old, payload)
-
-
 class Fuser:
     """Joins the candidates of a run's stream and answers each frame once, with what came in time.
 
@@ -133,7 +112,6 @@ class Fuser:
         self._acks = acks
         self._counts = counts
         self._switch = StreamSwitch(counts)
-        self._stream = ""
         self._early: deque[Received] = deque(maxlen=_EARLY)
         self._begin(0, live=False)
 
@@ -162,7 +140,7 @@ class Fuser:
         if self._switch.has_left(header.stream):
             self._counts["stale"] += 1
             return
-        if header.stream != self._stream:
+        if header.stream != self._switch.stream:
             self._early.append(received)
             return
         if not header.live:
@@ -189,13 +167,15 @@ class Fuser:
         if arrival is Arrival.NEW_STREAM:
             self._release(math.inf)  # what the stream before it still owes
             self._begin(header.oldest, live=header.live)
-            self._stream = header.stream
             if header.sequence > 0:  # others may forget what they know of it
                 for memory in self._memories:
                     memory.fill(header)
             early, self._early = self._early, deque(maxlen=_EARLY)
             for candidates in early:
-                self.handle(candidates)
+                try:
+                    self.handle(candidates)
+                except MessageError:  # it must not cost the descriptor
+                    self._counts["malformed"] += 1
         features, _ = self._memories
         features.history.remember(header, received.payload)
         if self._joiner.is_released(header.sequence) and not header.live:
@@ -211,7 +191,8 @@ class Fuser:
             part = message.shard, message.shards
             joined = self._shards.add(sequence, each.channel, *part, each.candidate)
             if joined is not None:
-                self._check(joined)
+                if message.shards > 1:  # a whole channel's was checked as it came
+                    self._check(joined)
                 whole.append((each.channel, joined))
         for channel, candidate in whole:
             self._joiner.add(sequence, channel, candidate, now)

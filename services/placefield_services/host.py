@@ -129,7 +129,7 @@ class _Child:
         self._process = subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,  # its end tells the child that the host is gone
-            env=_environment(),
+            env=child_environment(),
             start_new_session=True,  # Ctrl-C is the host's to pass on
         )
         self._started = now
@@ -168,8 +168,8 @@ class _Child:
             self._process.stdin.close()
 
 
-def _environment() -> dict[str, str]:
-    """Return the children's environment.
+def child_environment() -> dict[str, str]:
+    """Return the environment of services that end when this process does.
 
     Their commands carry the whole configuration, which settings in the environment would override.
     What supervises the host hears of the host alone. One BLAS thread each: the processes are what

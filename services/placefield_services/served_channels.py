@@ -1,7 +1,7 @@
 """What a worker serves: channels of a map, or shards of them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -28,11 +28,19 @@ class ServedChannels(ABC):
     needs_all: bool
     """Whether no frame may be left out that others have taken."""
 
-    _places: Mapping[MapMetric, MetricPlaces]
-
-    def __init__(self, placemap: Map, channels: Sequence[int]) -> None:
+    def __init__(self, placemap: Map, channels: Sequence[int], matching: MatchingConfig) -> None:
+        """Take the channels' numbers in a map."""
         self._channels = {number: placemap.channels[number] for number in channels}
+        self._matching = matching
         self._check_unchanged = placemap.check_unchanged
+        self._places: dict[MapMetric, MetricPlaces] = {}
+
+    def _compare_under(self, metrics: Iterable[MapMetric]) -> None:
+        """Compare frames under each of these metrics once."""
+        exact = self._matching.compares_exactly
+        self._places = {
+            metric: MetricPlaces(metric, exact=exact) for metric in dict.fromkeys(metrics)
+        }
 
     @abstractmethod
     def rehearse(self) -> None:
@@ -55,7 +63,7 @@ class ServedChannels(ABC):
         if descriptors:
             stacked = np.stack(descriptors)
             by_metric = [of_metric.compare(stacked) for of_metric in self._places.values()]
-            self._check_unchanged()
+            self._check_unchanged()  # to read what was cut off would end the process
             for comparisons in zip(*by_metric, strict=True):
                 self._check_unchanged()
                 yield dict(zip(self._places, comparisons, strict=True))
@@ -67,13 +75,9 @@ class WholeChannels(ServedChannels):
     needs_all = False
 
     def __init__(self, placemap: Map, channels: Sequence[int], matching: MatchingConfig) -> None:
-        """Take their numbers in a map."""
-        super().__init__(placemap, channels)
-        self._matching = matching
-        metrics = dict.fromkeys(channel.metric for channel in self._channels.values())
-        self._places = {
-            metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
-        }
+        """Take the channels' numbers in a map."""
+        super().__init__(placemap, channels, matching)
+        self._compare_under(channel.metric for channel in self._channels.values())
 
     def rehearse(self) -> None:
         """Match frames of no stream, so that what is made at its first use is made."""
@@ -109,18 +113,14 @@ class ShardedChannels(ServedChannels):
         shards: int,
     ) -> None:
         """Take the channels' numbers in a map, and which shard of how many."""
-        super().__init__(placemap, channels)
-        self._matching = matching
+        super().__init__(placemap, channels, matching)
         self._shard, self._shards = shard, shards
         rule, reverse, shared = matching.rule, matching.reverse, ShardMetrics()
         self._parts = {
             number: ChannelShard(channel, rule, shard, shards, shared, reverse=reverse)
             for number, channel in self._channels.items()
         }
-        metrics = dict.fromkeys(part.metric for part in self._parts.values())
-        self._places = {
-            metric: MetricPlaces(metric, exact=matching.compares_exactly) for metric in metrics
-        }
+        self._compare_under(part.metric for part in self._parts.values())
 
     def rehearse(self) -> None:
         """Match frames of no stream, so that what is made at its first use is made."""

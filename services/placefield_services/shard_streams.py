@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from placefield.bus.history import LENGTH
 from placefield.bus.messages import (
     BordersMessage,
-    CandidatesMessage,
-    ChannelCandidate,
     ChannelSummary,
     Header,
 )
@@ -22,7 +20,7 @@ from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.maps.map import MapMetric
 from placefield.matching.shard_matcher import ShardMatcher, Summary
-from placefield_services.channel_streams import ChannelStream, Frame, Outlet
+from placefield_services.channel_streams import ChannelStream, Frame, Outlet, candidates_message
 
 _ASK_AFTER_S = 0.5  # in vain; what another told may be lost
 
@@ -168,10 +166,5 @@ class ShardStream(ChannelStream):
             return  # this was one that did not come
         self._waiting.popleft()
         if frame.is_awaited:
-            message = CandidatesMessage(
-                rule=self._rule,
-                shard=self._shard,
-                shards=self._shards,
-                candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
-            )
+            message = candidates_message(self._rule, candidates, self._shard, self._shards)
             self._outlet.candidates.put(frame.header, message)

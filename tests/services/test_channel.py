@@ -1,133 +1,22 @@
 import threading
-from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import header, received
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from placefield.bus.history import History, Outbox
-from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import BordersMessage, CandidatesMessage, FeatureMessage, Header
-from placefield.config import Config, MatchingConfig, Rule
+from placefield.bus.messages import CandidatesMessage, FeatureMessage
+from placefield.config import Config, Rule
 from placefield.errors import ConfigError, MessageError
-from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import feature_of_model
-from placefield.maps.map import Map, fingerprint
+from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import FilterMatcher, matcher_of
+from placefield.matching.channel_matcher import FilterMatcher
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield_services import channel as channel_module
-from placefield_services.channel import ChannelWorker, run_channels
-from placefield_services.channel_streams import Outlet
-from placefield_services.served_channels import WholeChannels
-
-RUNS = ("day", "night")
-
-
-@pytest.fixture(autouse=True)
-def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a worker not wait for what nobody remembers."""
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
-
-
-RULES: tuple[Rule, ...] = get_args(Rule)
-Descriptor = NDArray[np.float32]
-Told = tuple[int, int, float, bytes, bytes]
-"""Sequence, place, score, places and evidence of a candidate."""
-
-
-@pytest.fixture(scope="module")
-def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
-    stream = DescriptorStream(route_map.model)
-    feature = feature_of_model(route_map.model)
-    files = sorted(query_dir.iterdir())[:20]
-    return [stream.push(feature.describe(file.read_bytes())) for file in files]
-
-
-class Stage:
-    """A channel worker of two runs, what it published and what it counted."""
-
-    def __init__(
-        self,
-        placemap: Map,
-        rule: Rule,
-        channels: tuple[int, ...] = (0, 2),
-        *,
-        reverse: bool = False,
-    ) -> None:
-        self.model = fingerprint(placemap.model)
-        self.channels = channels
-        self.publishers = {run: RecordingPublisher(CandidatesMessage) for run in RUNS}
-        self.elsewhere = {run: Memory() for run in RUNS}
-        self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
-        matching = MatchingConfig(rule=rule, reverse=reverse)
-        outlets = {run: self._outlet(run) for run in RUNS}
-        served = WholeChannels(placemap, channels, matching)
-        served.rehearse()
-        self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
-
-    def _outlet(self, run: str) -> Outlet:
-        return Outlet(
-            candidates=Outbox(self.publishers[run], History()),
-            recall=self.elsewhere[run].recall,
-            borders=Outbox(RecordingPublisher(BordersMessage), History()),
-            recall_borders=lambda *_: [],
-        )
-
-    def feature(
-        self, about: Header, descriptor: Descriptor | None = None, *, run: str = RUNS[0]
-    ) -> Received:
-        message = FeatureMessage(model=self.model, descriptor=descriptor)
-        return received(Keys(run).feature, about, b"" if about.end else message)
-
-    def remember_elsewhere(self, descriptors: list[Descriptor], *, live: bool = False) -> None:
-        """Let another service remember all of a stream."""
-        for sequence, descriptor in enumerate(descriptors):
-            message = FeatureMessage(model=self.model, descriptor=descriptor)
-            self.elsewhere[RUNS[0]].kept[sequence] = header(sequence, live=live), message.encode()
-
-    def handle(self, *batch: Received) -> None:
-        self._worker.match([self._worker.accept(message) for message in batch])
-
-    def send(self, about: Header, descriptor: Descriptor | None) -> None:
-        self.handle(self.feature(about, descriptor))
-
-    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
-        """What was published of a channel."""
-        return [
-            (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
-            for about, message in self.publishers[run].sent
-            if isinstance(message, CandidatesMessage)
-            for each in message.candidates
-            if each.channel == channel
-        ]
-
-
-def offline(
-    placemap: Map,
-    channel: int,
-    rule: Rule,
-    descriptors: list[Descriptor | None],
-    *,
-    reverse: bool = False,
-) -> list[Told]:
-    matcher = matcher_of(placemap.channels[channel], rule, reverse=reverse)
-    places = MetricPlaces(placemap.channels[channel].metric, exact=False)
-    candidates = [
-        matcher.push(None if descriptor is None else next(iter(places.compare(descriptor[None]))))
-        for descriptor in descriptors
-    ]
-    return [
-        (s, c.place, c.score, c.places.tobytes(), c.evidence.tobytes())
-        for s, c in enumerate(candidates)
-    ]
+from placefield_services.channel import run_channels
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -177,58 +66,6 @@ def test_a_frame_that_could_not_be_read_is_answered(
     for sequence, descriptor in enumerate(seen):
         stage.send(header(sequence), descriptor)
     assert stage.candidates(2) == offline(route_map, 2, rule, seen)
-
-
-@pytest.mark.parametrize("live", [False, True])
-@pytest.mark.parametrize("rule", RULES)
-def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
-    route_map: Map, descriptors: list[Descriptor], rule: Rule, live: bool
-) -> None:
-    stage = Stage(route_map, rule)
-    stage.remember_elsewhere(descriptors, live=live)
-    for sequence in range(12, len(descriptors)):
-        stage.send(header(sequence, live=live, oldest=0 if live else 10), descriptors[sequence])
-    awaited = 12 if live else 10
-    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])[awaited:]
-    assert stage.counts[RUNS[0]]["gaps"] == 0
-
-
-@pytest.mark.parametrize("rule", RULES)
-def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
-    route_map: Map, descriptors: list[Descriptor], rule: Rule
-) -> None:
-    stage = Stage(route_map, rule)
-    stage.remember_elsewhere(descriptors)
-    for sequence, descriptor in enumerate(descriptors):
-        if sequence not in (4, 5, 11):
-            stage.send(header(sequence), descriptor)
-    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])
-    assert stage.counts[RUNS[0]]["gaps"] == 0
-    assert stage.counts[RUNS[0]]["recalled"] == 3
-
-
-def test_what_may_still_be_found_is_waited_for(
-    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 1000.0)
-    stage = Stage(route_map, "filter")
-    for sequence in (0, 1, 4, 5):
-        stage.send(header(sequence), descriptors[sequence])
-    assert stage.publishers[RUNS[0]].sequences == [0, 1]
-    assert stage.counts[RUNS[0]]["early"] == 2
-    stage.remember_elsewhere(descriptors)
-    stage.send(header(6), descriptors[6])
-    assert stage.candidates(0) == offline(route_map, 0, "filter", [*descriptors[:7]])
-
-
-def test_a_frame_that_comes_again_is_answered_again_and_matched_once(
-    route_map: Map, descriptors: list[Descriptor]
-) -> None:
-    stage = Stage(route_map, "filter")
-    for sequence in (0, 1, 2, 1, 2, 3):
-        stage.send(header(sequence), descriptors[sequence])
-    told = offline(route_map, 0, "filter", [*descriptors])
-    assert stage.candidates(0) == [*told[:3], *told[1:4]]
 
 
 @pytest.mark.parametrize("rule", RULES)

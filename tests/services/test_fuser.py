@@ -1,128 +1,28 @@
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import header
+from fuser_stage import CANDIDATES, CHANNELS, DEADLINE_S, KEYS, Clock, Stage
 
-from placefield.bus.history import History, Outbox
-from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import (
     CandidatesMessage,
     ChannelCandidate,
     FeatureMessage,
-    Header,
-    HistoryQuery,
     MatchMessage,
     Message,
 )
-from placefield.config import Config, Rule
+from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
-from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_EVIDENCE, NO_PLACES, Candidate
 from placefield_services import fuser as fuser_module
-from placefield_services.fuser import Fuser
-from placefield_services.live_channels import LiveChannels
-
-KEYS = Keys("test")
-CANDIDATES = KEYS.candidates("worker")
-DEADLINE_S = 2.0
-CHANNELS = 3
 
 Held = Callable[[int], tuple[np.ndarray, np.ndarray]]
 """Makes the places and evidence of a candidate, for a map of so many places."""
-
-
-class Clock:
-    """Time that passes when told to."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-
-class Stage:
-    """A fuser, what it published and what it counted."""
-
-    def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
-        self.places = placemap.places.count
-        self.config = Config.model_validate(
-            {"runs": ["test"], "matching": {"rule": rule}, "fusion": {"deadline_s": DEADLINE_S}}
-        )
-        self.channels = LiveChannels(CHANNELS)
-        for channel in range(CHANNELS):
-            self.set_alive(channel, True)
-        self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
-        self.features, self.elsewhere = History(), Memory()
-        unasked = fuser_module.Memory(History(), Memory().recall)
-        self.counts: Counter[str] = Counter()
-        self._clock = clock
-        self._fuser = Fuser(
-            placemap,
-            self.config,
-            KEYS,
-            self.channels,
-            (fuser_module.Memory(self.features, self.elsewhere.recall), unasked),
-            Outbox(self.matches, History()),
-            self.acks,
-            self.counts,
-        )
-
-    def set_alive(self, channel: int, is_alive: bool) -> None:
-        token = KEYS.alive("channel", Part(channel).identity("worker"))
-        self.channels.change(token, is_alive)
-
-    def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
-        self._fuser.handle(received(key, about, message))
-        self._fuser.release()
-
-    def announce(self, about: Header) -> None:
-        self.handle(KEYS.feature, about, FeatureMessage(model="m", descriptor=None))
-
-    def candidate(self, channel: int, sequence: int) -> Candidate:
-        """Return a candidate that believes in some of the places."""
-        rng = np.random.default_rng([channel, sequence])
-        evidence = rng.dirichlet(np.full(self.places // 3, 0.1)).astype(np.float32)
-        places = np.sort(rng.permutation(self.places)[: len(evidence)]).astype(np.int32)
-        best = int(np.argmax(evidence))
-        return Candidate(int(places[best]), float(evidence[best]), places, evidence)
-
-    def written(self, channel: int, sequence: int, **changes: Any) -> ChannelCandidate:
-        return ChannelCandidate(
-            **(vars(self.candidate(channel, sequence)) | {"channel": channel} | changes)
-        )
-
-    def message(self, *candidates: ChannelCandidate, rule: Rule | None = None) -> CandidatesMessage:
-        return CandidatesMessage(rule=rule or self.config.matching.rule, candidates=candidates)
-
-    def answer(self, channels: int | tuple[int, ...], about: Header) -> None:
-        """Let one worker answer, of one channel or several."""
-        numbers = channels if isinstance(channels, tuple) else (channels,)
-        candidates = [self.written(channel, about.sequence) for channel in numbers]
-        self.handle(CANDIDATES, about, self.message(*candidates))
-
-    def pass_time(self, seconds: float) -> None:
-        self._clock.now += seconds
-        self._fuser.release()
-
-    def expected(self, sequence: int, *missing: int) -> Match:
-        answering = sorted({*range(CHANNELS)} - {*missing})
-        candidates = [self.candidate(channel, sequence) for channel in answering]
-        return fuse(candidates, self.config.matching, missing=missing)
-
-    @property
-    def published(self) -> list[tuple[int, Match]]:
-        return [
-            (about.sequence, message.match)
-            for about, message in self.matches.sent
-            if isinstance(message, MatchMessage)
-        ]
 
 
 @pytest.fixture
@@ -360,44 +260,6 @@ def test_candidates_hold_what_their_rule_has_and_nothing_else(
     assert [sequence for sequence, _ in stage.published] == list(range(len(right)))
 
 
-def test_a_frame_whose_answer_was_lost_is_answered_again(stage: Stage) -> None:
-    for sequence in range(3):
-        stage.announce(header(sequence))
-        stage.answer((0, 1, 2), header(sequence))
-    stage.announce(header(1, oldest=1))
-    assert [sequence for sequence, _ in stage.published] == [0, 1, 2, 1]
-    assert stage.published[3] == stage.published[1]
-    assert stage.acks.sequences == [0, 1, 2, 1]
-
-
-def test_one_that_comes_back_begins_with_the_oldest_frame_that_is_awaited(stage: Stage) -> None:
-    stage.announce(header(7, oldest=5))
-    stage.answer((0, 1, 2), header(7, oldest=5))
-    stage.pass_time(1000)
-    assert stage.published == []
-    for sequence in (5, 6):
-        stage.announce(header(sequence, oldest=5))
-        stage.answer((0, 1, 2), header(sequence, oldest=5))
-    assert [sequence for sequence, _ in stage.published] == [5, 6, 7]
-
-
-def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
-    for sequence in range(3):
-        stage.announce(header(sequence))
-    query = HistoryQuery(stream="s", first=1, end=9).encode()
-    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
-    assert told == [1, 2]
-
-
-def test_one_that_comes_back_learns_what_others_remember(stage: Stage) -> None:
-    message = FeatureMessage(model="m", descriptor=None).encode()
-    stage.elsewhere.kept = {sequence: (header(sequence), message) for sequence in range(5)}
-    stage.announce(header(5, oldest=5))
-    query = HistoryQuery(stream="s", first=0, end=9).encode()
-    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
-    assert told == [0, 1, 2, 3, 4, 5]
-
-
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 def test_the_shards_of_a_channel_answer_as_the_channel_does(
     stage: Stage, order: tuple[int, ...]
@@ -418,38 +280,3 @@ def test_the_shards_of_a_channel_answer_as_the_channel_does(
     expected = stage.expected(0)
     assert (sequence, match.place, match.missing) == (0, expected.place, ())
     assert match.score == pytest.approx(expected.score, abs=1e-3)  # the next to nothing is dropped
-
-
-def test_a_stream_is_not_over_before_its_last_frames_have_been_heard_of(stage: Stage) -> None:
-    stage.announce(header(0))
-    stage.answer((0, 1, 2), header(0))
-    stage.handle(KEYS.feature, header(2, end=True))
-    stage.pass_time(1000)
-    assert [about.sequence for about, _ in stage.matches.sent] == [0]
-    stage.announce(header(1))
-    stage.answer((0, 1, 2), header(1))
-    assert [about.sequence for about, _ in stage.matches.sent] == [0, 1, 2]
-    assert stage.acks.sequences[-1] == 2
-
-
-def test_frames_that_their_source_has_answers_of_are_not_waited_for(stage: Stage) -> None:
-    stage.announce(header(5, oldest=3))
-    stage.announce(header(9, oldest=8))  # others have answered while this fuser was started
-    stage.announce(header(8, oldest=8))
-    for sequence in (8, 9):
-        stage.answer((0, 1, 2), header(sequence, oldest=8))
-    assert [sequence for sequence, _ in stage.published] == [8, 9]
-
-
-def test_a_defect_in_one_frame_is_answered_by_nothing_and_costs_no_other(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(fuser_module, "fuse", lambda *_, **__: 1 // 0)
-        stage.announce(header(0))
-        stage.answer((0, 1, 2), header(0))
-    stage.announce(header(1))
-    stage.answer((0, 1, 2), header(1))
-    assert [match.place for _, match in stage.published] == [-1, stage.expected(1).place]
-    assert stage.published[0][1].missing == (0, 1, 2)
-    assert stage.counts["failed"] == 1

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -21,8 +20,6 @@ from placefield.bus.messages import (
     HistoryQuery,
 )
 from placefield.config import MatchingConfig, Rule
-from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import feature_of_model
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
@@ -147,20 +144,6 @@ def assert_same(joined: dict[int, Candidate], expected: Sequence[Candidate]) -> 
     for sequence, candidate in enumerate(expected):
         assert joined[sequence].place == candidate.place
         assert joined[sequence].score == pytest.approx(candidate.score, rel=1e-4, abs=1e-6)
-
-
-@pytest.fixture(autouse=True)
-def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a worker not wait for what nobody remembers."""
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
-
-
-@pytest.fixture(scope="module")
-def descriptors(query_dir: Path, route_map: Map) -> list[Descriptor]:
-    stream = DescriptorStream(route_map.model)
-    feature = feature_of_model(route_map.model)
-    files = sorted(query_dir.iterdir())[:16]
-    return [stream.push(feature.describe(file.read_bytes())) for file in files]
 
 
 @pytest.mark.parametrize("rule", RULES)

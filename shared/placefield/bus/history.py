@@ -7,6 +7,7 @@ a frame again finds what it has made of it, and sends that again.
 import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 
 from placefield.bus.messages import Header, HistoryQuery, Message
 from placefield.bus.session import Bus, Publisher
@@ -14,6 +15,9 @@ from placefield.errors import MessageError
 
 LENGTH = 1000
 """Frames: what was before so many changes nothing that matters."""
+
+MOMENTS = 64
+"""Frames whose moments are kept: who comes back asks for those of the last one."""
 
 _PATIENCE_S = 1.0
 _MOST_REPLIES = 64 * LENGTH
@@ -99,6 +103,27 @@ class Outbox:
 def share(bus: Bus, key: str, history: History) -> None:
     """Answer those who ask for this history at a key."""
     bus.answer(key, lambda _, asked: history.reply(asked))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a service remembers of a key, and what asks the others who do."""
+
+    history: History
+    recall: Recall
+
+    def fill(self, header: Header) -> None:
+        """Remember what others do of the frames before this one."""
+        first = max(0, header.sequence - LENGTH)
+        for old, payload in self.recall(header.stream, first, header.sequence).values():
+            self.history.remember(old, payload)
+
+
+def remembering(bus: Bus, key: str, length: int = LENGTH) -> Memory:
+    """Return a memory that is shared at a key."""
+    history = History(length)
+    share(bus, key, history)
+    return Memory(history, recalling(bus, key))
 
 
 def recalling(bus: Bus, key: str) -> Recall:

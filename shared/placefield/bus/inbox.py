@@ -17,7 +17,6 @@ CAPACITY = 4096
 """Messages of a run; above a credit window of frames and their candidates of 64 workers, so that a
 lossless stream never fills it."""
 
-
 CAPACITY_BYTES = 2**30
 """Of the messages of a run, before the last: above a credit window of frames of 32 MB."""
 

@@ -1,27 +1,23 @@
-"""What travels on the bus: msgpack with a schema version, arrays as raw bytes.
+"""What travels on the bus: msgpack with a schema version.
 
 Every data message has a ``Header`` in its attachment; the payload is one of the other models.
 Decoding checks everything: what does not parse raises ``MessageError`` and goes no further.
 """
 
-import itertools
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import msgpack
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
     FiniteFloat,
-    PlainSerializer,
-    PlainValidator,
     ValidationError,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
+from placefield.bus.wire import FloatVector, Image, IndexVector, NumberVector, Sums, unpack
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
@@ -30,97 +26,7 @@ from placefield.matching.candidate import Candidate
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
-# What is many comes as bytes, so a message has few lists and mappings, and short ones. Without
-# these bounds a stranger's message becomes objects of a hundred times its size.
-_MOST_CONTAINERS = 512  # above a message of the candidates of 64 channels
-_LIMITS = {"max_array_len": 256, "max_map_len": 256, "max_str_len": 1024, "max_ext_len": 0}
-
-_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32, "float64": np.float64}
-
-
-def _unpack(data: bytes) -> Any:
-    numbers = itertools.count(1)
-
-    def count(container: Any) -> Any:
-        if next(numbers) > _MOST_CONTAINERS:
-            raise ValueError(f"more than {_MOST_CONTAINERS} lists and mappings")
-        return container
-
-    return msgpack.unpackb(data, use_list=False, list_hook=count, object_hook=count, **_LIMITS)
-
-
-def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
-    return {"dtype": array.dtype.name, "shape": array.shape, "data": array.tobytes()}
-
-
-def _array_from_wire(value: Any) -> NDArray[Any]:
-    if isinstance(value, np.ndarray):
-        return value
-    try:
-        shape = tuple(value["shape"])
-        if not all(isinstance(size, int) and size >= 0 for size in shape):
-            raise ValueError("negative or fractional size")
-        return np.frombuffer(value["data"], _DTYPES[value["dtype"]]).reshape(shape)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"no array: {error}") from None
-
-
-def _float_vector(value: Any) -> NDArray[np.float32]:
-    array = _array_from_wire(value)
-    if array.dtype != np.float32 or array.ndim != 1 or not np.isfinite(array).all():
-        raise ValueError("expected a vector of finite float32")
-    return array
-
-
-def _sums(value: Any) -> NDArray[np.float64]:
-    array = _array_from_wire(value)
-    if array.dtype != np.float64 or array.ndim != 2 or not np.isfinite(array).all():
-        raise ValueError("expected a matrix of finite float64")
-    return array
-
-
-def _number_vector(value: Any) -> NDArray[np.float64]:
-    array = _array_from_wire(value)
-    if array.dtype != np.float64 or array.ndim != 1 or np.isnan(array).any():
-        raise ValueError("expected a vector of float64")
-    return array
-
-
-def _index_vector(value: Any) -> NDArray[np.int32]:
-    array = _array_from_wire(value)
-    if array.dtype != np.int32 or array.ndim != 1:
-        raise ValueError("expected a vector of int32")
-    return array
-
-
-def _image(value: Any) -> bytes | NDArray[np.uint8]:
-    """An encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
-    if isinstance(value, bytes):
-        return value
-    array = _array_from_wire(value)
-    if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.size == 0:
-        raise ValueError("expected encoded bytes or uint8 pixels")
-    return array
-
-
-def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
-    return image if isinstance(image, bytes) else _array_to_wire(image)
-
-
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
-FloatVector = Annotated[
-    NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
-]
-IndexVector = Annotated[
-    NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)
-]
-NumberVector = Annotated[
-    NDArray[np.float64], PlainValidator(_number_vector), PlainSerializer(_array_to_wire)
-]
-Sums = Annotated[NDArray[np.float64], PlainValidator(_sums), PlainSerializer(_array_to_wire)]
-Image = Annotated[
-    bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
-]
 
 
 class _Strict(BaseModel):
@@ -151,7 +57,7 @@ class Message(_Strict):
         if len(data) > MAX_BYTES:
             raise MessageError(f"{cls.__name__}: {len(data)} bytes, more than {MAX_BYTES}")
         try:
-            message = cls.model_validate(_unpack(data))
+            message = cls.model_validate(unpack(data))
         except ValidationError as error:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = ".".join(str(part) for part in first["loc"])

@@ -25,19 +25,20 @@ class StreamSwitch:
 
     def __init__(self, counts: Counter[str]) -> None:
         self._counts = counts
-        self._stream: str | None = None
+        self.stream: str | None = None
+        """The stream that is on."""
         self._left: deque[str] = deque(maxlen=_REMEMBERED)
 
     def enter(self, stream: str) -> Arrival:
         """Say what a message of this stream is."""
-        if stream == self._stream:
+        if stream == self.stream:
             return Arrival.SAME_STREAM
         if stream in self._left:
             self._counts["stale"] += 1
             return Arrival.DROPPED
-        if self._stream is not None:
-            self._left.append(self._stream)
-        self._stream = stream
+        if self.stream is not None:
+            self._left.append(self.stream)
+        self.stream = stream
         self._counts["streams"] += 1
         return Arrival.NEW_STREAM
 
@@ -69,6 +70,11 @@ class StreamFollower:
         self._switch = StreamSwitch(counts)
         self.next = 0
         """The number of the frame whose turn it is."""
+
+    @property
+    def stream(self) -> str | None:
+        """The stream that is on."""
+        return self._switch.stream
 
     def follow(self, header: Header) -> Turn:
         """Say what the message with this header is; if its turn has come, it is over."""

@@ -147,10 +147,6 @@ class Joiner:
         """Whether a frame is over."""
         return sequence < self.next
 
-    def is_pending(self, sequence: int) -> bool:
-        """Whether a frame has been heard of and is not released yet."""
-        return sequence in self._pending
-
     @property
     def pending(self) -> int:
         """How many frames are not released yet."""

@@ -4,6 +4,7 @@ import hashlib
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import BinaryIO
 
 _PIECE = 2**20  # bytes that one thread reads and hashes at once
 
@@ -14,10 +15,20 @@ def checksum_of(file: Path) -> str:
     Raises:
         OSError: the file is missing or unreadable.
     """
-    with file.open("rb") as opened, ThreadPoolExecutor() as threads:
+    with file.open("rb") as opened:
+        return checksum_of_opened(opened)
 
-        def digest(start: int) -> bytes:
-            return hashlib.sha256(os.pread(opened.fileno(), _PIECE, start)).digest()
 
-        starts = range(0, os.fstat(opened.fileno()).st_size, _PIECE)
+def checksum_of_opened(file: BinaryIO) -> str:
+    """Return the same of a file that is open; where it stands is no matter, and stays.
+
+    Raises:
+        OSError: the file is unreadable.
+    """
+
+    def digest(start: int) -> bytes:
+        return hashlib.sha256(os.pread(file.fileno(), _PIECE, start)).digest()
+
+    starts = range(0, os.fstat(file.fileno()).st_size, _PIECE)
+    with ThreadPoolExecutor() as threads:
         return hashlib.sha256(b"".join(threads.map(digest, starts))).hexdigest()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.network import Network
-from placefield.maps.checksums import checksum_of
+from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.layout import (
     CHANNEL_FILES,
     COARSE_FILES,
@@ -92,8 +92,9 @@ class _Files:
     def _open(self, name: str) -> NDArray[Any]:
         file = self.path / name
         try:
-            opened = ArrayFile(open_inside(self.path, name))
-            if checksum_of(file) != self.manifest.files.get(name):
+            content = open_inside(self.path, name)
+            opened = ArrayFile(content)
+            if checksum_of_opened(content) != self.manifest.files.get(name):
                 raise MapError(f"{file}: damaged: its checksum is wrong; {REBUILD}")
             array = opened.array()
         except OSError:

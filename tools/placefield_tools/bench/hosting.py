@@ -67,8 +67,12 @@ def started(commands: Sequence[Sequence[str]]) -> Iterator[list[Chain]]:
 
 def _start(command: Sequence[str]) -> subprocess.Popen[str]:
     """Start a command with default settings."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=kept)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=default_environment())
+
+
+def default_environment() -> dict[str, str]:
+    """Return this process's environment without settings."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
 
 
 def _await_end(process: subprocess.Popen[str]) -> None:

@@ -17,7 +17,7 @@ from placefield.errors import BusError
 from placefield.fusion.match import Match
 from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.hosting import started
+from placefield_tools.bench.hosting import default_environment, started
 from placefield_tools.bench.made import CHANNELS
 
 SHARDS = 4
@@ -52,7 +52,9 @@ def _sharded(path: Path) -> Iterator[str]:
         for shard in range(SHARDS):
             services.append(["channel", str(path), *channels, "--shard", f"{shard}/{SHARDS}"])
         processes = [
-            subprocess.Popen([*_PLACEFIELD, *service, "--endpoint", router.endpoint])
+            subprocess.Popen(
+                [*_PLACEFIELD, *service, "--endpoint", router.endpoint], env=default_environment()
+            )
             for service in services
         ]
         try:

@@ -1,6 +1,5 @@
 """Services that are killed and stopped, and started again when they have died."""
 
-import os
 import signal
 import subprocess
 import threading
@@ -8,8 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Self
 
-from placefield.config import ENV_PREFIX
-from placefield_services.process import SUPERVISED
+from placefield_services.host import child_environment
 from placefield_tools.chaos.clock import Clock
 
 _POLL_S = 0.05
@@ -21,13 +19,12 @@ Start = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
 
 def start_process(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     """Start a service that ends when this process does."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(ENV_PREFIX)}
     return subprocess.Popen(
         command,
         stdin=subprocess.PIPE,  # its end tells the child that this process is gone
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,  # they will complain of one another
-        env=kept | {SUPERVISED: "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        env=child_environment(),
         start_new_session=True,
     )
 

@@ -1,0 +1,101 @@
+"""Arrays and containers in messages: raw bytes with dtype and shape, and no more than came."""
+
+import itertools
+from typing import Annotated, Any
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import PlainSerializer, PlainValidator
+
+# What is many comes as bytes, so a message has few lists and mappings, and short ones. Without
+# these bounds a stranger's message becomes objects of a hundred times its size.
+_MOST_CONTAINERS = 512  # above a message of the candidates of 64 channels
+_LIMITS = {"max_array_len": 256, "max_map_len": 256, "max_str_len": 1024, "max_ext_len": 0}
+
+_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32, "float64": np.float64}
+
+
+def unpack(data: bytes) -> Any:
+    """Read msgpack, whoever wrote it; it raises whatever there is."""
+    numbers = itertools.count(1)
+
+    def count(container: Any) -> Any:
+        if next(numbers) > _MOST_CONTAINERS:
+            raise ValueError(f"more than {_MOST_CONTAINERS} lists and mappings")
+        return container
+
+    return msgpack.unpackb(data, use_list=False, list_hook=count, object_hook=count, **_LIMITS)
+
+
+def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
+    return {"dtype": array.dtype.name, "shape": array.shape, "data": array.tobytes()}
+
+
+def _array_from_wire(value: Any) -> NDArray[Any]:
+    if isinstance(value, np.ndarray):
+        return value
+    try:
+        shape = tuple(value["shape"])
+        if not all(isinstance(size, int) and size >= 0 for size in shape):
+            raise ValueError("negative or fractional size")
+        return np.frombuffer(value["data"], _DTYPES[value["dtype"]]).reshape(shape)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"no array: {error}") from None
+
+
+def _float_vector(value: Any) -> NDArray[np.float32]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float32 or array.ndim != 1 or not np.isfinite(array).all():
+        raise ValueError("expected a vector of finite float32")
+    return array
+
+
+def _sums(value: Any) -> NDArray[np.float64]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float64 or array.ndim != 2 or not np.isfinite(array).all():
+        raise ValueError("expected a matrix of finite float64")
+    return array
+
+
+def _number_vector(value: Any) -> NDArray[np.float64]:
+    array = _array_from_wire(value)
+    if array.dtype != np.float64 or array.ndim != 1 or np.isnan(array).any():
+        raise ValueError("expected a vector of float64")
+    return array
+
+
+def _index_vector(value: Any) -> NDArray[np.int32]:
+    array = _array_from_wire(value)
+    if array.dtype != np.int32 or array.ndim != 1:
+        raise ValueError("expected a vector of int32")
+    return array
+
+
+def _image(value: Any) -> bytes | NDArray[np.uint8]:
+    """An encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
+    if isinstance(value, bytes):
+        return value
+    array = _array_from_wire(value)
+    if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.size == 0:
+        raise ValueError("expected encoded bytes or uint8 pixels")
+    return array
+
+
+def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
+    return image if isinstance(image, bytes) else _array_to_wire(image)
+
+
+FloatVector = Annotated[
+    NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
+]
+IndexVector = Annotated[
+    NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)
+]
+NumberVector = Annotated[
+    NDArray[np.float64], PlainValidator(_number_vector), PlainSerializer(_array_to_wire)
+]
+Sums = Annotated[NDArray[np.float64], PlainValidator(_sums), PlainSerializer(_array_to_wire)]
+Image = Annotated[
+    bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
+]

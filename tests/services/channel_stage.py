@@ -1,0 +1,107 @@
+"""A channel worker without a bus, and what it should answer."""
+
+from collections import Counter
+from typing import get_args
+
+import numpy as np
+from bus_doubles import Memory, RecordingPublisher, header, received
+from numpy.typing import NDArray
+
+from placefield.bus.history import History, Outbox
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import BordersMessage, CandidatesMessage, FeatureMessage, Header
+from placefield.config import MatchingConfig, Rule
+from placefield.maps.map import Map, fingerprint
+from placefield.matching.channel_matcher import matcher_of
+from placefield.matching.comparing import MetricPlaces
+from placefield_services.channel import ChannelWorker
+from placefield_services.channel_streams import Outlet
+from placefield_services.served_channels import WholeChannels
+
+RUNS = ("day", "night")
+
+
+RULES: tuple[Rule, ...] = get_args(Rule)
+Descriptor = NDArray[np.float32]
+Told = tuple[int, int, float, bytes, bytes]
+"""Sequence, place, score, places and evidence of a candidate."""
+
+
+class Stage:
+    """A channel worker of two runs, what it published and what it counted."""
+
+    def __init__(
+        self,
+        placemap: Map,
+        rule: Rule,
+        channels: tuple[int, ...] = (0, 2),
+        *,
+        reverse: bool = False,
+    ) -> None:
+        self.model = fingerprint(placemap.model)
+        self.channels = channels
+        self.publishers = {run: RecordingPublisher(CandidatesMessage) for run in RUNS}
+        self.elsewhere = {run: Memory() for run in RUNS}
+        self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
+        matching = MatchingConfig(rule=rule, reverse=reverse)
+        outlets = {run: self._outlet(run) for run in RUNS}
+        served = WholeChannels(placemap, channels, matching)
+        served.rehearse()
+        self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
+
+    def _outlet(self, run: str) -> Outlet:
+        return Outlet(
+            candidates=Outbox(self.publishers[run], History()),
+            recall=self.elsewhere[run].recall,
+            borders=Outbox(RecordingPublisher(BordersMessage), History()),
+            recall_borders=lambda *_: [],
+        )
+
+    def feature(
+        self, about: Header, descriptor: Descriptor | None = None, *, run: str = RUNS[0]
+    ) -> Received:
+        message = FeatureMessage(model=self.model, descriptor=descriptor)
+        return received(Keys(run).feature, about, b"" if about.end else message)
+
+    def remember_elsewhere(self, descriptors: list[Descriptor], *, live: bool = False) -> None:
+        """Let another service remember all of a stream."""
+        for sequence, descriptor in enumerate(descriptors):
+            message = FeatureMessage(model=self.model, descriptor=descriptor)
+            self.elsewhere[RUNS[0]].kept[sequence] = header(sequence, live=live), message.encode()
+
+    def handle(self, *batch: Received) -> None:
+        self._worker.match([self._worker.accept(message) for message in batch])
+
+    def send(self, about: Header, descriptor: Descriptor | None) -> None:
+        self.handle(self.feature(about, descriptor))
+
+    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
+        """What was published of a channel."""
+        return [
+            (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
+            for about, message in self.publishers[run].sent
+            if isinstance(message, CandidatesMessage)
+            for each in message.candidates
+            if each.channel == channel
+        ]
+
+
+def offline(
+    placemap: Map,
+    channel: int,
+    rule: Rule,
+    descriptors: list[Descriptor | None],
+    *,
+    reverse: bool = False,
+) -> list[Told]:
+    matcher = matcher_of(placemap.channels[channel], rule, reverse=reverse)
+    places = MetricPlaces(placemap.channels[channel].metric, exact=False)
+    candidates = [
+        matcher.push(None if descriptor is None else next(iter(places.compare(descriptor[None]))))
+        for descriptor in descriptors
+    ]
+    return [
+        (s, c.place, c.score, c.places.tobytes(), c.evidence.tobytes())
+        for s, c in enumerate(candidates)
+    ]

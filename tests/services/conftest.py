@@ -1,0 +1,27 @@
+"""What the tests of channel workers share."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from placefield.features.descriptors import DescriptorStream
+from placefield.features.extract import feature_of_model
+from placefield.maps.map import Map
+from placefield_services import channel as channel_module
+
+
+@pytest.fixture(autouse=True)
+def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a channel worker not wait for what nobody remembers."""
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+
+
+@pytest.fixture(scope="session")
+def descriptors(query_dir: Path, route_map: Map) -> list[NDArray[np.float32]]:
+    """Of the first frames of the query."""
+    stream = DescriptorStream(route_map.model)
+    feature = feature_of_model(route_map.model)
+    files = sorted(query_dir.iterdir())[:20]
+    return [stream.push(feature.describe(file.read_bytes())) for file in files]

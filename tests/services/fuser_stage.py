@@ -1,0 +1,119 @@
+"""A fuser without a bus, at a time of its own."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from bus_doubles import Memory, RecordingPublisher, received
+
+from placefield.bus.history import History, Outbox
+from placefield.bus.history import Memory as Remembered
+from placefield.bus.keys import Keys, Part
+from placefield.bus.messages import (
+    CandidatesMessage,
+    ChannelCandidate,
+    FeatureMessage,
+    Header,
+    MatchMessage,
+    Message,
+)
+from placefield.config import Config, Rule
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.maps.map import Map
+from placefield.matching.candidate import Candidate
+from placefield_services.fuser import Fuser
+from placefield_services.live_channels import LiveChannels
+
+KEYS = Keys("test")
+CANDIDATES = KEYS.candidates("worker")
+DEADLINE_S = 2.0
+CHANNELS = 3
+
+
+class Clock:
+    """Time that passes when told to."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+class Stage:
+    """A fuser, what it published and what it counted."""
+
+    def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
+        self.places = placemap.places.count
+        self.config = Config.model_validate(
+            {"runs": ["test"], "matching": {"rule": rule}, "fusion": {"deadline_s": DEADLINE_S}}
+        )
+        self.channels = LiveChannels(CHANNELS)
+        for channel in range(CHANNELS):
+            self.set_alive(channel, True)
+        self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
+        self.features, self.elsewhere = History(), Memory()
+        unasked = Remembered(History(), Memory().recall)
+        self.counts: Counter[str] = Counter()
+        self._clock = clock
+        self._fuser = Fuser(
+            placemap,
+            self.config,
+            KEYS,
+            self.channels,
+            (Remembered(self.features, self.elsewhere.recall), unasked),
+            Outbox(self.matches, History()),
+            self.acks,
+            self.counts,
+        )
+
+    def set_alive(self, channel: int, is_alive: bool) -> None:
+        token = KEYS.alive("channel", Part(channel).identity("worker"))
+        self.channels.change(token, is_alive)
+
+    def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
+        self._fuser.handle(received(key, about, message))
+        self._fuser.release()
+
+    def announce(self, about: Header) -> None:
+        self.handle(KEYS.feature, about, FeatureMessage(model="m", descriptor=None))
+
+    def candidate(self, channel: int, sequence: int) -> Candidate:
+        """Return a candidate that believes in some of the places."""
+        rng = np.random.default_rng([channel, sequence])
+        evidence = rng.dirichlet(np.full(self.places // 3, 0.1)).astype(np.float32)
+        places = np.sort(rng.permutation(self.places)[: len(evidence)]).astype(np.int32)
+        best = int(np.argmax(evidence))
+        return Candidate(int(places[best]), float(evidence[best]), places, evidence)
+
+    def written(self, channel: int, sequence: int, **changes: Any) -> ChannelCandidate:
+        return ChannelCandidate(
+            **(vars(self.candidate(channel, sequence)) | {"channel": channel} | changes)
+        )
+
+    def message(self, *candidates: ChannelCandidate, rule: Rule | None = None) -> CandidatesMessage:
+        return CandidatesMessage(rule=rule or self.config.matching.rule, candidates=candidates)
+
+    def answer(self, channels: int | tuple[int, ...], about: Header) -> None:
+        """Let one worker answer, of one channel or several."""
+        numbers = channels if isinstance(channels, tuple) else (channels,)
+        candidates = [self.written(channel, about.sequence) for channel in numbers]
+        self.handle(CANDIDATES, about, self.message(*candidates))
+
+    def pass_time(self, seconds: float) -> None:
+        self._clock.now += seconds
+        self._fuser.release()
+
+    def expected(self, sequence: int, *missing: int) -> Match:
+        answering = sorted({*range(CHANNELS)} - {*missing})
+        candidates = [self.candidate(channel, sequence) for channel in answering]
+        return fuse(candidates, self.config.matching, missing=missing)
+
+    @property
+    def published(self) -> list[tuple[int, Match]]:
+        return [
+            (about.sequence, message.match)
+            for about, message in self.matches.sent
+            if isinstance(message, MatchMessage)
+        ]

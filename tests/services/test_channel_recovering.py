@@ -1,0 +1,59 @@
+import pytest
+from bus_doubles import header
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline
+
+from placefield.config import Rule
+from placefield.maps.map import Map
+from placefield_services import channel as channel_module
+
+
+@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize("rule", RULES)
+def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule, live: bool
+) -> None:
+    stage = Stage(route_map, rule)
+    stage.remember_elsewhere(descriptors, live=live)
+    for sequence in range(12, len(descriptors)):
+        stage.send(header(sequence, live=live, oldest=0 if live else 10), descriptors[sequence])
+    awaited = 12 if live else 10
+    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])[awaited:]
+    assert stage.counts[RUNS[0]]["gaps"] == 0
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
+) -> None:
+    stage = Stage(route_map, rule)
+    stage.remember_elsewhere(descriptors)
+    for sequence, descriptor in enumerate(descriptors):
+        if sequence not in (4, 5, 11):
+            stage.send(header(sequence), descriptor)
+    assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])
+    assert stage.counts[RUNS[0]]["gaps"] == 0
+    assert stage.counts[RUNS[0]]["recalled"] == 3
+
+
+def test_what_may_still_be_found_is_waited_for(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 1000.0)
+    stage = Stage(route_map, "filter")
+    for sequence in (0, 1, 4, 5):
+        stage.send(header(sequence), descriptors[sequence])
+    assert stage.publishers[RUNS[0]].sequences == [0, 1]
+    assert stage.counts[RUNS[0]]["early"] == 2
+    stage.remember_elsewhere(descriptors)
+    stage.send(header(6), descriptors[6])
+    assert stage.candidates(0) == offline(route_map, 0, "filter", [*descriptors[:7]])
+
+
+def test_a_frame_that_comes_again_is_answered_again_and_matched_once(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    stage = Stage(route_map, "filter")
+    for sequence in (0, 1, 2, 1, 2, 3):
+        stage.send(header(sequence), descriptors[sequence])
+    told = offline(route_map, 0, "filter", [*descriptors])
+    assert stage.candidates(0) == [*told[:3], *told[1:4]]

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+from bus_doubles import header
+from fuser_stage import DEADLINE_S, KEYS, Clock, Stage
+
+from placefield.bus.messages import (
+    CandidatesMessage,
+    ChannelCandidate,
+    FeatureMessage,
+    Header,
+    HistoryQuery,
+)
+from placefield.maps.map import Map
+from placefield.matching.candidate import NO_PLACES, Candidate
+from placefield_services import fuser as fuser_module
+
+
+@pytest.fixture
+def stage(route_map: Map, monkeypatch: pytest.MonkeyPatch) -> Stage:
+    clock = Clock()
+    monkeypatch.setattr(fuser_module, "time", clock)
+    return Stage(route_map, clock)
+
+
+def test_a_frame_whose_answer_was_lost_is_answered_again(stage: Stage) -> None:
+    for sequence in range(3):
+        stage.announce(header(sequence))
+        stage.answer((0, 1, 2), header(sequence))
+    stage.announce(header(1, oldest=1))
+    assert [sequence for sequence, _ in stage.published] == [0, 1, 2, 1]
+    assert stage.published[3] == stage.published[1]
+    assert stage.acks.sequences == [0, 1, 2, 1]
+
+
+def test_one_that_comes_back_begins_with_the_oldest_frame_that_is_awaited(stage: Stage) -> None:
+    stage.announce(header(7, oldest=5))
+    stage.answer((0, 1, 2), header(7, oldest=5))
+    stage.pass_time(1000)
+    assert stage.published == []
+    for sequence in (5, 6):
+        stage.announce(header(sequence, oldest=5))
+        stage.answer((0, 1, 2), header(sequence, oldest=5))
+    assert [sequence for sequence, _ in stage.published] == [5, 6, 7]
+
+
+def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
+    for sequence in range(3):
+        stage.announce(header(sequence))
+    query = HistoryQuery(stream="s", first=1, end=9).encode()
+    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert told == [1, 2]
+
+
+def test_one_that_comes_back_learns_what_others_remember(stage: Stage) -> None:
+    message = FeatureMessage(model="m", descriptor=None).encode()
+    stage.elsewhere.kept = {sequence: (header(sequence), message) for sequence in range(5)}
+    stage.announce(header(5, oldest=5))
+    query = HistoryQuery(stream="s", first=0, end=9).encode()
+    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert told == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_stream_is_not_over_before_its_last_frames_have_been_heard_of(stage: Stage) -> None:
+    stage.announce(header(0))
+    stage.answer((0, 1, 2), header(0))
+    stage.handle(KEYS.feature, header(2, end=True))
+    stage.pass_time(1000)
+    assert [about.sequence for about, _ in stage.matches.sent] == [0]
+    stage.announce(header(1))
+    stage.answer((0, 1, 2), header(1))
+    assert [about.sequence for about, _ in stage.matches.sent] == [0, 1, 2]
+    assert stage.acks.sequences[-1] == 2
+
+
+def test_frames_that_their_source_has_answers_of_are_not_waited_for(stage: Stage) -> None:
+    stage.announce(header(5, oldest=3))
+    stage.announce(header(9, oldest=8))  # others have answered while this fuser was started
+    stage.announce(header(8, oldest=8))
+    for sequence in (8, 9):
+        stage.answer((0, 1, 2), header(sequence, oldest=8))
+    assert [sequence for sequence, _ in stage.published] == [8, 9]
+
+
+def test_a_defect_in_one_frame_is_answered_by_nothing_and_costs_no_other(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(fuser_module, "fuse", lambda *_, **__: 1 // 0)
+        stage.announce(header(0))
+        stage.answer((0, 1, 2), header(0))
+    stage.announce(header(1))
+    stage.answer((0, 1, 2), header(1))
+    assert [match.place for _, match in stage.published] == [-1, stage.expected(1).place]
+    assert stage.published[0][1].missing == (0, 1, 2)
+    assert stage.counts["failed"] == 1
+
+
+def test_candidates_that_were_early_and_do_not_fit_cost_their_descriptor_nothing(
+    route_map: Map, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(fuser_module, "time", clock)
+    stage = Stage(route_map, clock, "evidence")
+    short = Candidate(1, 0.0, NO_PLACES, np.zeros(3, np.float32))
+    for shard in range(2):
+        written = (ChannelCandidate.of(0, short),)
+        message = CandidatesMessage(rule="evidence", shard=shard, shards=2, candidates=written)
+        stage.handle(KEYS.candidates(f"worker{shard}"), header(0), message)
+    stage.announce(header(0))
+    stage.pass_time(DEADLINE_S)
+    assert [sequence for sequence, _ in stage.published] == [0]
+    assert stage.counts["malformed"] == 1
