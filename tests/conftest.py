@@ -7,6 +7,7 @@ from shutil import copy
 import cv2
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from placefield.config import Config
 from placefield.features.images import decode
@@ -15,6 +16,9 @@ from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.building import build_from
 from placefield_tools.hosting import free_endpoint
+
+settings.register_profile("no deadline", deadline=None)  # the machine may be shared
+settings.load_profile("no deadline")
 
 _DATA = Path(
     os.environ.get("PLACEFIELD_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data"

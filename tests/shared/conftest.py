@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import settings
 from numpy.typing import NDArray
 
 from placefield.config import Config
@@ -14,9 +13,6 @@ from placefield.maps.build import build_map
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
-
-settings.register_profile("no deadline", deadline=None)  # the machine may be shared
-settings.load_profile("no deadline")
 
 
 @pytest.fixture(scope="session")

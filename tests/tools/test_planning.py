@@ -42,7 +42,6 @@ any_map = st.tuples(
 )
 
 
-@settings(deadline=None)
 @given(any_map, st.integers(1, 5), st.integers(1, 8), st.floats(1, 1000))
 def test_every_channel_is_placed_once_in_shards_of_one_cut(
     made: tuple[int, list[int]], hosts: int, cores: int, rate: float
@@ -59,7 +58,6 @@ def test_every_channel_is_placed_once_in_shards_of_one_cut(
         assert len(own) == 1 or places // len(own) >= LEAST_SHARD
 
 
-@settings(deadline=None)
 @given(any_map, st.integers(1, 5), st.integers(1, 8), st.floats(1, 1000))
 def test_nothing_goes_beyond_the_cores_and_each_service_is_where_it_belongs(
     made: tuple[int, list[int]], hosts: int, cores: int, rate: float
@@ -80,7 +78,6 @@ def test_nothing_goes_beyond_the_cores_and_each_service_is_where_it_belongs(
     assert placed.busiest_s >= max(p.frame_s for host in placed.hosts for p in host)
 
 
-@settings(deadline=None)
 @given(any_map, st.integers(1, 3), st.integers(1, 4), st.floats(1, 200))
 def test_channels_of_one_metric_stay_together(
     made: tuple[int, list[int]], hosts: int, cores: int, rate: float
@@ -93,7 +90,7 @@ def test_channels_of_one_metric_stay_together(
             assert together in (set(), set(load.channels))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     st.sampled_from([20_000, 100_000, 400_000]),
     st.lists(st.integers(1, 4), min_size=1, max_size=4),

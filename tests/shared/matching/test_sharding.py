@@ -212,7 +212,7 @@ def beside(metric: MapMetric, codes: Codes | None) -> Comparison | None:
 
 
 @given(small_maps, st.integers(1, 4), small_queries, st.booleans())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_shards_of_the_filter_believe_what_the_whole_does(
     places: list[list[int]], shards: int, query: list[list[int] | str], reverse: bool
 ) -> None:

@@ -11,7 +11,7 @@ from placefield_tools.demo.street import SIGHT
 seeds = st.integers(min_value=0, max_value=10_000)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seeds)
 def test_a_longer_street_begins_like_a_shorter_one(seed):
     short, long = make_street(seed, 60.0), make_street(seed, 200.0)
@@ -24,7 +24,7 @@ def test_a_longer_street_begins_like_a_shorter_one(seed):
     assert np.array_equal(short.route.yaw, long.route.yaw[: len(short.route.yaw)])
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seeds)
 def test_buildings_and_gaps_line_both_sides_without_a_hole(seed):
     street = make_street(seed, 150.0)
@@ -38,7 +38,7 @@ def test_buildings_and_gaps_line_both_sides_without_a_hole(seed):
             assert start == pytest.approx(end)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seeds)
 def test_nothing_stands_in_the_mouth_of_a_side_street(seed):
     street = make_street(seed, 150.0)
