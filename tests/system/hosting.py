@@ -126,6 +126,15 @@ class Process:
         """Return those of all children ever seen that live."""
         return [child for child in self._family if is_alive(child)]
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Hold the process still inside the block."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
         """Send a signal; return the exit code."""
         self.children()
@@ -237,6 +246,13 @@ class Listener:
                 assert count is None, "the stream ended too early"
                 break
             answers.append((header, match))
+        return answers
+
+    def until_flagged(self, first: int) -> list[Answer]:
+        """Return the next answers, of frames from ``first`` on, to the first with a flag."""
+        answers = self.answers(first, count=1)
+        while not answers[-1][1].missing:
+            answers += self.answers(first + len(answers), count=1)
         return answers
 
 

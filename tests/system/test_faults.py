@@ -1,22 +1,17 @@
 """Services that are killed or stopped in the midst of a stream: nothing is lost, nothing wrong."""
 
 import signal
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import psutil
 import pytest
 from hosting import (
-    Answer,
     Host,
     Listener,
     Process,
     answers_of,
     offline,
-    placefield,
     wait_until,
 )
 
@@ -44,54 +39,50 @@ def undisturbed(route_map: Map, query_dir: Path) -> list[tuple[int, float, tuple
     return offline(route_map, sorted(query_dir.iterdir()))
 
 
-def kill(process: psutil.Process) -> None:
-    process.send_signal(signal.SIGKILL)
-
-
-def stop_for_a_while(process: psutil.Process) -> None:
-    process.suspend()
-    threading.Timer(2.5, process.resume).start()
-
-
 @contextmanager
-def replaying(endpoint: str, folder: Path) -> Iterator[None]:
-    with ThreadPoolExecutor() as aside:
-        command = "replay", folder, "--rate", RATE, "--endpoint", endpoint
-        replayed = aside.submit(placefield, *command)
-        yield
-    assert replayed.result().returncode == 0, replayed.result().stderr
-
-
-def disturbed(
-    host: Host, folder: Path, service: str, flag: str, disturb: Callable[[psutil.Process], None]
-) -> list[Answer]:
-    """Return the answers to all frames of a replay in whose midst a service is disturbed."""
-    with host.listener() as listener, replaying(host.endpoint, folder):
-        first = listener.answers(count=BEFORE)
-        (process,) = host.service(service, flag)
-        disturb(process)
-        return first + listener.answers(first=BEFORE)
+def replaying(endpoint: str, frames: Path, logs: Path) -> Iterator[Process]:
+    """Replay inside the block, and to its end."""
+    command = "replay", frames, "--rate", RATE, "--endpoint", endpoint
+    with Process(logs, *command) as replay:
+        yield replay
+        wait_until(lambda: not replay.runs, "the replay is over")
+        assert " frames replayed" in replay.out, replay.err
 
 
 @pytest.mark.parametrize("service", ["featurizer", "fuser"])
 def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
+    tmp_path: Path,
     host: Host,
     query_dir: Path,
     undisturbed: list[tuple[int, float, tuple[int, ...]]],
     service: str,
 ) -> None:
-    answers = disturbed(host, query_dir, service, "", kill)
+    with host.listener() as listener, replaying(host.endpoint, query_dir, tmp_path):
+        first = listener.answers(count=BEFORE)
+        (process,) = host.service(service)
+        process.kill()
+        answers = first + listener.answers(first=BEFORE)
     assert answers_of(answers) == undisturbed
 
 
-@pytest.mark.parametrize("disturb", [kill, stop_for_a_while])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_ever(
+    tmp_path: Path,
     host: Host,
     query_dir: Path,
     undisturbed: list[tuple[int, float, tuple[int, ...]]],
-    disturb: Callable[[psutil.Process], None],
+    number: signal.Signals,
 ) -> None:
-    answers = answers_of(disturbed(host, query_dir, "channel", "--channel 1", disturb))
+    with host.listener() as listener, replaying(host.endpoint, query_dir, tmp_path) as replay:
+        first = listener.answers(count=BEFORE)
+        (worker,) = host.service("channel", "--channel 1")
+        worker.send_signal(number)
+        first += listener.until_flagged(BEFORE)
+        with replay.paused():
+            if number == signal.SIGSTOP:
+                worker.resume()
+            wait_until(lambda: len(listener.alive("channel")) == 3, "the worker is back")
+        answers = answers_of(first + listener.answers(first=len(first)))
     flagged = [number for number, (_, _, missing) in enumerate(answers) if missing]
     assert len(answers) == len(undisturbed)
     assert flagged
@@ -120,7 +111,7 @@ def test_a_router_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
         bus = stack.enter_context(open_bus(BusConfig(endpoint=endpoint)))
         listener = Listener(bus)
         wait_until(lambda: listener.alive("fuser"), "the services are ready")
-        with replaying(endpoint, query_dir):
+        with replaying(endpoint, query_dir, tmp_path):
             first = listener.answers(count=BEFORE)
             router.stop(signal.SIGKILL)
             stack.enter_context(Process(tmp_path, "router", "--endpoint", endpoint))

@@ -64,11 +64,14 @@ def test_shards_answer_as_the_whole_and_so_does_one_that_was_killed_and_started_
     for (_, score), (_, expected, _) in zip(places_and_scores(answers), whole, strict=True):
         assert score == pytest.approx(expected, abs=1e-3)
 
-    host.replay(query_dir, "--rate", "12")
+    replay = host.replay(query_dir, "--rate", "12")
     first = host.listener.answers(count=15)
     host.workers[1].stop(signal.SIGKILL)
-    host.start_shard(1)
-    again = [*first, *host.listener.answers(first=15)]
+    first += host.listener.until_flagged(first=15)
+    with replay.paused():
+        host.start_shard(1)
+        wait_until(lambda: len(host.listener.alive("channel")) == SHARDS * 3, "the shard is back")
+    again = [*first, *host.listener.answers(first=len(first))]
     assert len(again) == len(whole)
     assert any(match.missing for _, match in again)
     assert not again[-1][1].missing
