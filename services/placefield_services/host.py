@@ -7,6 +7,7 @@ that gives up before all have been there together has said why, and would do so 
 import itertools
 import logging
 import os
+import signal
 import subprocess
 import threading
 import time
@@ -141,10 +142,10 @@ class _Child:
         self._failed_starts = self._failed_starts + 1 if now - self._started < _YOUNG_S else 0
         if self._failed_starts >= _MOST_FAILED_STARTS:
             raise BusError(
-                f"{self._name} ended with code {code} {_MOST_FAILED_STARTS} times in a row; "
+                f"{self._name} {_how_ended(code)} {_MOST_FAILED_STARTS} times in a row; "
                 "see its message above"
             )
-        log.warning("%s ended with code %d; starting it again", self._name, code)
+        log.warning("%s %s; starting it again", self._name, _how_ended(code))
 
     def terminate(self) -> None:
         """Ask the process to end."""
@@ -166,6 +167,10 @@ class _Child:
     def _close_pipe(self) -> None:
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.close()
+
+
+def _how_ended(code: int) -> str:
+    return f"ended with code {code}" if code >= 0 else f"was ended by {signal.Signals(-code).name}"
 
 
 def child_environment() -> dict[str, str]:

@@ -32,6 +32,7 @@ class ServedChannels(ABC):
         """Take the channels' numbers in a map."""
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
+        # Called before reading, for what was cut off would end the process, and again after.
         self._check_unchanged = placemap.check_unchanged
         self._places: dict[MapMetric, MetricPlaces] = {}
 
@@ -48,7 +49,11 @@ class ServedChannels(ABC):
 
     @abstractmethod
     def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
-        """Begin a stream with the frame of this number."""
+        """Begin a stream with the frame of this number.
+
+        Raises:
+            MapError: somebody has written to the map meanwhile.
+        """
 
     @abstractmethod
     def sights(self, descriptors: Sequence[Descriptor | None]) -> Sights:
@@ -61,9 +66,9 @@ class ServedChannels(ABC):
             MapError: somebody has written to the map meanwhile.
         """
         if descriptors:
+            self._check_unchanged()
             stacked = np.stack(descriptors)
             by_metric = [of_metric.compare(stacked) for of_metric in self._places.values()]
-            self._check_unchanged()  # to read what was cut off would end the process
             for comparisons in zip(*by_metric, strict=True):
                 self._check_unchanged()
                 yield dict(zip(self._places, comparisons, strict=True))
@@ -85,6 +90,7 @@ class WholeChannels(ServedChannels):
 
     def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number."""
+        self._check_unchanged()
         rule, reverse = self._matching.rule, self._matching.reverse
         matchers = {
             number: (channel.metric, matcher_of(channel, rule, reverse=reverse))
@@ -133,6 +139,7 @@ class ShardedChannels(ServedChannels):
 
     def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number."""
+        self._check_unchanged()
         rule = self._matching.rule
         return ShardStream(self._new_matchers, rule, self._shard, self._shards, first, outlet)
 

@@ -80,7 +80,7 @@ def test_what_cannot_start_at_all_ends_the_host_by_name(
 ) -> None:
     monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
     scripts = {"channel worker 1": IS_KILLED, "fuser": RUNS_ON}
-    with pytest.raises(BusError, match="channel worker 1 ended with code -9 5 times in a row"):
+    with pytest.raises(BusError, match="channel worker 1 was ended by SIGKILL 5 times in a row"):
         run(scripts, config, lambda: False)
 
 

@@ -80,4 +80,4 @@ def test_a_service_that_was_killed_is_started_again_and_works(
         assert [process.pid for process in host.service(service, flag)] != [victim.pid]
         host.replay(query_dir)
         assert answers_of(listener.answers()) == offline(route_map, sorted(query_dir.iterdir()))
-    assert "ended with code -9; starting it again" in host.err
+    assert "was ended by SIGKILL; starting it again" in host.err
