@@ -8,7 +8,7 @@ import pytest
 from placefield_tools.bench.figure import Figure
 from placefield_tools.cli.main import main
 
-PARTS = ("match", "features", "build", "chain", "scale")
+PARTS = ("match", "features", "build", "chain", "scale", "soak")
 
 
 @pytest.fixture(params=PARTS)
@@ -17,7 +17,7 @@ def part(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     name: str = request.param
     figures = [Figure("speedup", 9.5, "how much faster", at_least=8), Figure("lost", 2, "frames")]
     module = import_module(f"placefield_tools.bench.{name}")
-    monkeypatch.setattr(module, f"bench_{name}", lambda: figures)
+    monkeypatch.setattr(module, f"bench_{name}", lambda **_: figures)
     return name
 
 

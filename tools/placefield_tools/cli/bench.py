@@ -66,7 +66,18 @@ def _scale(
         draw_scale(picture, as_object(figures), SIZES)
 
 
-def _measure(part: str, as_json: bool) -> "Sequence[Figure]":
+@_app.command("soak")
+def _soak(
+    frames: Annotated[
+        int, typer.Option(min=1, help="how many; a camera's day at 12 per second: an hour's run")
+    ] = 1_000_000,
+    as_json: options.Json = False,
+) -> None:
+    """A day's frames in one stream: whether memory grows, and answers stay the same."""
+    _measure("soak", as_json, frames=frames)
+
+
+def _measure(part: str, as_json: bool, **how: int) -> "Sequence[Figure]":
     try:
         module = import_module(f"placefield_tools.bench.{part}")
         from placefield_tools.bench.figure import as_object, print_figures
@@ -74,7 +85,7 @@ def _measure(part: str, as_json: bool) -> "Sequence[Figure]":
         raise ConfigError(
             f"bench {part} needs {missing.name}: pip install 'placefield[bench]'"
         ) from None
-    figures: Sequence[Figure] = getattr(module, f"bench_{part}")()
+    figures: Sequence[Figure] = getattr(module, f"bench_{part}")(**how)
     if as_json:
         print(json.dumps(as_object(figures)))
     else:
