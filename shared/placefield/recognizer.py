@@ -13,6 +13,8 @@ from placefield.maps.map import Map, MapMetric
 from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
 
+_DEFAULTS = MatchingConfig()
+
 
 class Recognizer:
     """Recognises the places of a map in one stream of frames.
@@ -21,7 +23,8 @@ class Recognizer:
     give on the same frames.
     """
 
-    def __init__(self, placemap: Map, config: MatchingConfig) -> None:
+    def __init__(self, placemap: Map, config: MatchingConfig = _DEFAULTS) -> None:
+        """Begin a stream on a map, with the rule of a configuration."""
         self._feature = feature_of_model(placemap.model)
         self._dimensions = len(placemap.model.components)
         self._config = config

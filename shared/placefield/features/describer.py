@@ -1,0 +1,59 @@
+"""Images to descriptors by the conventions of scikit-learn, to be a step of its pipelines."""
+
+from collections.abc import Iterable
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from placefield.features.descriptors import DescriptorModel, fit_descriptors
+from placefield.features.extract import default_dimensions, feature_of
+
+Array = NDArray[np.float32]
+Images = Iterable[bytes | NDArray[np.uint8]]
+
+
+class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+    """Learns from a traverse's images how to describe images, as ``build_map`` does.
+
+    Descriptors are standardised as the traverse that was learned from is. A ``Recognizer`` does
+    otherwise with a query, whose own light it takes out frame by frame.
+
+    Attributes:
+        model_: the descriptor model, after ``fit``.
+    """
+
+    model_: DescriptorModel
+
+    def __init__(self, kind: str = "gist", dimensions: int | None = None) -> None:
+        """Take grayscale, gist or onnx:FILE, and how many dimensions PCA leaves at most."""
+        self.kind = kind
+        self.dimensions = dimensions
+
+    def fit(self, images: Images, y: None = None) -> Self:
+        """Learn from images: encoded, or pixels (H, W) or (H, W, 3) BGR uint8.
+
+        Raises:
+            FrameError: one cannot be read.
+        """
+        feature = feature_of(self.kind)
+        self.model_, _ = fit_descriptors(
+            [np.stack([feature.describe(image) for image in images])],
+            self.kind,
+            dimensions=self.dimensions or default_dimensions(self.kind),
+            standardise=True,
+            network=feature.network,
+        )
+        return self
+
+    def transform(self, images: Images) -> Array:
+        """Describe images; (K, N) float32, of unit length.
+
+        Raises:
+            FrameError: one cannot be read.
+        """
+        check_is_fitted(self)
+        feature = feature_of(self.kind)
+        return self.model_.of_reference(np.stack([feature.describe(image) for image in images]))

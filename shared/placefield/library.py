@@ -1,0 +1,64 @@
+"""Maps of frames that a program has at hand: what ``from placefield import build_map`` gives."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Config
+from placefield.errors import MapError, SourceError
+from placefield.features.extract import Feature, feature_of
+from placefield.features.frames import Frame
+from placefield.maps import build
+from placefield.maps.map import Map
+from placefield.maps.traverse import Traverse, describe_frame, traverse_of
+
+Image = bytes | NDArray[np.uint8] | Path
+"""An encoded image, pixels (H, W) or (H, W, 3) BGR, or the file that an image is in."""
+
+_DEFAULTS = Config()
+
+
+def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -> Map:
+    """Build a map from the frames of one or more traverses of a route, in the order of the drive.
+
+    Args:
+        traverses: the first gives the places; others of the same length, aligned by index, are the
+            route in other light, from which metrics are learned. A ``Frame`` has its own stamp and
+            pose; an image alone is a second after the one before.
+        config: of features, scales, metric and seed.
+
+    Raises:
+        SourceError: an image cannot be read.
+        MapError: the frames do not make a map: too few, or traverses that differ in length.
+    """
+    if not traverses:
+        raise MapError("build_map() needs the frames of a traverse")
+    feature = feature_of(config.features.kind)
+    described = [
+        _described(f"traverse {number}", traverse, feature)
+        for number, traverse in enumerate(traverses)
+    ]
+    return build.build_map(described, config, network=feature.network)
+
+
+def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> Traverse:
+    frames = (_frame(name, index, image) for index, image in enumerate(images))
+    return traverse_of(name, (describe_frame(frame, feature) for frame in frames))
+
+
+def _frame(name: str, index: int, image: Image | Frame) -> Frame:
+    if isinstance(image, Frame):
+        return replace(image, index=index)
+    if isinstance(image, Path):
+        return Frame(index, index * 10**9, str(image), _read(image))
+    return Frame(index, index * 10**9, f"{name}, frame {index}", image)
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise SourceError(f"{file}: cannot be read ({error.strerror})") from None

@@ -1,0 +1,91 @@
+"""The library on its own: what a program imports from ``placefield``, with no bus."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import Normalizer
+
+import placefield
+from placefield import Config, Describer, Frame, Pose, Recognizer, build_map, open_map, save_map
+from placefield.errors import MapError, SourceError
+from placefield.features.extract import feature_of
+from placefield.features.images import decode
+from placefield.maps.map import Map
+
+
+@pytest.fixture
+def files(reference_dir: Path) -> list[Path]:
+    return sorted(reference_dir.glob("*.jpg"))
+
+
+def test_every_public_name_is_there() -> None:
+    assert all(getattr(placefield, name) is not None for name in placefield.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = placefield.nothing  # type: ignore[attr-defined]
+
+
+def test_five_lines_recognise_a_route(files: list[Path], query_dir: Path) -> None:
+    recognizer = Recognizer(build_map(files))
+    matches = [recognizer.push(image.read_bytes()) for image in sorted(query_dir.iterdir())]
+    right = [abs(match.place - frame) <= 3 for frame, match in enumerate(matches)]
+    assert np.mean(right) > 0.9
+
+
+def test_it_is_the_map_that_the_command_builds(
+    files: list[Path], route_map: Map, tmp_path: Path
+) -> None:
+    config = Config(scales=route_map.scales, metric=route_map.metric, seed=route_map.seed)
+    save_map(build_map(files, config=config), tmp_path / "route.pfmap")
+    built = open_map(tmp_path / "route.pfmap")
+    for ours, other in zip(built.channels, route_map.channels, strict=True):
+        np.testing.assert_array_equal(ours.segments, other.segments)
+        np.testing.assert_array_equal(ours.metric.places, other.metric.places)
+
+
+def test_files_bytes_and_pixels_are_alike(files: list[Path]) -> None:
+    in_bytes = [file.read_bytes() for file in files]
+    in_pixels = [decode(image) for image in in_bytes]
+    maps = [build_map(images) for images in (files, in_bytes, in_pixels)]
+    for other in maps[1:]:
+        np.testing.assert_array_equal(other.metrics[0].places, maps[0].metrics[0].places)
+
+
+def test_frames_bring_their_stamps_and_poses(files: list[Path]) -> None:
+    frames = [
+        Frame(0, 7 * number, file.name, file.read_bytes(), Pose(number, 0, 0))
+        for number, file in enumerate(files)
+    ]
+    places = build_map(frames).places
+    assert places.stamps.tolist() == [7 * number for number in range(len(files))]
+    assert places.poses[:, 0].tolist() == list(range(len(files)))
+
+
+def test_what_cannot_be_a_map_is_refused_in_one_line(files: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"nothing\.jpg: cannot be read"):
+        build_map([*files, tmp_path / "nothing.jpg"])
+    with pytest.raises(SourceError, match="traverse 0, frame 1"):
+        build_map([files[0].read_bytes(), b"no image"])
+    for nothing in ([], [[]]):
+        with pytest.raises(MapError, match="frames"):
+            build_map(*nothing)
+
+
+def test_a_describer_is_a_step_of_a_scikit_learn_pipeline(files: list[Path]) -> None:
+    images = [file.read_bytes() for file in files]
+    describer = clone(Describer(dimensions=20))
+    model = build_map(images, config=Config.model_validate({"features": {"dimensions": 20}})).model
+    raw = np.stack([feature_of("gist").describe(image) for image in images])
+    described = make_pipeline(describer, Normalizer()).fit_transform(images)
+    np.testing.assert_allclose(described, model.of_reference(raw), atol=1e-6)
+
+
+def test_importing_it_loads_nothing_heavy() -> None:
+    heavy = "{'cv2', 'numba', 'scipy', 'sklearn', 'zenoh'}"
+    command = f"import sys, placefield; print({heavy} & set(sys.modules))"
+    shown = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True)
+    assert shown.stdout == "set()\n"
