@@ -23,6 +23,7 @@ from placefield.errors import ConfigError, FrameError, MessageError
 from placefield.features.descriptors import DescriptorModel, check_descriptor
 from placefield.maps.map import Map, fingerprint
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
+from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
 from placefield_services.served_channels import ServedChannels, ShardedChannels, WholeChannels
 
@@ -61,6 +62,7 @@ def run_channels(
     )
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        serve_metrics(config.monitoring, process.tell)
         # All shards of a channel take the same frames, so that none may drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
         outlets = {}

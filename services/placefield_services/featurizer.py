@@ -21,6 +21,7 @@ from placefield.errors import FrameError, MessageError
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
+from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
 
 log = logging.getLogger(__name__)
@@ -37,6 +38,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     """Serve until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        serve_metrics(config.monitoring, process.tell)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outlets = {}
         for run, keys in process.keys.items():

@@ -30,6 +30,7 @@ from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels
+from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
 
 SERVICE = "fuser"
@@ -41,6 +42,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        serve_metrics(config.monitoring, process.tell)
         process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
         fusers = {}

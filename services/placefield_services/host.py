@@ -17,6 +17,7 @@ from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
 from placefield.bus.session import Bus, open_router
 from placefield.config import ENV_PREFIX, Config
 from placefield.errors import BusError
+from placefield_services.metrics import Overheard, serve_metrics
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED
 
@@ -52,6 +53,7 @@ def run_host(
         SystemExit: a service gave up at the start; the reason is on stderr.
     """
     with open_router(config.bus) as bus:
+        serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
         readiness = _Readiness(bus, config.runs, channels)
         children = [_Child(name, command) for name, command in commands.items()]
         try:

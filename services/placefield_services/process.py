@@ -19,6 +19,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
+from placefield_services.metrics import Told
 from placefield_services.notifying import notify_alive, notify_ready
 
 log = logging.getLogger(__name__)
@@ -129,6 +130,11 @@ class ServiceProcess:
             notify_alive()
             for run, keys in self.keys.items():
                 self._bus.put(keys.stats(self._service, self.identity), self._stats(run))
+
+    def tell(self) -> Iterator[Told]:
+        """Yield what it has counted, by run."""
+        for run in self.keys:
+            yield Told(run, self.identity, self._stats(run))
 
     def _stats(self, run: str) -> StatsMessage:
         newest = self.answers[run].newest if run in self.answers else None

@@ -164,6 +164,13 @@ class FusionConfig(_Section):
     deadline_s: float = Field(2.0, gt=0, description="for the candidates of one frame")
 
 
+class MonitoringConfig(_Section):
+    """Where a service answers Prometheus."""
+
+    port: int | None = Field(None, ge=1, le=65535, description="none where not given")
+    host: str = Field("127.0.0.1", description="0.0.0.0: to all that reach this host")
+
+
 class Config(_Section):
     """All that describes a run, or several on one map."""
 
@@ -175,6 +182,7 @@ class Config(_Section):
     metric: MetricConfig = MetricConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
+    monitoring: MonitoringConfig = MonitoringConfig()
 
     @property
     def run(self) -> str:

@@ -1,6 +1,5 @@
 """The command ``placefield``."""
 
-import logging
 import sys
 
 import numpy as np  # noqa: F401 - its BLAS must be there to be limited
@@ -29,6 +28,7 @@ from placefield_tools.cli import (
     study,
     up,
 )
+from placefield_tools.logs import log, log_for_a_person
 
 app = typer.Typer(
     help="Visual place recognition with adaptive multiple scales, as a stream of processes.",
@@ -46,12 +46,12 @@ def main() -> None:
 
     One BLAS thread: how many there are changes the last bits of products, and with them the map.
     """
-    logging.basicConfig(format="placefield: %(message)s", level=logging.INFO)
+    log_for_a_person()
     try:
         with threadpool_limits(1):
             app()
     except (PlacefieldError, OSError) as error:
-        print(f"placefield: {error}", file=sys.stderr)
+        log.error("%s", error)
         sys.exit(1)
 
 

@@ -12,8 +12,16 @@ from placefield.config import Config, Rule, load_config
 from placefield.errors import ConfigError
 from placefield.evaluation.protocols import Protocol
 from placefield.evaluation.truth import Truth, read_truth
+from placefield_tools.logs import log_as_json
 
 _DEFAULTS = Config()
+
+
+def _log_as_json(wanted: bool) -> bool:
+    if wanted:
+        log_as_json()
+    return wanted
+
 
 MapPath = Annotated[
     Path, typer.Argument(metavar="MAP", help="a map: NAME.pfmap", show_default=False)
@@ -42,6 +50,24 @@ Credentials = Annotated[
         metavar="FOLDER",
         help="of this role, as 'placefield security init' makes them",
         show_default=False,
+    ),
+]
+MetricsPort = Annotated[
+    int | None,
+    typer.Option(
+        "--metrics-port",
+        metavar="PORT",
+        help="where Prometheus finds the counts; --set monitoring.host=0.0.0.0 for others' eyes",
+        show_default="none",
+    ),
+]
+LogJson = Annotated[
+    bool,
+    typer.Option(
+        "--log-json",
+        help="log an object per line",
+        callback=_log_as_json,
+        is_eager=True,
     ),
 ]
 RuleOption = Annotated[

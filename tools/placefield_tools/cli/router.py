@@ -19,6 +19,7 @@ def _router(
         typer.Option(metavar="ENDPOINT", help="a router of another host; may be repeated"),
     ] = None,
     credentials: options.Credentials = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:

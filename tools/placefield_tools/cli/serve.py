@@ -20,6 +20,8 @@ def _serve(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    metrics_port: options.MetricsPort = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -30,7 +32,12 @@ def _serve(
     from placefield_services.mapserver import run_mapserver
 
     effective = options.effective_config(
-        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+        config,
+        settings,
+        runs=run,
+        bus__endpoint=endpoint,
+        bus__credentials=credentials,
+        monitoring__port=metrics_port,
     )
     run_mapserver(maps, effective, stop_event())
     leave()

@@ -22,6 +22,8 @@ def _featurizer(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    metrics_port: options.MetricsPort = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -33,7 +35,12 @@ def _featurizer(
     from placefield_services.featurizer import run_featurizer
 
     effective = options.effective_config(
-        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+        config,
+        settings,
+        runs=run,
+        bus__endpoint=endpoint,
+        bus__credentials=credentials,
+        monitoring__port=metrics_port,
     )
     run_featurizer(open_map(map_path, channels=()), effective, stop_event())
     leave()
@@ -55,6 +62,8 @@ def _channel(
     credentials: options.Credentials = None,
     rule: options.RuleOption = None,
     exact: options.Exact = None,
+    metrics_port: options.MetricsPort = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -71,6 +80,7 @@ def _channel(
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
+        monitoring__port=metrics_port,
         matching__rule=rule,
         matching__exact=exact,
     )
@@ -102,6 +112,8 @@ def _fuser(
             show_default=f"{FusionConfig().deadline_s:g}",
         ),
     ] = None,
+    metrics_port: options.MetricsPort = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -118,6 +130,7 @@ def _fuser(
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
+        monitoring__port=metrics_port,
         matching__rule=rule,
         matching__precision=precision,
         fusion__deadline_s=deadline,

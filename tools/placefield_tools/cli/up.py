@@ -37,6 +37,8 @@ def _up(
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     exact: options.Exact = None,
+    metrics_port: options.MetricsPort = None,
+    log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
@@ -46,6 +48,7 @@ def _up(
 
     What dies is started again; Ctrl-C stops all.
     """
+    from placefield.config import MonitoringConfig
     from placefield.maps.manifest import read_manifest
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
@@ -58,6 +61,7 @@ def _up(
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
+        monitoring__port=metrics_port,
         matching__rule=rule,
         matching__precision=precision,
         matching__exact=exact,
@@ -75,9 +79,11 @@ def _up(
 
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
-        file.write_text(effective.to_toml())
+        # The host tells of them all, at the one port.
+        own = effective.model_copy(update={"monitoring": MonitoringConfig()})
+        file.write_text(own.to_toml())
         commands = _commands(
-            [str(map_path), "--config", str(file)],
+            [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])],
             deal([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
             _credentials_beside(effective.bus.credentials),
