@@ -15,7 +15,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from placefield.config import Config
+    from placefield.config import Config, MatchingConfig
     from placefield.features.describer import Describer
     from placefield.features.frames import Frame, Pose
     from placefield.fusion.match import Match
@@ -33,6 +33,7 @@ __all__ = (
     "Frame",
     "Map",
     "Match",
+    "MatchingConfig",
     "Pose",
     "Recognizer",
     "build_map",
@@ -50,6 +51,7 @@ _HOMES = {
     "Frame": "placefield.features.frames",
     "Map": "placefield.maps.map",
     "Match": "placefield.fusion.match",
+    "MatchingConfig": "placefield.config",
     "Pose": "placefield.features.frames",
     "Recognizer": "placefield.recognizer",
     "build_map": "placefield.library",

@@ -1,5 +1,6 @@
 """A day's frames through the services: what memory they take, and whether answers stay the same."""
 
+import math
 import sys
 import tempfile
 import threading
@@ -53,12 +54,12 @@ def bench_soak(*, frames: int) -> list[Figure]:
     Before and after, one lap by itself is to have the same matches to the last bit.
 
     Args:
-        frames: how many; rounded down to whole laps, and a multiple of 24 of them.
+        frames: how many at least; every hour is of whole laps.
 
     Raises:
         BusError: the services do not answer.
     """
-    laps = max(1, frames // (HOURS * PLACES))
+    laps = math.ceil(frames / (HOURS * PLACES))
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         map_path = _build(Path(folder))
         query = street_frames(PLACES, size=_SIZE, shift=8)
