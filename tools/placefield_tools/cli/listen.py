@@ -7,6 +7,7 @@ import typer
 
 from placefield.bus.messages import Header, MatchMessage
 from placefield_tools.cli import options
+from placefield_tools.recording.records import as_object
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,10 +64,4 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
 
 
 def _as_json(header: Header, match: MatchMessage | None) -> str:
-    frame = {
-        "stream": header.stream,
-        "sequence": header.sequence,
-        "stamp_ns": header.stamp_ns,
-        "end": header.end,
-    }
-    return json.dumps(frame | (match.model_dump(exclude={"version"}) if match else {}))
+    return json.dumps(as_object(header, match))

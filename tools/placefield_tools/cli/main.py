@@ -14,11 +14,14 @@ from placefield_tools.cli import (
     chaos,
     config,
     demo,
+    doctor,
     evaluate,
+    export,
     fetch,
     inspect,
     listen,
     plan,
+    record,
     replay,
     router,
     security,
@@ -36,8 +39,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_streaming = (plan, up, services, router, serve, fetch, replay, listen, status, alive)
-for module in (build, inspect, *_streaming, evaluate, study, bench, chaos, config, security, demo):
+_streaming = (plan, up, services, router, serve, fetch, replay, listen, record, status, alive)
+for module in (
+    build,
+    inspect,
+    *_streaming,
+    export,
+    evaluate,
+    study,
+    bench,
+    chaos,
+    config,
+    security,
+    doctor,
+    demo,
+):
     module.add_to(app)
 
 

@@ -1,0 +1,45 @@
+"""What is installed, as a doctor sees it."""
+
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from placefield_tools.doctor import installation
+from placefield_tools.doctor.finding import Verdict
+
+
+def with_versions(monkeypatch: pytest.MonkeyPatch, **versions: str | None) -> None:
+    """Let there be other versions of some packages, or none."""
+    real = installation.version
+
+    def version(name: str) -> str:
+        there = versions.get(name.replace("-", "_"), real(name))
+        if there is None:
+            raise PackageNotFoundError(name)
+        return there
+
+    monkeypatch.setattr(installation, "version", version)
+
+
+def test_where_all_is_there_nothing_is_wrong() -> None:
+    findings = list(installation.installation())
+    assert {finding.verdict for finding in findings} == {Verdict.GOOD}
+    assert {"python", "libraries", "extra ros"} <= {finding.subject for finding in findings}
+
+
+def test_a_library_that_is_too_old_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_versions(monkeypatch, eclipse_zenoh="1.2.0")
+    found = installation.libraries()
+    assert found.verdict is Verdict.BAD
+    assert "eclipse-zenoh is 1.2.0, and must be" in found.found
+
+
+def test_an_extra_that_is_missing_is_a_warning_that_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with_versions(monkeypatch, rosbags=None)
+    found = installation.of_extra("ros")
+    assert found.verdict is Verdict.WARNING
+    assert found.found == "rosbags is missing"
+    assert "pip install 'placefield[ros]'" in found.advice
+    assert installation.libraries().verdict is Verdict.GOOD

@@ -1,0 +1,39 @@
+"""The machine, as a doctor sees it."""
+
+from pathlib import Path
+
+import psutil
+import pytest
+
+from placefield_tools.doctor import machine
+from placefield_tools.doctor.finding import Verdict
+
+
+@pytest.mark.parametrize(
+    ("count", "load", "verdict"),
+    [(4, 0.5, Verdict.GOOD), (1, 0.5, Verdict.WARNING), (4, 6.0, Verdict.WARNING)],
+)
+def test_few_or_busy_cores_are_a_warning(count: int, load: float, verdict: Verdict) -> None:
+    assert machine.of_cores(count, load).verdict is verdict
+
+
+def test_little_memory_is_a_warning() -> None:
+    assert machine.of_memory(2**30).verdict is Verdict.WARNING
+    assert machine.of_memory(8 * 2**30).found == "8.0 GiB available"
+
+
+def test_the_memory_is_what_the_system_says() -> None:
+    (found,) = (one for one in machine.machine() if one.subject == "memory")
+    available = psutil.virtual_memory().available / 2**30
+    assert float(found.found.split()[0]) == pytest.approx(available, abs=1.0)
+
+
+def test_a_system_without_shared_memory_is_told_what_to_do(tmp_path: Path) -> None:
+    assert machine.of_shared_memory(tmp_path / "none").verdict is Verdict.WARNING
+
+
+def test_a_folder_that_cannot_be_written_to_keeps_no_loops(tmp_path: Path) -> None:
+    assert machine.compiled_loops(tmp_path).verdict is Verdict.GOOD
+    found = machine.compiled_loops(tmp_path / "none")
+    assert found.verdict is Verdict.WARNING
+    assert "NUMBA_CACHE_DIR" in found.advice

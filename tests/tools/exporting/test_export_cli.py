@@ -1,0 +1,136 @@
+"""From a recording and a map on disk to files, by the command."""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evo.tools.file_interface import read_tum_trajectory_file
+from typer.testing import CliRunner, Result
+
+from placefield.bus.messages import Header, MatchMessage
+from placefield.errors import ConfigError, MapError, PlacefieldError
+from placefield.maps.geography import Origin
+from placefield.maps.map import Map
+from placefield.maps.store import save_map
+from placefield_tools.cli.main import app
+from placefield_tools.recording.opening import recorder_of
+from placefield_tools.recording.records import RecordingError
+
+POSES = np.array([[2.0 * place, 0.5 * place, 0.1] for place in range(60)])
+
+
+@pytest.fixture(scope="module")
+def earth_map(tmp_path_factory: pytest.TempPathFactory, route_map: Map) -> Path:
+    """The small map, as if its frames had had latitudes and longitudes."""
+    places = dataclasses.replace(route_map.places, poses=POSES)
+    path = tmp_path_factory.mktemp("earth") / "earth.pfmap"
+    frame = Origin(47.5, 8.5).frame
+    save_map(dataclasses.replace(route_map, places=places, pose_frame=frame), path)
+    return path
+
+
+def match(place: int, *, known: bool | None = True, **fields: object) -> MatchMessage:
+    pose = tuple(POSES[place].tolist()) if place >= 0 else None
+    return MatchMessage(place=place, score=1.0, known=known, pose=pose, **fields)
+
+
+DRIVE = (match(3), match(4, known=False), match(5), match(-1, known=None), match(6))
+
+
+def recorded(path: Path, *streams: Sequence[MatchMessage]) -> Path:
+    with recorder_of(path) as recorder:
+        for name, matches in zip(("first", "second"), streams, strict=False):
+            for number, one in enumerate(matches):
+                header = Header(stream=name, sequence=number, stamp_ns=number * 10**9)
+                recorder.write_match(header, one)
+    return path
+
+
+def run_export(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["export", *map(str, arguments)])
+
+
+def refusal(kind: type[PlacefieldError], *arguments: str | Path) -> str:
+    ended = run_export(*arguments)
+    assert isinstance(ended.exception, kind), ended.output
+    assert not ended.output
+    assert "\n" not in str(ended.exception)
+    return str(ended.exception)
+
+
+@pytest.mark.parametrize("recording", ["drive.jsonl", "drive.csv"])
+@pytest.mark.parametrize(
+    ("flags", "places"), [((), [3, 5, 6]), (("--all",), [3, 4, 5, 6])], ids=["known", "all"]
+)
+def test_known_matches_are_exported_and_all_if_asked_for(
+    earth_map: Path, tmp_path: Path, recording: str, flags: Sequence[str], places: Sequence[int]
+) -> None:
+    drive, out = recorded(tmp_path / recording, DRIVE), tmp_path / "out.tum"
+    ended = run_export(drive, out, "--map", earth_map, *flags)
+    assert ended.exit_code == 0, ended.output
+    assert ended.output == f"{out}: {len(places)} of 5 matches\n"
+    read = read_tum_trajectory_file(out)
+    np.testing.assert_array_equal(read.positions_xyz[:, :2], POSES[places, :2])
+
+
+@pytest.mark.parametrize("suffix", ["g2o", "tum", "geojson", "gpx"])
+def test_every_format_is_written_again_alike(earth_map: Path, tmp_path: Path, suffix: str) -> None:
+    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / f"out.{suffix}"
+    written = []
+    for _ in range(2):
+        assert run_export(drive, out, "--map", earth_map).exit_code == 0
+        written.append(out.read_bytes())
+    assert written[0] == written[1]
+    assert written[0]
+
+
+def test_the_tolerance_widens_what_a_loop_closure_allows(earth_map: Path, tmp_path: Path) -> None:
+    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.g2o"
+    information = []
+    for tolerance in ("1", "4"):
+        assert run_export(drive, out, "--map", earth_map, "--tolerance", tolerance).exit_code == 0
+        edge = next(line for line in out.read_text().splitlines() if line.startswith("EDGE_SE2"))
+        information.append(float(edge.split(" ")[6]))
+    assert information[0] / information[1] == pytest.approx((4.5 / 1.5) ** 2)
+
+
+def test_of_several_streams_one_is_to_be_named(earth_map: Path, tmp_path: Path) -> None:
+    drive = recorded(tmp_path / "drive.jsonl", DRIVE, [match(9), match(10)])
+    out = tmp_path / "out.tum"
+    asked = refusal(RecordingError, drive, out, "--map", earth_map)
+    assert "--stream" in asked
+    assert "first, second" in asked
+    assert "--stream" in refusal(RecordingError, drive, out, "--map", earth_map, "--stream", "x")
+    assert run_export(drive, out, "--map", earth_map, "--stream", "sec").exit_code == 0
+    assert len(out.read_text().splitlines()) == 2
+
+
+def test_what_cannot_be_exported_is_refused_in_one_line_with_what_to_do(
+    earth_map: Path, map_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = ("--map", earth_map)
+    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
+    empty = recorded(tmp_path / "empty.jsonl")
+    untold = recorded(tmp_path / "untold.jsonl", [match(3, known=None)])
+    other = recorded(tmp_path / "other.jsonl", [MatchMessage(place=3, score=0, known=True)] * 2)
+    beyond = recorded(tmp_path / "beyond.csv", [MatchMessage(place=60, score=0, known=True)])
+    moved = recorded(
+        tmp_path / "moved.csv", [MatchMessage(place=3, score=0, known=True, pose=(0, 0, 0))]
+    )
+    out = tmp_path / "out.tum"
+    assert ".g2o, .tum, .geojson, .gpx" in refusal(ConfigError, drive, tmp_path / "out.kml", *at)
+    assert "holds no matches" in refusal(RecordingError, empty, out, *at)
+    assert "--all" in refusal(RecordingError, untold, out, *at)
+    assert "frames with poses" in refusal(MapError, drive, out, "--map", map_path)
+    for one in (beyond, moved):
+        assert "that was matched against" in refusal(MapError, one, out, *at)
+    assert not out.exists()
+    assert run_export(other, out, *at).exit_code == 0
+    monkeypatch.setitem(sys.modules, "gpxpy", None)
+    monkeypatch.setitem(sys.modules, "gpxpy.gpx", None)
+    monkeypatch.delitem(sys.modules, "placefield_tools.exporting.gpx", raising=False)
+    asked = refusal(ConfigError, drive, tmp_path / "out.gpx", *at)
+    assert "pip install 'placefield[record]'" in asked

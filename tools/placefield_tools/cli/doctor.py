@@ -1,0 +1,74 @@
+"""``placefield doctor``: whether this machine can run it."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+if TYPE_CHECKING:
+    from placefield_tools.doctor.finding import Finding
+
+_COLOURS = {"good": "green", "warning": "yellow", "bad": "red"}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("doctor")(_doctor)
+
+
+def _doctor(
+    camera: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="a camera to take a frame of, as camera:0"),
+    ] = None,
+    run: options.Runs = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    as_json: options.Json = False,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Examine this machine: versions, cores, memory, the router, services, the camera.
+
+    Says what to do about what it finds, and ends with code 1 if something is bad.
+    """
+    from placefield_tools.doctor.cameras import cameras
+    from placefield_tools.doctor.installation import installation
+    from placefield_tools.doctor.machine import machine
+    from placefield_tools.doctor.network import network
+
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    findings = [
+        *installation(),
+        *machine(),
+        *network(effective.bus, effective.runs),
+        *cameras(camera),
+    ]
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in findings]))
+    else:
+        _print(findings)
+    if any(finding.verdict == "bad" for finding in findings):
+        sys.exit(1)
+
+
+def _print(findings: "Sequence[Finding]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    for finding in findings:
+        said = Text(finding.found)
+        if finding.advice:
+            said.append(f"\n→ {finding.advice}", style="italic")
+        verdict = Text(finding.verdict, style=_COLOURS[finding.verdict])
+        table.add_row(finding.subject, verdict, said)
+    Console(markup=False).print(table)

@@ -1,0 +1,82 @@
+"""``placefield record``: matches into a file."""
+
+import logging
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+log = logging.getLogger(__name__)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("record")(_record)
+
+
+def _record(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="where to: FILE.jsonl, .csv, .mcap or .rrd"),
+    ],
+    frames: Annotated[
+        bool,
+        typer.Option("--frames", help="small pictures of the query frames, too: .mcap or .rrd"),
+    ] = False,
+    map_path: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="MAP",
+            help="of the run, for latitude and longitude: .mcap or .rrd",
+            show_default=False,
+        ),
+    ] = None,
+    run: options.Run = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Record the matches of a run as they come, until Ctrl-C.
+
+    .jsonl holds what 'placefield listen --json' prints, .csv a row for each match; of these a
+    recorder that is killed loses no line. 'placefield export' reads both. .mcap opens in Foxglove
+    and .rrd in Rerun, at the stamps of the frames.
+
+    Examples:
+    placefield record drive.jsonl
+    placefield record drive.mcap --frames --map route.pfmap
+    """
+    from placefield.maps.manifest import read_manifest
+    from placefield_services.process import stop_event
+    from placefield_tools.recording.earth import origin_of
+    from placefield_tools.recording.opening import recorder_of
+    from placefield_tools.recording.recording import record
+
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    origin = origin_of(read_manifest(map_path).pose_frame, map_path) if map_path else None
+    into = recorder_of(file, origin=origin, frames=frames)
+    counts = record(
+        effective,
+        into,
+        stop_event(),
+        frames=frames,
+        ready=lambda: print(f"recording run {effective.run!r} into {file}", flush=True),
+    )
+    _report(file, counts, frames=frames)
+
+
+def _report(file: Path, counts: Counter[str], *, frames: bool) -> None:
+    written = [f"{counts.pop('matches', 0)} matches"]
+    if frames:
+        written.append(f"{counts.pop('frames', 0)} frames")
+    print(f"{file}: {', '.join(written)}")
+    if counts:
+        missing = ", ".join(f"{count} {what}" for what, count in counts.items())
+        log.warning("not in %s: %s", file, missing)

@@ -1,0 +1,66 @@
+"""What is installed, and whether it fits."""
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, requires, version
+
+from packaging.requirements import Requirement
+
+from placefield_tools.doctor.finding import Finding, bad, good, warning
+
+_PACKAGE = "placefield"
+_EXTRAS = ("bench", "dashboard", "metrics", "record", "ros")
+
+
+def installation() -> Iterator[Finding]:
+    """Look at Python, at the libraries that are needed, and at the extras."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    yield good("python", f"{python} at {sys.prefix}")
+    yield libraries()
+    for extra in _EXTRAS:
+        yield of_extra(extra)
+
+
+def libraries() -> Finding:
+    """Look at what is needed in any case."""
+    wrong = _unmet(extra="")
+    if wrong:
+        return bad("libraries", "; ".join(wrong), f"pip install --upgrade {_PACKAGE}")
+    names = ("eclipse-zenoh", "numpy", "opencv-python-headless")
+    return good("libraries", ", ".join(f"{name} {version(name)}" for name in names))
+
+
+def of_extra(extra: str) -> Finding:
+    """Look at what an extra needs."""
+    wrong = _unmet(extra)
+    if wrong:
+        advice = f"pip install '{_PACKAGE}[{extra}]', if you want it"
+        return warning(f"extra {extra}", "; ".join(wrong), advice)
+    return good(f"extra {extra}", "there")
+
+
+def _unmet(extra: str) -> list[str]:
+    """Return what is missing or of the wrong version, of what an extra adds ("": of the core)."""
+    found = []
+    for text in requires(_PACKAGE) or ():
+        need = Requirement(text)
+        core = need.marker is None or need.marker.evaluate({"extra": ""})
+        wanted = core if not extra else not core and _applies(need, extra)
+        if wanted and need.name != _PACKAGE:
+            found += _wrong_with(need)
+    return found
+
+
+def _applies(need: Requirement, extra: str) -> bool:
+    return need.marker is not None and need.marker.evaluate({"extra": extra})
+
+
+def _wrong_with(need: Requirement) -> list[str]:
+    try:
+        there = version(need.name)
+    except PackageNotFoundError:
+        return [f"{need.name} is missing"]
+    if need.specifier.contains(there, prereleases=True):
+        return []
+    return [f"{need.name} is {there}, and must be {re.sub(',', ', ', str(need.specifier))}"]

@@ -1,0 +1,100 @@
+"""The query traverse that is exported: its matches, and where their places are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.bus.messages import Header, MatchMessage
+from placefield.errors import MapError
+from placefield.maps.map import Map
+from placefield_tools.recording.earth import origin_of
+from placefield_tools.recording.records import Record, RecordingError
+
+
+@dataclass(frozen=True, slots=True)
+class Localised:
+    """A match and the pose of its place: x and y in metres and yaw in radians."""
+
+    header: Header
+    match: MatchMessage
+    pose: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class QueryTraverse:
+    """One stream of matches on a map with K places.
+
+    Attributes:
+        matches: in order; at least one.
+        places: (K, 3) float64, x and y in metres and yaw in radians.
+        pose_frame: name of the frame that these are in.
+        map_path: which map that is.
+        tolerance: a match is right within so many places.
+    """
+
+    matches: Sequence[Localised]
+    places: NDArray[np.float64]
+    pose_frame: str | None
+    map_path: Path
+    tolerance: int
+
+    def on_earth(self) -> list[tuple[float, float]]:
+        """Return latitude and longitude of each match, degrees.
+
+        Raises:
+            MapError: the map is nowhere on earth.
+        """
+        origin = origin_of(self.pose_frame, self.map_path)
+        return [origin.to_degrees(x, y) for x, y, _ in (match.pose for match in self.matches)]
+
+
+def localise(
+    records: Sequence[Record], placemap: Map, map_path: Path, *, tolerance: int, unknown: bool
+) -> QueryTraverse:
+    """Put known matches, or with ``unknown`` all that have a place, at the poses of their places.
+
+    Raises:
+        MapError: the map has no poses, or is not the one that was matched against.
+        RecordingError: there is no such match.
+    """
+    places = placemap.places
+    if not len(places.poses):
+        raise MapError(
+            f"{map_path}: its places have no poses; build it of frames with poses, as in a "
+            "frames.csv with x and y"
+        )
+    matches = []
+    for record in records:
+        match = record.match
+        if match.place < 0 or not (match.known or unknown):
+            continue
+        pose = places.pose(match.place) if match.place < places.count else None
+        if pose is None or match.pose not in (None, pose):
+            raise MapError(
+                f"{map_path}: place {match.place} is not where the recording has it; give the map "
+                "that was matched against"
+            )
+        matches.append(Localised(record.header, match, pose))
+    if not matches:
+        hint = "" if unknown else "; --all exports those that are not, too"
+        raise RecordingError(f"none of the {len(records)} matches is known{hint}")
+    return QueryTraverse(matches, places.poses, placemap.pose_frame, map_path, tolerance)
+
+
+def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> list[Record]:
+    """Return the records of the stream whose name begins so; of the only one without a name.
+
+    Raises:
+        RecordingError: there is none, or more than one.
+    """
+    names = dict.fromkeys(record.header.stream for record in records)
+    chosen = [name for name in names if stream is None or name.startswith(stream)]
+    if not names:
+        raise RecordingError(f"{path}: holds no matches")
+    if len(chosen) != 1:
+        listed = ", ".join(name[:8] for name in names)
+        raise RecordingError(f"{path}: name one of its streams with --stream: {listed}")
+    return [record for record in records if record.header.stream == chosen[0]]

@@ -1,0 +1,122 @@
+"""What a run publishes, into a file."""
+
+import threading
+from collections import Counter
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+
+from placefield.bus.inbox import Inbox, Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import FrameMessage
+from placefield.bus.session import Bus, open_bus
+from placefield.bus.streams import StreamFollower, Turn
+from placefield.config import Config
+from placefield.errors import FrameError, MessageError
+from placefield_tools.listening import MatchQueue
+from placefield_tools.recording.pictures import small_jpeg
+from placefield_tools.recording.recorder import Recorder
+
+_POLL_S = 0.1
+_AT_ONCE = 16
+
+
+def record(
+    config: Config,
+    into: AbstractContextManager[Recorder],
+    stop: threading.Event,
+    *,
+    frames: bool = False,
+    ready: Callable[[], None] = lambda: None,
+) -> Counter[str]:
+    """Record the matches of a run from now on, of all its streams, until ``stop`` is set.
+
+    What has come by then is written, too.
+
+    Args:
+        config: its run and bus.
+        into: the recorder; entered once the bus is open.
+        stop: ends it.
+        frames: whether the query frames are recorded, too.
+        ready: called when nothing that comes is missed any more.
+
+    Returns:
+        How many ``matches`` and ``frames`` were written, and by the reason what could not be.
+
+    Raises:
+        BusError: no router answers.
+    """
+    with ExitStack() as stack:
+        with open_bus(config.bus, stop) as bus:
+            recorder = stack.enter_context(into)
+            recording = Recording(bus, Keys(config.run), recorder, frames=frames)
+            ready()
+            while not stop.is_set():
+                recording.take(_POLL_S)
+        while recording.take(0):  # nothing can come any more, so that this ends
+            pass
+    return recording.counts
+
+
+class Recording:
+    """The matches of a run, and its frames if they are wanted, as they come.
+
+    A picture is written when its frame comes, which is before its match does.
+    """
+
+    def __init__(self, bus: Bus, keys: Keys, recorder: Recorder, *, frames: bool) -> None:
+        self._bus, self._keys, self._recorder = bus, keys, recorder
+        self._written: Counter[str] = Counter()
+        self._frame_counts: Counter[str] = Counter()
+        self._follower = StreamFollower(self._frame_counts, lambda header: header.sequence)
+        self._frames = Inbox({keys.run: self._frame_counts})
+        self._matches = MatchQueue(bus, keys)
+        if frames:
+            bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """What was written; matches and frames that were not, by the reason."""
+        lost = {
+            "lost matches": self._matches.counts["gaps"],
+            "malformed matches": self._matches.counts["malformed"],
+            "matches of a stream that was left": self._matches.counts["stale"],
+            "lost frames": self._frame_counts["gaps"],
+            "malformed frames": self._frame_counts["malformed"],
+            "unreadable frames": self._frame_counts["unreadable"],
+        }
+        return self._written + Counter(lost)
+
+    def take(self, timeout: float) -> bool:
+        """Write what has come or comes in time; False if nothing did."""
+        frames = self._frames.take_all(0, _AT_ONCE)
+        for received in frames:
+            self._write_frame(received)
+        try:
+            taken = self._matches.take(0 if frames else timeout)
+        except MessageError as error:
+            self._matches.counts["malformed"] += 1
+            self._bus.log_dropped(self._keys.match, error)
+            return True
+        if taken is not None:
+            self._recorder.write_match(*taken)
+            self._written["matches"] += not taken[0].end
+        return bool(frames) or taken is not None
+
+    def _write_frame(self, received: Received) -> None:
+        """Write a picture of a frame, once however often it was sent."""
+        header = received.header
+        turn = self._follower.follow(header)
+        if turn is Turn.AHEAD:
+            self._follower.leap(header.sequence)
+        if header.end or turn not in (Turn.NEXT, Turn.AHEAD):
+            return
+        try:
+            picture = small_jpeg(FrameMessage.decode(received.payload).image)
+        except MessageError as error:
+            self._frame_counts["malformed"] += 1
+            self._bus.log_dropped(received.key, error)
+        except FrameError:
+            self._frame_counts["unreadable"] += 1
+        else:
+            self._recorder.write_frame(header, picture)
+            self._written["frames"] += 1
