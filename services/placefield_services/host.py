@@ -38,6 +38,8 @@ def run_host(
     config: Config,
     stop: threading.Event,
     on_ready: Callable[[], None],
+    *,
+    has_source: bool = False,
 ) -> None:
     """Run the named commands against an embedded router until ``stop`` is set.
 
@@ -47,6 +49,7 @@ def run_host(
         config: its bus and runs.
         stop: ends the host.
         on_ready: called once, when featurizer, fuser and all channels are in all runs.
+        has_source: whether a source of frames is among the services, and awaited like them.
 
     Raises:
         BusError: the endpoint is in use, or a service dies again and again when it is started.
@@ -54,7 +57,7 @@ def run_host(
     """
     with open_router(config.bus) as bus:
         serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
-        readiness = _Readiness(bus, config.runs, channels)
+        readiness = _Readiness(bus, config.runs, channels, has_source)
         children = [_Child(name, command) for name, command in commands.items()]
         try:
             while not stop.is_set():
@@ -74,9 +77,10 @@ def run_host(
 class _Readiness:
     """Whether all services have been alive together, told once."""
 
-    def __init__(self, bus: Bus, runs: Sequence[str], channels: int) -> None:
+    def __init__(self, bus: Bus, runs: Sequence[str], channels: int, has_source: bool) -> None:
         roles: list[_Role] = [("featurizer", None), ("fuser", None)]
         roles += [("channel", channel) for channel in range(channels)]
+        roles += [("replay", None)] if has_source else []
         self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
         self.was_told = False

@@ -29,7 +29,6 @@ class Camera(Source):
     """Gives the frames of a folder, over and over, and does not wait for answers."""
 
     live = True
-    frame_rate = RATE
     count = None
 
     def __init__(self, folder: Path) -> None:

@@ -67,7 +67,6 @@ def test_two_runs_at_once_give_each_what_it_gives_alone(
 class Flood(Source):
     """A camera that is far too fast."""
 
-    frame_rate = None
     count = None
     live = True
 

@@ -57,7 +57,6 @@ class Clip(Source):
     """Ten frames of a camera."""
 
     count = None
-    frame_rate = None
     live = True
 
     def __iter__(self) -> Iterator[Frame]:

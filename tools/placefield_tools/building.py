@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,26 +16,36 @@ from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.maps.traverse import Traverse, describe_frame, traverse_of
+from placefield.maps.traverse import ROUTE, Traverse, describe_frame, traverse_of
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import channel_progress, tracked
-from placefield_tools.sources import Source, open_source
+from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 
 
-def build_from(references: Sequence[str], config: Config, *, spacing_m: float | None = None) -> Map:
+def build_from(
+    references: Sequence[str],
+    config: Config,
+    *,
+    spacing_m: float | None = None,
+    parts: Parts = NO_PARTS,
+) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
     Args:
         references: sources of frames.
         config: of the map.
         spacing_m: metres between the frames, by odometry; None: take every frame.
+        parts: of the sources; the poses are the first's, whose frames are the places.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or is a camera.
         MapError: the traverses do not make a map, see ``build_map``.
     """
     feature = feature_of(config.features.kind)
-    traverses = [_describe(reference, spacing_m, feature) for reference in references]
+    first, *others = references
+    unlocated = replace(parts, poses=None)
+    traverses = [_describe(first, spacing_m, parts, feature)]
+    traverses += [_describe(other, spacing_m, unlocated, feature) for other in others]
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
         return build_map(
@@ -42,17 +53,18 @@ def build_from(references: Sequence[str], config: Config, *, spacing_m: float | 
         )
 
 
-def _describe(reference: str, spacing_m: float | None, feature: Feature) -> Traverse:
+def _describe(reference: str, spacing_m: float | None, parts: Parts, feature: Feature) -> Traverse:
     describe = partial(describe_frame, feature=feature)
     with (
-        _open_reference(reference, spacing_m) as source,
+        _open_reference(reference, spacing_m, parts) as source,
         tracked(source, f"describing {Path(reference).name}", source.count) as frames,
     ):
-        return traverse_of(reference, map_in_order(describe, frames))
+        pose_frame = source.origin.frame if source.origin else ROUTE
+        return traverse_of(reference, map_in_order(describe, frames), pose_frame)
 
 
-def _open_reference(reference: str, spacing_m: float | None) -> Source:
-    source = open_source(reference, spacing_m=spacing_m)
+def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> Source:
+    source = open_source(reference, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
             f"{reference}: a camera gives no second look; record a traverse and build from that"
@@ -62,7 +74,12 @@ def _open_reference(reference: str, spacing_m: float | None) -> Source:
 
 @contextmanager
 def map_of(
-    reference: str, config: Config, *, feature_asked: bool, spacing_m: float | None = None
+    reference: str,
+    config: Config,
+    *,
+    feature_asked: bool,
+    spacing_m: float | None = None,
+    parts: Parts = NO_PARTS,
 ) -> Iterator[Path]:
     """Give the path of a map: of ``reference`` itself, or one built from it for the time being.
 
@@ -71,6 +88,7 @@ def map_of(
         config: of the map to build.
         feature_asked: whether the feature was asked for, which a map there already must then hold.
         spacing_m: see ``build_from``; says nothing of a map there already.
+        parts: likewise.
 
     Raises:
         MapError: the map holds another feature, or one of another network.
@@ -84,7 +102,7 @@ def map_of(
         return
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         built = Path(folder) / f"reference{SUFFIX}"
-        save_map(build_from([reference], config, spacing_m=spacing_m), built)
+        save_map(build_from([reference], config, spacing_m=spacing_m, parts=parts), built)
         yield built
 
 

@@ -26,7 +26,7 @@ from placefield.matching.candidate import UNANSWERED
 from placefield.recognizer import Recognizer
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import CONSOLE, tracked
-from placefield_tools.sources import Source, open_source
+from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.driven import Driven
 from placefield_tools.streaming import match_through_services
 
@@ -71,6 +71,7 @@ class Query:
         protocol: how they are driven.
         other: source of the other route's frames, which only the protocol ``off-route`` takes.
         seed: of the protocol.
+        parts: of both sources.
     """
 
     where: str
@@ -78,6 +79,7 @@ class Query:
     protocol: Protocol = "aligned"
     other: str | None = None
     seed: int = 0
+    parts: Parts = NO_PARTS
 
     def open(self) -> Source:
         """Open the frames, in the order in which they are driven.
@@ -85,10 +87,10 @@ class Query:
         Raises:
             SourceError: a source cannot be read, or is live and is to be driven again.
         """
+        opened = partial(open_source, spacing_m=self.spacing_m, parts=self.parts)
         if self.protocol == "aligned":
-            return open_source(self.where, spacing_m=self.spacing_m)
+            return opened(self.where)
         with ExitStack() as stack:
-            opened = partial(open_source, spacing_m=self.spacing_m)
             query = stack.enter_context(opened(self.where))
             other = stack.enter_context(opened(self.other)) if self.other else None
             return Driven(query, self.protocol, other=other, seed=self.seed)

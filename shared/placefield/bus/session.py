@@ -49,6 +49,11 @@ class Bus:
         self._declared: list[Any] = []  # Zenoh undeclares what nobody holds
         self._last_logged = -_LOG_EVERY_S
 
+    @property
+    def identity(self) -> str:
+        """Of this session, as Zenoh tells it to others."""
+        return str(self._session.zid())
+
     def publisher(self, key: str) -> Publisher:
         """Declare a publisher of a key."""
         return Publisher(
@@ -58,6 +63,10 @@ class Bus:
     def put(self, key: str, message: Message) -> None:
         """Send one message that belongs to no stream; dropped when the way is full."""
         self._session.put(key, message.encode())
+
+    def put_raw(self, key: str, payload: bytes, attachment: bytes) -> None:
+        """Send what is no message of ours; dropped when the way is full."""
+        self._session.put(key, payload, attachment=attachment)
 
     def subscribe(
         self, key: str, receive: Callable[[Received], None], counts: Counter[str]

@@ -13,6 +13,7 @@ from placefield.features.network import Network
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, MapMetric, Places
 from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
 from placefield.scales.channels import Channel, Run, make_channels
@@ -69,7 +70,7 @@ def adaptive_channels(
         clusters=scales.clusters,
         position_weight=scales.position_weight,
         min_scale=scales.min_scale_metres or scales.min_scale,
-        travelled=_travelled(traverse.poses) if in_metres else None,
+        travelled=travelled(traverse.poses) if in_metres else None,
         seed=config.seed,
         run=run,
         progress=lambda number, share: progress(number, "clustering", share),
@@ -137,7 +138,7 @@ def build_map(
         scales=config.scales,
         metric=config.metric,
         traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
-        pose_frame="route" if len(first.poses) else None,
+        pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
         places=_places(first),
         channels=channels,
@@ -152,12 +153,6 @@ def _check_aligned(traverses: Sequence[Traverse]) -> None:
                 f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
                 "traverses of one map are aligned by index and need as many frames each"
             )
-
-
-def _travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres travelled up to each pose, (K,)."""
-    steps = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _trained_first(held_back: NDArray[np.bool_], traverses: int) -> NDArray[np.intp]:

@@ -1,6 +1,7 @@
 """Frames to what a map is built from: raw features, stamps, poses, thumbnails."""
 
-from collections.abc import Iterable
+import logging
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,6 +12,12 @@ from placefield.errors import FrameError, MapError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode
+from placefield.maps.trajectory import MAX_GAP_NS, Trajectory
+
+log = logging.getLogger(__name__)
+
+ROUTE = "route"
+"""The frame of poses that are in metres of the user's own."""
 
 _THUMBNAIL_WIDTH = 160  # pixels
 _THUMBNAIL_QUALITY = 80
@@ -34,8 +41,9 @@ class Traverse:
         name: for a person.
         raw: (K, D) float32, raw features.
         stamps: (K,) int64, nanoseconds.
-        poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if a frame has none.
+        poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if no frame has one.
         thumbnails: K JPEG images.
+        pose_frame: what the poses are measured in, as a map's.
     """
 
     name: str
@@ -43,6 +51,7 @@ class Traverse:
     stamps: NDArray[np.int64]
     poses: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
+    pose_frame: str = ROUTE
 
 
 def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
@@ -57,23 +66,52 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, _thumbnail(pixels))
 
 
-def traverse_of(name: str, described: Iterable[DescribedFrame]) -> Traverse:
+def traverse_of(
+    name: str, described: Iterable[DescribedFrame], pose_frame: str = ROUTE
+) -> Traverse:
     """Put the described frames of one traverse together.
 
+    A frame without a pose that has one close before and one close behind it lies between them (see
+    ``Trajectory.at``); how many do is logged.
+
     Raises:
-        MapError: there is none.
+        MapError: there is no frame; only some frames have poses, and the others lie too far off.
     """
     frames = list(described)
     if not frames:
         raise MapError(f"{name}: no frames to build a map from")
-    poses = [(f.pose.x, f.pose.y, f.pose.yaw) for f in frames if f.pose is not None]
+    stamps = np.array([frame.stamp_ns for frame in frames], np.int64)
     return Traverse(
         name,
         np.stack([frame.raw for frame in frames]),
-        np.array([frame.stamp_ns for frame in frames], np.int64),
-        np.array(poses if len(poses) == len(frames) else [], np.float64).reshape(-1, 3),
+        stamps,
+        _poses(name, stamps, [frame.pose for frame in frames]),
         tuple(frame.thumbnail for frame in frames),
+        pose_frame,
     )
+
+
+def _poses(
+    name: str, stamps: NDArray[np.int64], given: Sequence[Pose | None]
+) -> NDArray[np.float64]:
+    has_pose = np.array([pose is not None for pose in given])
+    rows = [(pose.x, pose.y, pose.yaw) for pose in given if pose is not None]
+    if not rows:
+        return np.empty((0, 3))
+    poses = np.full((len(given), 3), np.nan)
+    poses[has_pose] = rows
+    if has_pose.all():
+        return poses
+    poses[~has_pose] = Trajectory.of(stamps[has_pose], poses[has_pose]).at(stamps[~has_pose])[:, :3]
+    unknown = np.flatnonzero(np.isnan(poses[:, 0]))
+    if len(unknown):
+        raise MapError(
+            f"{name}: {len(unknown)} of {len(given)} frames have no pose, nor the way from one to "
+            f"the next within {MAX_GAP_NS / 1e9:g} s (the first is number {unknown[0]}): "
+            "give poses to all frames, or to none"
+        )
+    log.warning("%s: %d of %d poses are between others", name, len(given) - len(rows), len(given))
+    return poses
 
 
 def _pixels(frame: Frame) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from placefield.errors import MapError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode
-from placefield.maps.traverse import describe_frame, traverse_of
+from placefield.maps.traverse import DescribedFrame, describe_frame, traverse_of
 
 GIST = feature_of("gist")
 
@@ -38,10 +38,41 @@ def test_a_traverse_keeps_what_its_frames_have_in_their_order() -> None:
     assert traverse.poses.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_where_one_frame_has_no_pose_the_traverse_has_none() -> None:
-    frames = [frame(0, pose=Pose(1, 2, 3)), frame(1)]
-    traverse = traverse_of("drive", (describe_frame(each, GIST) for each in frames))
-    assert traverse.poses.shape == (0, 3)
+def described(stamps: list[float], poses: list[Pose | None]) -> list[DescribedFrame]:
+    """Frames at so many seconds."""
+    raw = np.zeros(3, np.float32)
+    return [
+        DescribedFrame(raw, round(1e9 * second), pose, b"")
+        for second, pose in zip(stamps, poses, strict=True)
+    ]
+
+
+def test_where_no_frame_has_a_pose_the_traverse_has_none() -> None:
+    assert traverse_of("drive", described([0, 1], [None, None])).poses.shape == (0, 3)
+
+
+def test_a_frame_without_a_pose_lies_between_its_neighbours_and_this_is_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    poses = [Pose(0, 0, 3), None, None, Pose(4, 8, -3)]
+    traverse = traverse_of("drive", described([0, 0.5, 1.5, 2], poses), "wgs84 1.0 2.0")
+    np.testing.assert_allclose(traverse.poses[1:3, :2], [[1, 2], [3, 6]])
+    assert np.abs(traverse.poses[1:3, 2]).min() > 3
+    assert caplog.messages == ["drive: 2 of 4 poses are between others"]
+    assert traverse.pose_frame == "wgs84 1.0 2.0"
+
+
+@pytest.mark.parametrize(
+    ("poses", "first"),
+    [
+        ([Pose(0, 0, 0), None, Pose(1, 0, 0)], 1),
+        ([None, Pose(0, 0, 0), Pose(1, 0, 0)], 0),
+        ([Pose(0, 0, 0), Pose(1, 0, 0), None], 2),
+    ],
+)
+def test_a_frame_that_could_be_anywhere_is_refused(poses: list[Pose | None], first: int) -> None:
+    with pytest.raises(MapError, match=rf"^drive: 1 of 3 .*number {first}\): give poses to all"):
+        traverse_of("drive", described([0, 1.1, 2.2], poses))
 
 
 def test_no_frames_are_no_traverse() -> None:

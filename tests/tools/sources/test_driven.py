@@ -19,7 +19,6 @@ class Pixels(Source):
     def __init__(self, count: int, *, live: bool = False) -> None:
         self.live = live
         self.count = count
-        self.frame_rate = 4.0
         self.images = np.random.default_rng(count).integers(0, 256, (count, 16, 16, 3), np.uint8)
 
     def __iter__(self) -> Iterator[Frame]:

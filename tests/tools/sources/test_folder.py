@@ -1,5 +1,8 @@
+import contextlib
+
 import cv2
 import numpy as np
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,8 +10,12 @@ from hypothesis import strategies as st
 from placefield.errors import FrameError, SourceError
 from placefield.features.frames import Pose
 from placefield.features.images import decode
+from placefield.maps.geography import Origin
 from placefield_tools.sources import open_source
-from placefield_tools.sources.folder import NOMINAL_RATE, _natural_key
+from placefield_tools.sources.folder import _natural_key
+from placefield_tools.sources.frames_csv import COLUMNS, read_frames_csv
+
+CELLS = st.sampled_from([*COLUMNS, "a.png", "0", "1", "-91", "1e99999", "nan", '"', "", " "])
 
 
 def fill(folder, *names):
@@ -67,8 +74,8 @@ def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
 def test_without_stamps_the_rate_is_nominal(tmp_path):
     fill(tmp_path, "0.png", "1.png", "2.png", "3.png", "4.png")
     source = open_source(str(tmp_path), stride=2)
+    assert source.origin is None
     assert [frame.stamp_ns for frame in source] == [0, 200_000_000, 400_000_000]
-    assert source.frame_rate == NOMINAL_RATE / 2
     assert {(frame.pose, frame.odometry_m) for frame in source} == {(None, None)}
 
 
@@ -90,7 +97,6 @@ def test_frames_csv_gives_order_stamps_poses_and_odometry(tmp_path):
     assert [frame.pose for frame in frames] == [Pose(1, 2, 0.5), None, Pose(3, -4, -1)]
     assert [frame.odometry_m for frame in frames] == [-2.5, -2.5, 10]
     assert decode(frames[2].image).mean() == 10
-    assert source.frame_rate == pytest.approx(2)
 
 
 def test_frames_csv_may_give_the_order_alone(tmp_path):
@@ -106,15 +112,34 @@ def test_frames_csv_may_leave_out_the_yaw(tmp_path):
     assert next(iter(open_source(str(tmp_path)))).pose == Pose(1, 2, 0)
 
 
-def test_frames_that_share_one_stamp_have_no_rate(tmp_path):
-    fill(tmp_path, "a.png", "b.png")
-    (tmp_path / "frames.csv").write_text("file,stamp\na.png,1\nb.png,1\n")
-    assert open_source(str(tmp_path)).frame_rate is None
+def test_without_a_yaw_the_vehicle_looks_where_it_drives(tmp_path):
+    fill(tmp_path, "a.png", "b.png", "c.png", "d.png")
+    (tmp_path / "frames.csv").write_text("file,x,y\na.png,0,0\nb.png,,\nc.png,0,3\nd.png,-3,3\n")
+    yaws = [frame.pose and frame.pose.yaw for frame in open_source(str(tmp_path))]
+    assert yaws == [np.pi / 2, None, np.pi, np.pi]
+
+
+def test_frames_csv_may_say_where_on_earth_the_frames_were_taken(tmp_path):
+    fill(tmp_path, "a.png", "b.png", "c.png")
+    (tmp_path / "frames.csv").write_text(
+        "file,latitude,longitude,yaw\na.png,,,\nb.png,-27.5,153,0.25\nc.png,-27.499,153.001,1\n"
+    )
+    source = open_source(str(tmp_path), start=1, stride=1)
+    poses = [frame.pose for frame in source]
+    assert source.origin == Origin(-27.5, 153)
+    assert poses[0] == Pose(0, 0, 0.25)
+    east, north, _ = pymap3d.geodetic2enu(-27.499, 153.001, 0, -27.5, 153, 0)
+    assert (poses[1].x, poses[1].y, poses[1].yaw) == pytest.approx((east, north, 1))
 
 
 @pytest.mark.parametrize(
     ("table", "complaint"),
     [
+        ("file,x,y,latitude,longitude\na.png,1,2,3,4\n", "line 1: give x and y, or latitude"),
+        ("file,latitude,y\na.png,1,2\n", "line 1: give x and y, or latitude"),
+        ("file,latitude\na.png,1\n", "line 1: a pose"),
+        ("file,latitude,longitude\na.png,91,0\n", "latitude 91, longitude 0 is nowhere on earth"),
+        ("file,latitude,longitude\na.png,1,\n", "line 2: longitude is ''"),
         ("", "line 1: the header"),
         ("stamp,x,y\n1,2,3\n", "line 1: the header"),
         ("file,time\na.png,1\n", "line 1: the header"),
@@ -150,6 +175,17 @@ def test_a_malformed_frames_csv_is_refused(tmp_path, table, complaint):
         open_source(str(tmp_path))
     assert "frames.csv" in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@given(st.lists(st.lists(CELLS, max_size=4).map(",".join), max_size=4).map("\n".join))
+def test_no_frames_csv_gives_anything_but_a_listing_or_a_source_error(tmp_path_factory, text):
+    folder = tmp_path_factory.getbasetemp() / "tables"
+    folder.mkdir(exist_ok=True)
+    fill(folder, "a.png")
+    (folder / "frames.csv").write_text(text)
+    with contextlib.suppress(SourceError):
+        listing = read_frames_csv(folder / "frames.csv", lambda index: index)
+        assert {frame.file for frame in listing.frames} == {"a.png"}
 
 
 def test_an_empty_folder_is_refused(tmp_path):

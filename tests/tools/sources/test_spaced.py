@@ -15,7 +15,6 @@ class Odometer(Source):
     """Frames of which only the odometry is known."""
 
     count = None
-    frame_rate = None
 
     def __init__(self, odometry, *, live=False):
         self.live = live
@@ -68,7 +67,9 @@ def test_a_drive_of_varying_speed_is_aligned_to_the_reference_when_it_is_spaced(
 
 def test_a_frame_without_odometry_is_named_and_so_is_the_column():
     spaced = Spaced(Odometer([0.0, 1.0, None]), 1)
-    with pytest.raises(SourceError, match=r"^2\.png: .*--spacing.*column odometry$"):
+    with pytest.raises(
+        SourceError, match=r"^2\.png: .*--spacing.*column odometry, --odometry-topic or --poses$"
+    ):
         list(spaced)
 
 

@@ -36,7 +36,6 @@ class _Laps(Source):
     """The same frames over and over, so many in all."""
 
     count: int
-    frame_rate = None
 
     def __init__(self, frames: list[bytes], count: int) -> None:
         self._frames, self.count = frames, count

@@ -14,7 +14,6 @@ class Disturbing(Source):
     """So many frames of a source, which begins again at its end, and the faults on the way."""
 
     live = False
-    frame_rate = None
 
     def __init__(
         self,

@@ -18,11 +18,14 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders or videos of one route, frame for frame the same places",
+            help="folders, videos or recordings of one route, frame for frame the same places",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
     spacing: options.Spacing = None,
+    topic: options.Topic = None,
+    odometry_topic: options.OdometryTopic = None,
+    poses: options.PoseFile = None,
     feature: options.Feature = None,
     standardise: options.Standardise = None,
     channels: options.Channels = None,
@@ -36,10 +39,16 @@ def _build(
 ) -> None:
     """Build a map from one or more traverses of a route.
 
-    The places are the first traverse's frames; the metric and the PCA learn from all.
+    The places are the first traverse's frames, and --poses theirs; the metric and the PCA learn
+    from all.
+
+    Examples:
+    placefield build day/ dusk/ -o route.pfmap
+    placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
     from placefield.maps.store import check_map_path, save_map
     from placefield_tools.building import build_from
+    from placefield_tools.sources import Parts
 
     effective = options.effective_config(
         config,
@@ -54,6 +63,7 @@ def _build(
         seed=seed,
     )
     check_map_path(output)
-    built = build_from(references, effective, spacing_m=spacing)
+    parts = Parts(topic, odometry_topic, poses)
+    built = build_from(references, effective, spacing_m=spacing, parts=parts)
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")

@@ -20,9 +20,10 @@ def add_to(app: typer.Typer) -> None:
 
 def _evaluate(
     reference: Annotated[
-        str, typer.Argument(metavar="REF", help="a folder or video, or a map: NAME.pfmap")
+        str,
+        typer.Argument(metavar="REF", help="a folder, video or recording, or a map: NAME.pfmap"),
     ],
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder or video")],
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
     protocol: options.ProtocolOption = "aligned",
@@ -35,6 +36,9 @@ def _evaluate(
     ),
     as_json: options.Json = False,
     spacing: options.Spacing = None,
+    topic: options.Topic = None,
+    odometry_topic: options.OdometryTopic = None,
+    poses: options.PoseFile = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
     min_scale: options.MinScale = None,
@@ -49,6 +53,7 @@ def _evaluate(
     from placefield_tools.evaluating import Query, evaluate
     from placefield_tools.pictures import draw
     from placefield_tools.reporting import figures, print_table
+    from placefield_tools.sources import Parts
 
     options.check_truth(tolerance, truth)
     effective = options.effective_config(
@@ -65,11 +70,14 @@ def _evaluate(
     within = None if truth is not None else effective.matching.tolerance
     options.check_other(protocol, other)
     if Path(reference).suffix == SUFFIX:
-        _refuse_to_rebuild(reference, (channels, min_scale, metric), settings)
+        _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     asked = feature is not None
-    driven = Query(query, spacing, protocol, other, effective.seed)
-    with map_of(reference, effective, feature_asked=asked, spacing_m=spacing) as map_path:
+    driven = Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic))
+    parts = Parts(topic, odometry_topic, poses)
+    with map_of(
+        reference, effective, feature_asked=asked, spacing_m=spacing, parts=parts
+    ) as map_path:
         evaluation = evaluate(
             map_path,
             driven,
@@ -91,6 +99,6 @@ def _refuse_to_rebuild(
     sections = [setting.partition(".")[0].strip() for setting in settings or ()]
     if any(flag is not None for flag in flags) or {"features", "scales", "metric"} & {*sections}:
         raise ConfigError(
-            "--channels, --min-scale, --metric, and --set of features, scales or metric: "
+            "--channels, --min-scale, --metric, --poses, and --set of features, scales or metric: "
             f"{reference} is built already; leave them out, or give the frames to build from"
         )

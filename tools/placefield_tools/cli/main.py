@@ -23,6 +23,7 @@ from placefield_tools.cli import (
     plan,
     record,
     replay,
+    ros,
     router,
     security,
     serve,
@@ -39,7 +40,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_streaming = (plan, up, services, router, serve, fetch, replay, listen, record, status, alive)
+_streaming = (plan, up, services, router, serve, fetch, replay, ros, listen, record, status, alive)
 for module in (
     build,
     inspect,

@@ -44,6 +44,10 @@ Endpoint = Annotated[
     str | None,
     typer.Option(metavar="ENDPOINT", help="the router", show_default=_DEFAULTS.bus.endpoint),
 ]
+Connect = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ENDPOINT", help="a router of another host; may be repeated"),
+]
 Credentials = Annotated[
     str | None,
     typer.Option(
@@ -164,6 +168,29 @@ Spacing = Annotated[
         metavar="METRES",
         help="take a frame every so many metres, by odometry",
         show_default="every frame",
+    ),
+]
+Topic = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TOPIC", help="of a recording: its images", show_default="the only one of images"
+    ),
+]
+OdometryTopic = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TOPIC",
+        help="of a recording: Odometry, PoseStamped or NavSatFix; none: no poses",
+        show_default="the only one, if it is",
+    ),
+]
+PoseFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--poses",
+        metavar="FILE",
+        help="of the frames: TUM, joined by stamp, or KITTI, a line per frame",
+        show_default=False,
     ),
 ]
 

@@ -14,7 +14,11 @@ def add_to(app: typer.Typer) -> None:
 
 def _replay(
     source: Annotated[
-        str, typer.Argument(help="a folder of frames, a video, or a camera as camera:0")
+        str,
+        typer.Argument(
+            help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), or a "
+            "camera as camera:0 or rtsp://HOST/PATH"
+        ),
     ],
     rate: Annotated[
         float | None,
@@ -26,6 +30,9 @@ def _replay(
     start: Annotated[int, typer.Option(help="first frame")] = 0,
     stride: Annotated[int, typer.Option(help="take every n-th frame")] = 1,
     spacing: options.Spacing = None,
+    topic: options.Topic = None,
+    odometry_topic: options.OdometryTopic = None,
+    poses: options.PoseFile = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -34,16 +41,21 @@ def _replay(
 ) -> None:
     """Stream frames to the services of a run.
 
-    Folders and videos are lossless: no frame is dropped. A camera is live: old frames are dropped
-    for new ones where the services cannot follow, and --spacing goes by the odometry that the
-    vehicle publishes.
+    Folders, videos and recordings are lossless: no frame is dropped. A camera is live: old frames
+    are dropped for new ones where the services cannot follow, --spacing goes by the odometry that
+    the vehicle publishes, and a camera that is gone is waited for.
+
+    Examples:
+    placefield replay frames/
+    placefield replay drive.bag --topic /camera/image_raw/compressed --spacing 0.5
+    placefield replay rtsp://192.168.0.10/stream
     """
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield_services.process import stop_event
     from placefield_tools.odometry import Odometry
     from placefield_tools.replaying import replay
-    from placefield_tools.sources import open_source
+    from placefield_tools.sources import Parts, open_source
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
@@ -52,9 +64,15 @@ def _replay(
     stop = stop_event()
     odometry = Odometry()
     opened = open_source(
-        source, start=start, stride=stride, spacing_m=spacing, metres=odometry.metres
+        source,
+        start=start,
+        stride=stride,
+        spacing_m=spacing,
+        metres=odometry.metres,
+        parts=Parts(topic, odometry_topic, poses),
+        stop=stop,
     )
     with opened as frames, open_bus(effective.bus, stop) as bus:
         odometry.listen(bus, keys)
-        sent = replay(frames, bus, effective, stop, rate=rate, loop=loop)
+        sent = replay(frames, bus, effective, stop, rate=rate, loop=loop and not frames.live)
     print(f"{sent} frames replayed")

@@ -1,7 +1,5 @@
 """``placefield router``: a router of its own, for a bus of many hosts."""
 
-from typing import Annotated
-
 import typer
 
 from placefield_tools.cli import options
@@ -14,10 +12,7 @@ def add_to(app: typer.Typer) -> None:
 
 def _router(
     endpoint: options.Endpoint = None,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ENDPOINT", help="a router of another host; may be repeated"),
-    ] = None,
+    connect: options.Connect = None,
     credentials: options.Credentials = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,

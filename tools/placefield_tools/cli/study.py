@@ -18,8 +18,8 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _study(
-    reference: Annotated[str, typer.Argument(metavar="REF", help="a folder or video")],
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder or video")],
+    reference: Annotated[str, typer.Argument(metavar="REF", help="a folder, video or recording")],
+    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
     protocol: options.ProtocolOption = "aligned",
@@ -29,6 +29,8 @@ def _study(
     ),
     as_json: options.Json = False,
     spacing: options.Spacing = None,
+    topic: options.Topic = None,
+    odometry_topic: options.OdometryTopic = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
     min_scale: options.MinScale = None,
@@ -40,6 +42,7 @@ def _study(
 ) -> None:
     """Match QUERY along REF by every method and without every part of ours; write a report."""
     from placefield_tools.evaluating import Query
+    from placefield_tools.sources import Parts
     from placefield_tools.study.report import write_report
     from placefield_tools.study.running import run_study
     from placefield_tools.study.table import figures, print_study
@@ -65,7 +68,7 @@ def _study(
     output.mkdir(parents=True, exist_ok=True)  # what cannot be written is to be told now
     study = run_study(
         reference,
-        Query(query, spacing, protocol, other, effective.seed),
+        Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic)),
         partial(options.truth_of, tolerance=within, truth=truth),
         effective,
         tolerance=within,

@@ -19,6 +19,8 @@ _ROLES = {
 }
 """Whose credentials a command needs."""
 
+_PLACEFIELD = (sys.executable, "-m", "placefield_tools")
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -37,6 +39,20 @@ def _up(
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     exact: options.Exact = None,
+    ros: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOPIC",
+            help="of ROS 2, whose images are the frames; see 'placefield ros -h'",
+            show_default="none",
+        ),
+    ] = None,
+    ros_odometry: Annotated[
+        str | None,
+        typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
+    ] = None,
+    ros_domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS 2")] = 0,
+    connect: options.Connect = None,
     metrics_port: options.MetricsPort = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
@@ -47,8 +63,13 @@ def _up(
     Of several runs each core's featurizer and fuser serve a share.
 
     What dies is started again; Ctrl-C stops all.
+
+    Beside a robot's own router, for example:
+
+    placefield up street.pfmap --ros /camera/image_raw/compressed --connect tcp/127.0.0.1:7447
     """
     from placefield.config import MonitoringConfig
+    from placefield.errors import ConfigError
     from placefield.maps.manifest import read_manifest
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
@@ -61,19 +82,23 @@ def _up(
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
+        bus__connect=connect,
         monitoring__port=metrics_port,
         matching__rule=rule,
         matching__precision=precision,
         matching__exact=exact,
     )
+    if ros_odometry is not None and ros is None:
+        raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
     channels = read_manifest(map_path).channels
     runs = ", ".join(map(repr, effective.runs))
+    replaying = "" if ros else "'placefield replay SOURCE' and "
 
     def ready() -> None:
         print(
             f"ready: {'run' if len(effective.runs) == 1 else 'runs'} {runs} at "
             f"{effective.bus.endpoint}, {len(channels)} channels; "
-            "now 'placefield replay SOURCE' and 'placefield listen'",
+            f"now {replaying}'placefield listen'",
             flush=True,
         )
 
@@ -82,13 +107,16 @@ def _up(
         # The host tells of them all, at the one port.
         own = effective.model_copy(update={"monitoring": MonitoringConfig()})
         file.write_text(own.to_toml())
+        common = [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])]
         commands = _commands(
-            [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])],
+            common,
             deal([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
             _credentials_beside(effective.bus.credentials),
         )
-        run_host(commands, len(channels), effective, stop, ready)
+        if ros is not None:
+            commands["gateway to ROS 2"] = _ros_command(common, ros, ros_odometry, ros_domain)
+        run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
 
 
 def deal(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
@@ -137,7 +165,7 @@ def _commands(
         flags = [part for value in own for part in (flag, str(value))]
         if service in credentials:
             flags += ["--credentials", str(credentials[service])]
-        return [sys.executable, "-m", "placefield_tools", service, *common, *flags]
+        return [*_PLACEFIELD, service, *common, *flags]
 
     commands = {}
     for number, own_runs in enumerate(runs):
@@ -147,3 +175,10 @@ def _commands(
         commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
     commands["map server"] = command("serve", "--run", [])
     return commands
+
+
+def _ros_command(common: Sequence[str], topic: str, odometry: str | None, domain: int) -> list[str]:
+    flags = ["--topic", topic, "--domain", str(domain)]
+    if odometry is not None:
+        flags += ["--odometry", odometry]
+    return [*_PLACEFIELD, "ros", *common, *flags]

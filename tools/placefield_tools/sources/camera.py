@@ -1,5 +1,9 @@
-"""A camera on this machine as a source of frames."""
+"""A camera, on this machine or on the network, as a source of frames."""
 
+import itertools
+import logging
+import re
+import threading
 import time
 from collections.abc import Iterator
 
@@ -7,37 +11,95 @@ import cv2
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.sources.capture import frame_rate, grab_every, quiet_opencv, retrieve
+from placefield_tools.sources.capture import grab_every, quiet_opencv, retrieve
 from placefield_tools.sources.source import Source
+
+log = logging.getLogger(__name__)
+
+_FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 30.0
+
+_TIMEOUT_MS = 5000
+_TIMEOUTS = [
+    *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS),
+    *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS),
+]
 
 
 class Camera(Source):
-    """The frames of camera number ``device``, (H, W, 3) BGR, stamped when they arrive."""
+    """The frames of a camera, (H, W, 3) BGR, stamped when they arrive.
+
+    A camera that gives no more frames is opened again and again, after waits that double up to
+    half a minute, until it is back or the source is stopped. The reconnects are counted in the log.
+    """
 
     live = True
     count = None
 
-    def __init__(self, device: int, *, start: int = 0, stride: int = 1) -> None:
-        self._name = f"camera:{device}"
+    def __init__(
+        self,
+        where: int | str,
+        *,
+        start: int = 0,
+        stride: int = 1,
+        stop: threading.Event | None = None,
+    ) -> None:
+        """Open a camera.
+
+        Args:
+            where: its number on this machine, or a URL (``rtsp://…``, ``http://…``).
+            start: the first frame.
+            stride: from one frame to the next.
+            stop: ends the frames while the camera is away; None: only closing does.
+
+        Raises:
+            SourceError: it cannot be opened.
+        """
+        self._where = where
+        self._name = f"camera:{where}" if isinstance(where, int) else _without_secrets(where)
         self._start = start
         self._stride = stride
-        with quiet_opencv():
-            self._capture = cv2.VideoCapture(device)
+        self._stop = stop or threading.Event()
+        self._returns = 0
+        self._capture = _open(where)
         if not self._capture.isOpened():
             raise SourceError(
                 f"{self._name}: cannot be opened; is it plugged in, free, and yours to read?"
             )
-        self.frame_rate = frame_rate(self._capture, stride)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames for as long as the camera gives them; a damaged one is left out."""
-        for index in grab_every(self._capture, self._start, self._stride):
-            stamp_ns = time.time_ns()
-            pixels = retrieve(self._capture)
-            if pixels is not None:
-                yield Frame(index, stamp_ns, f"{self._name}#{index}", pixels)
-        raise SourceError(f"{self._name}: gives no more frames; was it unplugged?")
+        """Yield frames until the source is stopped; a damaged one is left out."""
+        numbers = itertools.count()
+        wait_s = _FIRST_WAIT_S
+        while True:
+            for index in grab_every(self._capture, numbers, self._start, self._stride):
+                wait_s = _FIRST_WAIT_S
+                stamp_ns = time.time_ns()
+                pixels = retrieve(self._capture)
+                if pixels is not None:
+                    yield Frame(index, stamp_ns, f"{self._name}#{index}", pixels)
+            self._capture.release()
+            log.warning("%s: gives no more frames; opened again in %g s", self._name, wait_s)
+            if self._stop.wait(wait_s):
+                return
+            wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
+            self._capture = _open(self._where)
+            if self._capture.isOpened():
+                self._returns += 1
+                log.warning("%s: opened again; reconnects so far: %d", self._name, self._returns)
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Give the camera back; its frames end."""
+        self._stop.set()
         self._capture.release()
+
+
+def _open(where: int | str) -> cv2.VideoCapture:
+    with quiet_opencv():
+        if isinstance(where, int):
+            return cv2.VideoCapture(where)
+        return cv2.VideoCapture(where, cv2.CAP_FFMPEG, _TIMEOUTS)
+
+
+def _without_secrets(url: str) -> str:
+    """Leave out what a log must not hold: user, password and query."""
+    return re.sub(r"//[^/]*@", "//", url).partition("?")[0]

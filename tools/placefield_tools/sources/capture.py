@@ -1,7 +1,6 @@
 """What reading a video and reading a camera have in common: OpenCV's capture."""
 
-import itertools
-import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -9,6 +8,9 @@ import cv2
 import numpy as np
 from cv2.utils import logging
 from numpy.typing import NDArray
+
+# FFmpeg, which OpenCV asks for this once, warns whenever a stream ends; what fails, we say.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 @contextmanager
@@ -21,22 +23,18 @@ def quiet_opencv() -> Iterator[None]:
         logging.setLogLevel(level)
 
 
-def frame_rate(capture: cv2.VideoCapture, stride: int) -> float | None:
-    """Return the rate in 1/s of every ``stride``-th frame, None where the driver knows none."""
-    rate = capture.get(cv2.CAP_PROP_FPS)
-    return rate / stride if rate > 0 and math.isfinite(rate) else None
-
-
-def grab_every(capture: cv2.VideoCapture, start: int, stride: int) -> Iterator[int]:
-    """Grab all frames until none comes; yield the index of each ``stride``-th from ``start``.
+def grab_every(
+    capture: cv2.VideoCapture, numbers: Iterator[int], start: int, stride: int
+) -> Iterator[int]:
+    """Grab all frames until none comes; yield the number of each ``stride``-th from ``start``.
 
     What is yielded is still to be taken with ``retrieve``; the others are never converted.
     """
-    for index in itertools.count():
+    for number in numbers:
         if not capture.grab():
             return
-        if index >= start and (index - start) % stride == 0:
-            yield index
+        if number >= start and (number - start) % stride == 0:
+            yield number
 
 
 def retrieve(capture: cv2.VideoCapture) -> NDArray[np.uint8] | None:

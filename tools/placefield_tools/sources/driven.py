@@ -11,14 +11,15 @@ from placefield.evaluation.protocols import Drive, Protocol, drive_of
 from placefield.features.frames import Frame
 from placefield_tools.sources.source import Source
 
-_NOMINAL_RATE = 10.0  # frames per second, where the source does not know its own
+_NOMINAL_NS = 100_000_000  # from frame to frame, where the query's stamps do not tell
 
 
 class Driven(Source):
     """The frames of a query, and of another route, as a drive takes them.
 
-    They are numbered anew, and stamped evenly at the source's rate, so that time goes on where the
-    drive turns back or jumps; their odometry is left out. All frames are held in memory, encoded.
+    They are numbered anew, and stamped evenly at the query's mean rate, so that time goes on where
+    the drive turns back or jumps; their odometry is left out. All frames are held in memory,
+    encoded.
 
     Attributes:
         drive: how they are taken.
@@ -41,7 +42,7 @@ class Driven(Source):
             protocol, self.undriven_count, foreign_count=len(self._other), seed=seed
         )
         self.count: int = len(self.drive.frames)
-        self.frame_rate: float = query.frame_rate or _NOMINAL_RATE
+        self._step_ns = _mean_step_ns(self._query)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames."""
@@ -49,7 +50,7 @@ class Driven(Source):
             zip(self.drive.frames, self.drive.foreign, strict=True)
         ):
             frame = (self._other if foreign else self._query)[number]
-            stamp_ns = round(index * 1e9 / self.frame_rate)
+            stamp_ns = round(index * self._step_ns)
             yield replace(frame, index=index, stamp_ns=stamp_ns, odometry_m=None)
 
 
@@ -57,6 +58,11 @@ def _held(source: Source) -> list[Frame]:
     if source.live:
         raise SourceError("a camera cannot be driven again; record it and give the recording")
     return [replace(frame, image=_encoded(frame.image)) for frame in source]
+
+
+def _mean_step_ns(frames: list[Frame]) -> float:
+    duration_ns = frames[-1].stamp_ns - frames[0].stamp_ns
+    return duration_ns / (len(frames) - 1) if duration_ns > 0 else _NOMINAL_NS
 
 
 def _encoded(image: bytes | np.ndarray) -> bytes:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.sources.frames_csv import Listed, read_frames_csv
+from placefield_tools.sources.frames_csv import read_frames_csv
+from placefield_tools.sources.geotags import list_photographs
+from placefield_tools.sources.listing import Listing
 from placefield_tools.sources.source import Source
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
@@ -19,19 +21,20 @@ class Folder(Source):
     """The images of one folder, not of its sub-folders, as they lie on the disk.
 
     Without a ``frames.csv`` these are all files with an image's suffix, in natural order (frame2
-    before frame10), stamped as if taken at ``NOMINAL_RATE``. With one, they are the files that it
-    lists (see ``frames_csv``). Hidden files do not count: some systems put one beside each image.
+    before frame10), stamped as their camera says (see ``geotags``), or as if taken at
+    ``NOMINAL_RATE``. With one, they are the files that it lists (see ``frames_csv``). Hidden files
+    do not count: some systems put one beside each image.
     """
 
     def __init__(self, path: Path, *, start: int = 0, stride: int = 1) -> None:
+        listing = _listing(path)
+        self.origin = listing.origin
         self._path = path
-        self._frames = _listed(path)
+        self._frames = listing.frames
         self._chosen = range(start, len(self._frames), stride)
         if not self._chosen:
             raise SourceError(f"--start {start}: {path} holds {len(self._frames)} frames only")
         self.count = len(self._chosen)
-        rate = _frame_rate(self._frames)
-        self.frame_rate = None if rate is None else rate / stride
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames, each read when its turn comes; their bytes are not looked at."""
@@ -47,10 +50,10 @@ class Folder(Source):
             raise SourceError(f"{self._path / file}: cannot be read ({error.strerror})") from error
 
 
-def _listed(folder: Path) -> list[Listed]:
-    listing = folder / LISTING
-    if listing.exists():
-        return read_frames_csv(listing, _nominal_stamp_ns)
+def _listing(folder: Path) -> Listing:
+    table = folder / LISTING
+    if table.exists():
+        return read_frames_csv(table, _nominal_stamp_ns)
     files = sorted(
         (
             file.name
@@ -63,7 +66,7 @@ def _listed(folder: Path) -> list[Listed]:
     )
     if not files:
         raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
-    return [Listed(file, _nominal_stamp_ns(index)) for index, file in enumerate(files)]
+    return list_photographs(folder, files, _nominal_stamp_ns)
 
 
 def _nominal_stamp_ns(index: int) -> int:
@@ -74,9 +77,3 @@ def _natural_key(name: str) -> tuple[list[str | int], str]:
     """Order numbers in a name by value; the name itself settles 1.png and 01.png."""
     parts = re.split(r"([0-9]+)", name)
     return [int(part) if at % 2 else part for at, part in enumerate(parts)], name
-
-
-def _frame_rate(frames: list[Listed]) -> float | None:
-    """Return the mean rate between the first and the last stamp."""
-    duration_ns = frames[-1].stamp_ns - frames[0].stamp_ns
-    return (len(frames) - 1) * 1e9 / duration_ns if duration_ns else None

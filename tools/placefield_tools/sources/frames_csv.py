@@ -1,62 +1,69 @@
 """A folder's ``frames.csv``: which files are the frames, when and where each was taken.
 
 The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres travelled since any
-fixed start), ``x`` and ``y`` (metres, together) and ``yaw`` (radians, with x and y; 0 where there
-is no such column). The rows are in the order in which the frames were taken. A frame whose pose is
-not known leaves all the pose's cells empty.
+fixed start), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude`` (degrees,
+together), and with these ``yaw`` (radians, counterclockwise from x or from the east). The rows are
+in the order in which the frames were taken. A frame whose pose is not known leaves all the pose's
+cells empty. Where there is no yaw, the vehicle looks where it drives.
 """
 
 import csv
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from decimal import Decimal
 from pathlib import Path
 
 from placefield.errors import SourceError
-from placefield.features.frames import Pose
+from placefield_tools.sources.listing import (
+    DefaultStamp,
+    Listed,
+    Listing,
+    Position,
+    with_positions,
+)
+from placefield_tools.sources.seconds import nanoseconds
 
-COLUMNS = ("file", "stamp", "odometry", "x", "y", "yaw")
+_METRES, _DEGREES = ("x", "y"), ("latitude", "longitude")
+
+COLUMNS = ("file", "stamp", "odometry", *_METRES, *_DEGREES, "yaw")
 
 Row = dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Listed:
-    """A frame whose image has not been read yet; ``file`` is relative to the folder."""
-
-    file: str
-    stamp_ns: int
-    pose: Pose | None = None
-    odometry_m: float | None = None
-
-
-def read_frames_csv(path: Path, default_stamp_ns: Callable[[int], int]) -> list[Listed]:
+def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
     """Read a ``frames.csv``; without a stamp column, frame i's stamp is ``default_stamp_ns(i)``.
 
     Raises SourceError, naming the line, where a row or the header is malformed, a stamp or the
     odometry goes back, or a listed file is missing.
     """
+    header, rows = _rows(path)
+    in_degrees = _DEGREES[0] in header
     frames: list[Listed] = []
-    for line, row in _rows(path):
+    positions: list[Position | None] = []
+    yaws: list[float] = []
+    for line, row in rows:
         try:
-            stamp_ns = _stamp_ns(row) if "stamp" in row else default_stamp_ns(len(frames))
-            odometry_m = _number(row, "odometry") if "odometry" in row else None
-            frame = Listed(row["file"], stamp_ns, _pose(row), odometry_m)
+            frame = _listed(row, default_stamp_ns(len(frames)))
             if frames:
                 _check_order(frames[-1], frame)
-            if not (path.parent / row["file"]).is_file():
-                raise ValueError(f"there is no file {row['file']!r} in the folder")
+            if not (path.parent / frame.file).is_file():
+                raise ValueError(f"there is no file {frame.file!r} in the folder")
             frames.append(frame)
+            position, yaw = _place(row, _DEGREES if in_degrees else _METRES)
+            positions.append(position)
+            yaws.append(yaw)
         except ValueError as error:
             raise SourceError(f"{path}, line {line}: {error}") from error
     if not frames:
         raise SourceError(f"{path}: lists no frames; fill it, or remove it to use all images")
-    return frames
+    try:
+        return with_positions(
+            frames, positions, yaws if "yaw" in header else None, in_degrees=in_degrees
+        )
+    except ValueError as error:
+        raise SourceError(f"{path}: {error}") from error
 
 
-def _rows(path: Path) -> list[tuple[int, Row]]:
-    """Return (line number, cells by column) of each row that is not empty."""
+def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
+    """Return the columns, and (line number, cells by column) of each row that is not empty."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as lines:
             reader = csv.reader(lines, strict=True)
@@ -68,7 +75,7 @@ def _rows(path: Path) -> list[tuple[int, Row]]:
     for line, row in table[1:]:
         if len(row) != len(header):
             raise SourceError(f"{path}, line {line}: {len(row)} cells, the header {len(header)}")
-    return [(line, dict(zip(header, row, strict=True))) for line, row in table[1:]]
+    return header, [(line, dict(zip(header, row, strict=True))) for line, row in table[1:]]
 
 
 def _check_header(path: Path, header: list[str]) -> None:
@@ -76,8 +83,13 @@ def _check_header(path: Path, header: list[str]) -> None:
     if not known or "file" not in header:
         others = ", ".join(COLUMNS[1:])
         raise SourceError(f"{path}, line 1: the header must be file and any of {others}")
-    if ("x" in header) != ("y" in header) or ("yaw" in header and "x" not in header):
-        raise SourceError(f"{path}, line 1: a pose needs the columns x and y")
+    has_pose = [pair for pair in (_METRES, _DEGREES) if {*pair} & {*header}]
+    if len(has_pose) > 1:
+        raise SourceError(f"{path}, line 1: give x and y, or latitude and longitude, not both")
+    if not all({*pair} <= {*header} for pair in has_pose) or ("yaw" in header and not has_pose):
+        raise SourceError(
+            f"{path}, line 1: a pose needs the columns x and y, or latitude and longitude"
+        )
 
 
 def _check_order(before: Listed, frame: Listed) -> None:
@@ -88,22 +100,18 @@ def _check_order(before: Listed, frame: Listed) -> None:
         raise ValueError("the odometry is less than the one before")
 
 
-def _stamp_ns(row: Row) -> int:
-    """Return the stamp in ns, by way of Decimal: as float, an epoch's ns would be rounded."""
-    try:
-        stamp_ns = round(Decimal(row["stamp"]) * 1_000_000_000)
-    except (ArithmeticError, ValueError):
-        stamp_ns = -1
-    if not 0 <= stamp_ns < 2**63:
-        raise ValueError(f"the stamp {row['stamp']!r} must be a number of seconds from 0 up")
-    return stamp_ns
+def _listed(row: Row, default_stamp_ns: int) -> Listed:
+    stamp_ns = nanoseconds(row["stamp"]) if "stamp" in row else default_stamp_ns
+    odometry_m = _number(row, "odometry") if "odometry" in row else None
+    return Listed(row["file"], stamp_ns, odometry_m=odometry_m)
 
 
-def _pose(row: Row) -> Pose | None:
-    cells = [row[column] for column in ("x", "y", "yaw") if column in row]
-    if not any(cells):
-        return None
-    return Pose(_number(row, "x"), _number(row, "y"), _number(row, "yaw") if "yaw" in row else 0.0)
+def _place(row: Row, columns: tuple[str, str]) -> tuple[Position | None, float]:
+    """Return the position and the yaw, which is 0 where there is none."""
+    if not any(row.get(column) for column in (*columns, "yaw")):
+        return None, 0.0
+    position = _number(row, columns[0]), _number(row, columns[1])
+    return position, _number(row, "yaw") if "yaw" in row else 0.0
 
 
 def _number(row: Row, column: str) -> float:

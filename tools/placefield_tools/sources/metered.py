@@ -11,7 +11,6 @@ class Metered(Source):
     """The frames of a live source from the vehicle's first word on, with the metres travelled."""
 
     count = None
-    frame_rate = None
     live = True
 
     def __init__(self, source: Source, metres: Callable[[], float | None]) -> None:

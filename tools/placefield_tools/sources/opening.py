@@ -2,18 +2,44 @@
 
 import math
 import re
+import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from placefield.errors import SourceError
+from placefield.errors import ConfigError, SourceError
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
+from placefield_tools.sources.located import Located
 from placefield_tools.sources.metered import Metered
+from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
 
-_CAMERA = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
+_DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
+_URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
+
+_RECORDINGS = (".bag", ".db3", ".mcap")
+_BAG_FOLDER = "metadata.yaml"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which parts of a recording are meant, and what lies beside a source.
+
+    Attributes:
+        topic: of images in a recording; None: the only one.
+        odometry_topic: of poses in a recording, ``none`` for none; None: the only one, if it is.
+        poses: a file of the frames' poses; None: those that the source has itself.
+    """
+
+    topic: str | None = None
+    odometry_topic: str | None = None
+    poses: Path | None = None
+
+
+NO_PARTS = Parts()
 
 
 def open_source(
@@ -23,15 +49,23 @@ def open_source(
     stride: int = 1,
     spacing_m: float | None = None,
     metres: Callable[[], float | None] | None = None,
+    parts: Parts = NO_PARTS,
+    stop: threading.Event | None = None,
 ) -> Source:
-    """Open a folder of images, a video file, or a camera (``camera:0`` or ``/dev/video0``).
+    """Open a folder of images, a video file, a recording, or a camera.
+
+    A recording is a bag of ROS or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or of
+    the network ``rtsp://…`` or ``http://…``.
 
     The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
-    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells.
+    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells. A camera
+    that is away is waited for until ``stop`` is set.
 
-    Raises SourceError where nothing of the kind is there, where it cannot be read, or where
-    ``start``, ``stride`` or ``spacing_m`` does not fit. A video tells only when it is read that it
-    ends before ``start``: its container's count may be wrong.
+    Raises:
+        SourceError: nothing of the kind is there, it cannot be read, or ``start``, ``stride``,
+            ``spacing_m`` or ``parts`` does not fit. A video tells only when it is read that it ends
+            before ``start``: its container's count may be wrong.
+        ConfigError: what reads it is not installed.
     """
     if start < 0:
         raise SourceError(f"--start {start}: must be 0 or more")
@@ -39,7 +73,12 @@ def open_source(
         raise SourceError(f"--stride {stride}: must be 1 or more")
     if spacing_m is not None and not (math.isfinite(spacing_m) and spacing_m > 0):
         raise SourceError(f"--spacing {spacing_m:g}: must be a distance above 0 metres")
-    source = _open(where, start, stride)
+    try:
+        source = _open(where, start, stride, parts, stop)
+    except OSError as error:
+        raise SourceError(f"{where}: cannot be read ({error.strerror})") from error
+    if parts.poses is not None:
+        source = _located(source, where, parts.poses, start, stride)
     if spacing_m is None:
         return source
     if source.live and metres is not None:
@@ -47,13 +86,39 @@ def open_source(
     return Spaced(source, spacing_m)
 
 
-def _open(where: str, start: int, stride: int) -> Source:
-    if camera := _CAMERA.fullmatch(where):
-        return Camera(int(camera[1]), start=start, stride=stride)
+def _open(
+    where: str, start: int, stride: int, parts: Parts, stop: threading.Event | None
+) -> Source:
+    path = Path(where)
+    if _is_recording(path):
+        return _open_recording(path, start, stride, parts)
+    if parts.topic is not None or parts.odometry_topic is not None:
+        raise SourceError(f"{where}: has no topics: leave --topic and --odometry-topic out")
+    if device := _DEVICE.fullmatch(where):
+        return Camera(int(device[1]), start=start, stride=stride, stop=stop)
+    if _URL.fullmatch(where):
+        return Camera(where, start=start, stride=stride, stop=stop)
+    return _open_path(path, start, stride)
+
+
+def _is_recording(path: Path) -> bool:
+    if path.suffix.lower() in _RECORDINGS:
+        return path.is_file()
+    return (path / _BAG_FOLDER).is_file()
+
+
+def _open_recording(path: Path, start: int, stride: int, parts: Parts) -> Source:
     try:
-        return _open_path(Path(where), start, stride)
-    except OSError as error:
-        raise SourceError(f"{where}: cannot be read ({error.strerror})") from error
+        from placefield_tools.sources.foxglove_recording import (
+            holds_foxglove_images,
+            open_foxglove_recording,
+        )
+        from placefield_tools.sources.ros_recording import open_ros_recording
+    except ModuleNotFoundError as missing:
+        raise ConfigError(f"{path} needs {missing.name}: pip install 'placefield[ros]'") from None
+    is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path)
+    opened = open_foxglove_recording if is_foxglove else open_ros_recording
+    return opened(path, parts.topic, parts.odometry_topic, start=start, stride=stride)
 
 
 def _open_path(path: Path, start: int, stride: int) -> Source:
@@ -64,5 +129,20 @@ def _open_path(path: Path, start: int, stride: int) -> Source:
     if path.is_file():
         return Video(path, start=start, stride=stride)
     raise SourceError(
-        f"{path}: no such folder or file; give a folder of images, a video, or camera:0"
+        f"{path}: no such folder or file; give a folder of images, a video, a recording "
+        "(.bag, .mcap, a folder of ROS 2), camera:0 or rtsp://…"
+    )
+
+
+def _located(source: Source, where: str, poses: Path, start: int, stride: int) -> Source:
+    if source.live:
+        raise SourceError(f"--poses {poses}: a camera's frames are not there yet; leave it out")
+    file = read_pose_file(poses)
+    total = len(file.trajectory.stamps)
+    if file.numbered and source.count not in (None, len(range(start, total, stride))):
+        raise SourceError(
+            f"--poses {poses}: has {total} lines; {where} has another number of frames"
+        )
+    return Located(
+        source, file.trajectory, str(poses), key=lambda frame: file.key(frame.index, frame.stamp_ns)
     )

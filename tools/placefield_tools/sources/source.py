@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from placefield.features.frames import Frame
+from placefield.maps.geography import Origin
 
 
 class Source(ABC):
@@ -13,8 +14,8 @@ class Source(ABC):
 
     ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
-    it is an estimate. ``frame_rate`` is the rate in 1/s at which the given frames were taken (the
-    native rate divided by the stride), None where that is unknown.
+    it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
+    unknown.
 
     A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
     and spacing leave out too. A source that is not live can be iterated again, with the same
@@ -23,7 +24,7 @@ class Source(ABC):
 
     live: bool = False
     count: int | None
-    frame_rate: float | None
+    origin: Origin | None = None
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:

@@ -22,12 +22,12 @@ class Spaced(Source):
     """
 
     count = None
-    frame_rate = None
 
     def __init__(self, source: Source, metres: float) -> None:
         self._source = source
         self._metres = metres
         self.live = source.live
+        self.origin = source.origin
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; raise SourceError at one that has no odometry."""
@@ -36,7 +36,7 @@ class Spaced(Source):
             if frame.odometry_m is None:
                 raise SourceError(
                     f"{frame.name}: has no odometry to space frames by; leave --spacing out, or "
-                    "give a folder whose frames.csv has the column odometry"
+                    "give a frames.csv with the column odometry, --odometry-topic or --poses"
                 )
             if number == 0:
                 first_m = frame.odometry_m

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 
 import cv2
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.sources.capture import frame_rate, grab_every, quiet_opencv, retrieve
+from placefield_tools.sources.capture import grab_every, quiet_opencv, retrieve
 from placefield_tools.sources.source import Source
 
 # FFmpeg would play a text file as an animation.
@@ -28,13 +29,12 @@ class Video(Source):
         with self._capture() as capture:
             total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
             self.count = len(range(start, total, stride)) or None
-            self.frame_rate = frame_rate(capture, stride)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames, read from the first on: seeking is not exact in every container."""
         index = None
         with self._capture() as capture:
-            for index in grab_every(capture, self._start, self._stride):
+            for index in grab_every(capture, count(), self._start, self._stride):
                 pixels = retrieve(capture)
                 if pixels is None:
                     raise SourceError(f"{self._path}: frame {index} does not decode")

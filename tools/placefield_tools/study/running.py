@@ -63,12 +63,12 @@ def run_study(
 def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> Trial:
     """Describe all frames once, build our map, and drive the query; see ``run_study``."""
     feature = feature_of(config.features.kind)
-    with open_source(reference, spacing_m=query.spacing_m) as source:
+    with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as source:
         vocabulary = _vocabulary(source, reference, config.seed)
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     def describe(where: str) -> Described:
-        with open_source(where, spacing_m=query.spacing_m) as source:
+        with open_source(where, spacing_m=query.spacing_m, parts=query.parts) as source:
             return describe_query_frames(source, feature, vocabulary)
 
     described_query = describe(query.where)

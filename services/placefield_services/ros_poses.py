@@ -1,0 +1,49 @@
+"""A run's matches as poses of ROS 2."""
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.ros import RosPublisher
+from placefield.errors import MessageError
+from placefield.ros.covariance import pose_covariance
+from placefield.ros.messages import pose_message
+
+FRAME = "map"
+"""In which the poses are, as ROS calls it."""
+
+
+class Poses:
+    """Publishes the poses of known matches, and counts them as ``poses``."""
+
+    def __init__(
+        self,
+        of_map: NDArray[np.float64],
+        tolerance: int,
+        publisher: RosPublisher,
+        counts: Counter[str],
+    ) -> None:
+        """Take the map's poses, (K, 3), and how many places off a known match may be."""
+        self._of_map = of_map
+        self._tolerance = tolerance
+        self._publisher = publisher
+        self._counts = counts
+
+    def take(self, header: Header, data: bytes) -> None:
+        """Publish the pose of a match, stamped as its frame, if it is known.
+
+        Raises:
+            MessageError: it is no match of this map.
+        """
+        if header.end:
+            return
+        match = MatchMessage.decode(data)
+        if not match.known or match.probability is None or match.pose is None:
+            return
+        if not 0 <= match.place < len(self._of_map):
+            raise MessageError(f"a match of another map: this one has {len(self._of_map)} places")
+        covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
+        self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
+        self._counts["poses"] += 1

@@ -1,0 +1,20 @@
+"""Stands for a ROS 2 topic where what publishes on it is tested without a bus."""
+
+from typing import Any
+
+from rosbags.typesys import Stores, get_typestore
+
+from placefield.bus.ros import RosPublisher
+
+_STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+class RecordingTopic(RosPublisher):
+    """Keeps what is published, of one kind of message."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+        self.sent: list[Any] = []
+
+    def put(self, payload: bytes) -> None:
+        self.sent.append(_STORE.deserialize_cdr(payload, self._kind))

@@ -1,0 +1,27 @@
+"""What the gateway refuses before it speaks to anybody."""
+
+import threading
+
+import pytest
+
+from placefield.config import Config
+from placefield.errors import ConfigError
+from placefield.maps.map import Map
+from placefield_services.ros import Topics, run_ros
+
+
+@pytest.mark.parametrize(
+    ("settings", "topics", "complaint"),
+    [
+        ({"runs": ["a", "b"]}, Topics(0, "/camera"), "runs a, b"),
+        ({"runs": ["12"]}, Topics(0, "/camera"), "run '12'"),
+        ({}, Topics(0, "camera/*"), r"topic 'camera/\*'"),
+        ({}, Topics(0, "/camera", "odom"), "topic 'odom'"),
+        ({"bus": {"credentials": "x"}}, Topics(0, "/camera"), "credentials"),
+    ],
+)
+def test_what_ros_cannot_have_is_refused(
+    route_map: Map, settings: dict[str, object], topics: Topics, complaint: str
+) -> None:
+    with pytest.raises(ConfigError, match=complaint):
+        run_ros(route_map, topics, Config.model_validate(settings), threading.Event())

@@ -1,0 +1,67 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from bus_doubles import header
+from ros_doubles import RecordingTopic
+
+from placefield.bus.messages import MatchMessage
+from placefield.errors import MessageError
+from placefield.ros.covariance import pose_covariance
+from placefield.ros.messages import POSE
+from placefield_services.ros_poses import Poses
+
+PLACES = np.stack([np.arange(20.0), np.zeros(20), np.full(20, np.pi)], axis=1)
+TOLERANCE = 2
+KNOWN = MatchMessage(
+    place=7, score=1.0, probability=0.995, known=True, pose=(7.0, 0.0, float(np.pi))
+)
+
+
+class Stage:
+    """What publishes poses, what it published and what it counted."""
+
+    def __init__(self) -> None:
+        self.topic = RecordingTopic(POSE)
+        self.counts: Counter[str] = Counter()
+        self._poses = Poses(PLACES, TOLERANCE, self.topic, self.counts)
+
+    def take(self, **changes: object) -> None:
+        self._poses.take(header(5), KNOWN.model_copy(update=changes).encode())
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()
+
+
+def test_a_known_match_is_a_pose_in_the_map(stage: Stage) -> None:
+    stage.take()
+    (sent,) = stage.topic.sent
+    assert (sent.header.stamp.sec, sent.header.stamp.nanosec) == (0, 5)
+    assert sent.header.frame_id == "map"
+    at = sent.pose.pose
+    assert (at.position.x, at.position.y, at.position.z) == (7, 0, 0)
+    assert (at.orientation.z, at.orientation.w) == pytest.approx((1, 0))
+    expected = pose_covariance(PLACES, 7, TOLERANCE, 0.995)
+    assert np.array_equal(sent.pose.covariance.reshape(6, 6), expected)
+    assert stage.counts == {"poses": 1}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"known": False}, {"known": None, "probability": None}, {"place": -1, "pose": None}],
+)
+def test_what_is_not_known_is_no_pose(stage: Stage, changes: dict[str, object]) -> None:
+    stage.take(**changes)
+    assert not stage.topic.sent
+
+
+def test_the_end_of_a_stream_is_no_pose(stage: Stage) -> None:
+    stage._poses.take(header(5, end=True), b"")
+    assert not stage.topic.sent
+
+
+def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
+    with pytest.raises(MessageError, match="another map"):
+        stage.take(place=20)

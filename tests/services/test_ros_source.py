@@ -1,0 +1,72 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from bus_doubles import RecordingPublisher
+from cdr_by_hand import compressed_image, image, odometry
+
+from placefield.bus.history import History, Outbox
+from placefield.bus.messages import FrameMessage, OdometryMessage
+from placefield.errors import MessageError
+from placefield.ros.messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
+from placefield_services.ros_source import RosSource
+
+PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
+
+
+class Stage:
+    """A source, what it published and what it counted."""
+
+    def __init__(self) -> None:
+        self.frames = RecordingPublisher(FrameMessage)
+        self.told: list[OdometryMessage] = []
+        self.counts: Counter[str] = Counter()
+        frames = Outbox(self.frames, History(1))
+        self.source = RosSource(frames, self.told.append, self.counts)
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()
+
+
+def test_images_are_the_frames_of_one_live_stream(stage: Stage) -> None:
+    stage.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+    stage.source.take_image(IMAGE, image((2, 0), 8, 9, "mono8", 9, PIXELS.tobytes()))
+    stage.source.end()
+    first, second, end = (header for header, _ in stage.frames.sent)
+    assert {header.stream for header in (first, second, end)} == {first.stream}
+    assert [header.sequence for header in (first, second, end)] == [0, 1, 2]
+    assert [header.stamp_ns for header in (first, second)] == [1_000_000_005, 2_000_000_000]
+    assert all(header.live for header in (first, second, end))
+    assert [header.end for header in (first, second, end)] == [False, False, True]
+    images = [message.image for _, message in stage.frames.sent if message]
+    assert images[0] == b"first"
+    assert np.array_equal(images[1], PIXELS)
+    assert stage.counts == {"frames": 2}
+
+
+def test_an_image_that_cannot_be_read_leaves_no_gap(stage: Stage) -> None:
+    with pytest.raises(MessageError):
+        stage.source.take_image(IMAGE, b"garbage")
+    stage.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+    assert stage.frames.sequences == [0]
+    assert stage.counts == {"frames": 1}
+
+
+def test_a_stream_that_has_not_begun_does_not_end(stage: Stage) -> None:
+    stage.source.end()
+    assert not stage.frames.sent
+
+
+def test_each_source_has_a_stream_of_its_own(stage: Stage) -> None:
+    other = Stage()
+    for each in (stage, other):
+        each.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+    assert stage.frames.sent[0][0].stream != other.frames.sent[0][0].stream
+
+
+def test_odometry_adds_up_the_way_and_never_goes_down(stage: Stage) -> None:
+    for position in ([3, 4, 0], [3, 4, 2], [0, 0, 2], [0, 0, 2]):
+        stage.source.take_odometry(ODOMETRY, odometry(position))
+    assert [told.metres for told in stage.told] == [0, 2, 7, 7]

@@ -1,0 +1,138 @@
+import base64
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from google.protobuf import descriptor_pb2, timestamp_pb2
+from mcap.writer import Writer
+
+from placefield.errors import SourceError
+from placefield_tools.sources import Parts, open_source
+
+SECOND = 1_000_000_000
+START_NS = 1_700_000_000 * SECOND
+IMAGES = [f"JPEG {index}".encode() for index in range(4)]
+KIND = "foxglove.CompressedImage"
+
+Encoded = Callable[[int, bytes], bytes]
+
+
+def stamps(index: int) -> int:
+    return START_NS + index * SECOND // 5
+
+
+def as_json(stamp_ns: int, image: bytes) -> bytes:
+    sec, nsec = divmod(stamp_ns, SECOND)
+    text = base64.b64encode(image).decode()
+    fields = {"timestamp": {"sec": sec, "nsec": nsec}, "frame_id": "", "data": text}
+    return json.dumps(fields | {"format": "jpeg"}).encode()
+
+
+def as_protobuf(stamp_ns: int, image: bytes) -> bytes:
+    """Foxglove's numbers are 1 for the timestamp and 2 for the data."""
+    stamp = timestamp_pb2.Timestamp()
+    stamp.FromNanoseconds(stamp_ns)
+    parts = {1: stamp.SerializeToString(), 2: image, 3: b"jpeg"}
+    return b"".join(bytes([8 * number + 2, len(part)]) + part for number, part in parts.items())
+
+
+def protobuf_schema() -> bytes:
+    """A set of files of which the first imports the second."""
+    image = descriptor_pb2.FileDescriptorProto(name="foxglove/image.proto", package="foxglove")
+    image.syntax = "proto3"
+    image.dependency.append("google/protobuf/timestamp.proto")
+    message = image.message_type.add(name="CompressedImage")
+    field = descriptor_pb2.FieldDescriptorProto
+    message.field.add(
+        name="timestamp", number=1, type=field.TYPE_MESSAGE, type_name=".google.protobuf.Timestamp"
+    ).label = field.LABEL_OPTIONAL
+    for name, number, kind in (
+        ("data", 2, field.TYPE_BYTES),
+        ("format", 3, field.TYPE_STRING),
+        ("frame_id", 4, field.TYPE_STRING),
+    ):
+        message.field.add(name=name, number=number, type=kind).label = field.LABEL_OPTIONAL
+    imported = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(imported)
+    return descriptor_pb2.FileDescriptorSet(file=[image, imported]).SerializeToString()
+
+
+FORMS: dict[str, tuple[str, bytes, Encoded]] = {
+    "json": ("jsonschema", b"{}", as_json),
+    "protobuf": ("protobuf", protobuf_schema(), as_protobuf),
+}
+
+
+def record(path: Path, form: str, *topics: str, stamped: bool = True) -> str:
+    encoding, definition, encode = FORMS[form]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(KIND, encoding, definition)
+        for topic in topics:
+            channel = writer.register_channel(topic, form, schema)
+            for index, image in enumerate(IMAGES):
+                data = encode(stamps(index) if stamped else 0, image)
+                writer.add_message(channel, stamps(index) + 5, data, publish_time=0)
+        writer.finish()
+    return str(path)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_images_come_as_they_were_recorded(tmp_path: Path, form: str) -> None:
+    with open_source(record(tmp_path / "a.mcap", form, "/image")) as source:
+        frames = list(source)
+        assert source.count == len(IMAGES)
+        assert not source.live
+        assert [frame.image for frame in source] == [frame.image for frame in frames]
+    assert [frame.image for frame in frames] == IMAGES
+    assert [frame.stamp_ns for frame in frames] == [stamps(index) for index in range(len(IMAGES))]
+    assert [frame.name for frame in frames[:2]] == ["a.mcap#0", "a.mcap#1"]
+    chosen = list(open_source(str(tmp_path / "a.mcap"), start=1, stride=2))
+    assert [(frame.index, frame.image) for frame in chosen] == [(1, IMAGES[1]), (3, IMAGES[3])]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_image_without_a_stamp_has_the_recorders(tmp_path: Path, form: str) -> None:
+    frames = list(open_source(record(tmp_path / "a.mcap", form, "/image", stamped=False)))
+    assert [frame.stamp_ns for frame in frames[:2]] == [stamps(0) + 5, stamps(1) + 5]
+
+
+def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
+    where = record(tmp_path / "a.mcap", "json", "/left", "/right")
+    with pytest.raises(SourceError, match="--topic one of /left, /right"):
+        open_source(where)
+    assert len(list(open_source(where, parts=Parts("/right")))) == len(IMAGES)
+    with pytest.raises(SourceError, match=r"--odometry-topic /odom: .* poses in no topic"):
+        open_source(where, parts=Parts("/right", "/odom"))
+
+
+def test_a_file_that_does_not_say_what_it_holds_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_statistics=False)
+        writer.start()
+        writer.finish()
+    with pytest.raises(SourceError, match=r"a\.mcap: does not say what it holds"):
+        open_source(str(path))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("damage", ["cut", "content"])
+def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, form: str, damage: str) -> None:
+    path = Path(record(tmp_path / "a.mcap", form, "/image"))
+    if damage == "cut":
+        path.write_bytes(path.read_bytes()[:-40])
+    else:
+        encoding, definition, _ = FORMS[form]
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start()
+            schema = writer.register_schema(KIND, encoding, definition)
+            channel = writer.register_channel("/image", form, schema)
+            writer.add_message(channel, 1, b"\xff{no message", publish_time=1)
+            writer.finish()
+    with pytest.raises(SourceError, match=r"a\.mcap: cannot be read as a recording") as refused:
+        list(open_source(str(path)))
+    assert "\n" not in str(refused.value)

@@ -1,0 +1,122 @@
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pymap3d
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from PIL.ExifTags import GPS, IFD, Base
+
+from placefield.maps.geography import Origin
+from placefield_tools.sources import open_source
+from placefield_tools.sources.geotags import Geotag, read_geotag
+
+OXFORD = (51.7602, -1.2588)
+
+
+def sexagesimal(degrees: float) -> tuple[float, float, float]:
+    minutes = abs(degrees) % 1 * 60
+    return float(int(abs(degrees))), float(int(minutes)), minutes % 1 * 60
+
+
+def photograph(
+    path: Path, degrees: tuple[float, float] | None = None, when: dict[Base, str] | None = None
+) -> Path:
+    exif = Image.Exif()
+    if degrees is not None:
+        latitude, longitude = degrees
+        exif.get_ifd(IFD.GPSInfo).update(
+            {
+                GPS.GPSLatitudeRef: "N" if latitude >= 0 else "S",
+                GPS.GPSLatitude: sexagesimal(latitude),
+                GPS.GPSLongitudeRef: "E" if longitude >= 0 else "W",
+                GPS.GPSLongitude: sexagesimal(longitude),
+            }
+        )
+    exif.get_ifd(IFD.Exif).update(when or {})
+    Image.new("L", (16, 16)).save(path, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize("degrees", [OXFORD, (-27.5, 153.0), (0.0, -0.001)])
+def test_the_position_is_read_whichever_side_it_is_on(
+    tmp_path: Path, degrees: tuple[float, float]
+) -> None:
+    tag = read_geotag(photograph(tmp_path / "a.jpg", degrees))
+    assert tag.degrees == pytest.approx(degrees, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("tags", "when"),
+    [
+        ({}, datetime(2024, 2, 29, 23, 59, 58, tzinfo=UTC)),
+        ({Base.OffsetTimeOriginal: "+10:00"}, datetime(2024, 2, 29, 13, 59, 58, tzinfo=UTC)),
+        (
+            {Base.SubsecTimeOriginal: "25"},
+            datetime(2024, 2, 29, 23, 59, 58, 250_000, tzinfo=UTC),
+        ),
+    ],
+)
+def test_the_time_is_read_with_its_fraction_and_offset(
+    tmp_path: Path, tags: dict[Base, str], when: datetime
+) -> None:
+    tags = {Base.DateTimeOriginal: "2024:02:29 23:59:58"} | tags
+    tag = read_geotag(photograph(tmp_path / "a.jpg", when=tags))
+    assert tag.stamp_ns == round(when.timestamp() * 1000) * 1_000_000
+
+
+@pytest.mark.parametrize(
+    "when", ["", "0000:00:00 00:00:00", "yesterday", "2024:13:01 00:00:00", "1969:12:31 00:00:00"]
+)
+def test_a_time_that_is_none_is_none(tmp_path: Path, when: str) -> None:
+    tags = {Base.DateTimeOriginal: when}
+    assert read_geotag(photograph(tmp_path / "a.jpg", when=tags)) == Geotag()
+
+
+@given(st.data())
+def test_a_damaged_photograph_has_tags_or_none_and_does_no_harm(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = photograph(tmp_path_factory.getbasetemp() / "damaged.jpg", OXFORD)
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, 250))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    degrees = read_geotag(path).degrees
+    assert degrees is None or (abs(degrees[0]) <= 90 and abs(degrees[1]) <= 180)
+
+
+def test_a_folder_of_photographs_has_stamps_poses_and_an_origin(tmp_path: Path) -> None:
+    latitude, longitude = OXFORD
+    for at in range(3):
+        when = {Base.DateTimeOriginal: f"2024:02:29 00:00:0{at}"}
+        photograph(tmp_path / f"{at}.jpg", (latitude + at / 1e4, longitude), when)
+    with open_source(str(tmp_path)) as source:
+        frames = list(source)
+        assert (source.origin.latitude, source.origin.longitude) == pytest.approx(OXFORD)
+        assert Origin.of_frame(source.origin.frame) == source.origin
+    assert np.diff([frame.stamp_ns for frame in frames]).tolist() == [10**9] * 2
+    for at, frame in enumerate(frames):
+        east, north, _ = pymap3d.geodetic2enu(latitude + at / 1e4, longitude, 0, *OXFORD, 0)
+        assert (frame.pose.x, frame.pose.y) == pytest.approx((east, north), abs=0.01)
+        assert frame.pose.yaw == pytest.approx(np.pi / 2, abs=1e-3)
+
+
+def test_photographs_without_a_position_have_no_pose_and_keep_their_turn(tmp_path: Path) -> None:
+    for at, degrees in enumerate([OXFORD, None, OXFORD]):
+        photograph(tmp_path / f"{at}.jpg", degrees)
+    Image.new("L", (16, 16)).save(tmp_path / "3.png")
+    assert [frame.pose is None for frame in open_source(str(tmp_path))] == [0, 1, 0, 1]
+
+
+def test_times_that_are_missing_or_go_back_are_left_out_and_this_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for at, second in enumerate([5, 4, 6]):
+        when = {Base.DateTimeOriginal: f"2024:02:29 00:00:0{second}"}
+        photograph(tmp_path / f"{at}.jpg", when=when)
+    stamps = [frame.stamp_ns for frame in open_source(str(tmp_path))]
+    assert stamps == [0, 10**8, 2 * 10**8]
+    assert "left out" in caplog.text

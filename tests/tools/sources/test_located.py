@@ -1,0 +1,104 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from placefield.config import Config
+from placefield.errors import MapError, SourceError
+from placefield.features.frames import Pose
+from placefield.maps.geography import Origin
+from placefield_tools.building import build_from
+from placefield_tools.sources import Parts, open_source
+
+COUNT = 40
+RATE = 10
+CONFIG = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    for at in range(COUNT):
+        noise = np.random.default_rng(at // 4).integers(0, 256, (24, 32)).astype(np.uint8)
+        cv2.imwrite(str(drive / f"{at:02}.png"), cv2.GaussianBlur(noise, (0, 0), 2))
+    return drive
+
+
+def tum(path: Path, first: int = 0, last: int = COUNT - 1) -> Path:
+    """Poses of the frames of these numbers: 0.5 m apart, to the north."""
+    lines = [
+        f"{at / RATE:.1f} 1 {at / 2} 0 0 0 {0.5**0.5} {0.5**0.5}" for at in range(first, last + 1)
+    ]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def kitti(path: Path, count: int) -> Path:
+    path.write_text("\n".join(f"1 0 0 0 0 1 0 0 0 0 1 {at}" for at in range(count)))
+    return path
+
+
+def test_a_tum_file_gives_each_frame_its_pose_and_metres(folder: Path, tmp_path: Path) -> None:
+    parts = Parts(poses=tum(tmp_path / "poses.txt"))
+    frames = list(open_source(str(folder), parts=parts, start=4, stride=10))
+    assert [frame.index for frame in frames] == [4, 14, 24, 34]
+    found = [(f.pose.x, f.pose.y, f.pose.yaw, f.odometry_m) for f in frames]
+    expected = [(1, at / 2, np.pi / 2, at / 2) for at in (4, 14, 24, 34)]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    spaced = open_source(str(folder), parts=parts, spacing_m=2)
+    assert [frame.index for frame in spaced] == list(range(0, COUNT, 4))
+
+
+def test_frames_outside_of_the_trajectory_are_left_out_and_counted(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    parts = Parts(poses=tum(tmp_path / "poses.txt", 5, 30))
+    assert [frame.index for frame in open_source(str(folder), parts=parts)] == list(range(5, 31))
+    assert "poses.txt: 14 of 40 frames" in caplog.text
+
+
+def test_a_kitti_file_gives_each_frame_its_line(folder: Path, tmp_path: Path) -> None:
+    parts = Parts(poses=kitti(tmp_path / "00.txt", COUNT))
+    frames = list(open_source(str(folder), parts=parts, start=1, stride=7))
+    assert [frame.pose for frame in frames] == [Pose(at, 0, 0) for at in range(1, COUNT, 7)]
+
+
+@pytest.mark.parametrize("lines", [COUNT - 1, COUNT + 1])
+def test_a_kitti_file_of_another_drive_is_refused(folder: Path, tmp_path: Path, lines: int) -> None:
+    parts = Parts(poses=kitti(tmp_path / "00.txt", lines))
+    with pytest.raises(SourceError, match=f"00.txt: has {lines} lines; .*another number of frames"):
+        open_source(str(folder), parts=parts)
+
+
+def test_topics_are_for_recordings(folder: Path) -> None:
+    for parts in (Parts(topic="/a"), Parts(odometry_topic="/a")):
+        with pytest.raises(SourceError, match="drive: has no topics"):
+            open_source(str(folder), parts=parts)
+
+
+def test_a_map_has_the_poses_of_the_first_reference(folder: Path, tmp_path: Path) -> None:
+    parts = Parts(poses=tum(tmp_path / "poses.txt"))
+    built = build_from([str(folder), str(folder)], CONFIG, parts=parts)
+    assert built.pose_frame == "route"
+    np.testing.assert_allclose(built.places.poses[:, 1], np.arange(COUNT) / 2, atol=1e-9)
+
+
+def test_a_map_says_where_on_earth_its_metres_are(folder: Path) -> None:
+    rows = [f"{at:02}.png,{-27.5 + at / 1e5:.5f},153" for at in range(COUNT)]
+    rows[2] = "02.png,,"
+    (folder / "frames.csv").write_text("\n".join(["file,latitude,longitude", *rows]))
+    built = build_from([str(folder)], CONFIG)
+    origin = Origin.of_frame(built.pose_frame)
+    assert origin == Origin(-27.5, 153)
+    degrees = [origin.to_degrees(*pose[:2]) for pose in built.places.poses]
+    expected = [(-27.5 + at / 1e5, 153) for at in range(COUNT)]
+    np.testing.assert_allclose(degrees, expected, atol=1e-8)
+
+
+def test_a_map_is_not_built_where_only_some_frames_have_poses(folder: Path) -> None:
+    rows = [f"{at:02}.png,{at},0" if at else "00.png,," for at in range(COUNT)]
+    (folder / "frames.csv").write_text("\n".join(["file,x,y", *rows]))
+    with pytest.raises(MapError, match="drive: 1 of 40 frames have no pose"):
+        build_from([str(folder)], CONFIG)

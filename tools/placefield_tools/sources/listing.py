@@ -1,0 +1,66 @@
+"""What is known of a folder's frames before their images are read."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from placefield.features.frames import Pose
+from placefield.maps.geography import Origin
+from placefield.maps.trajectory import directions
+from placefield_tools.sources.degrees import laid_out
+
+DefaultStamp = Callable[[int], int]
+"""Gives the stamp, in ns, of the frame of a number, where no other is known."""
+
+Position = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A frame whose image has not been read yet; ``file`` is relative to the folder."""
+
+    file: str
+    stamp_ns: int
+    pose: Pose | None = None
+    odometry_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """The frames of a folder in their order, and the origin of their poses, if that is known."""
+
+    frames: list[Listed]
+    origin: Origin | None = None
+
+
+def with_positions(
+    frames: Sequence[Listed],
+    positions: Sequence[Position | None],
+    yaws: Sequence[float] | None = None,
+    *,
+    in_degrees: bool,
+) -> Listing:
+    """Give frames the poses at their positions; those of None stay without.
+
+    Args:
+        frames: K frames.
+        positions: of each: x and y, or latitude and longitude, where known.
+        yaws: of each, in radians; None: where the vehicle drives, for it looks there.
+        in_degrees: the positions are latitudes and longitudes; the first becomes the origin.
+
+    Raises:
+        ValueError: a position is nowhere on earth.
+    """
+    known = [number for number, position in enumerate(positions) if position is not None]
+    if not known:
+        return Listing(list(frames))
+    places = np.array([position for position in positions if position is not None])
+    origin = None
+    if in_degrees:
+        origin, places = laid_out(places)
+    turned = directions(places) if yaws is None else np.array(yaws)[known]
+    located = list(frames)
+    for number, (x, y), yaw in zip(known, places.tolist(), turned.tolist(), strict=True):
+        located[number] = replace(frames[number], pose=Pose(x, y, yaw))
+    return Listing(located, origin)

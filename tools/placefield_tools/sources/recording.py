@@ -1,0 +1,65 @@
+"""What recordings have in common, whoever wrote them."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import FrameError, PlacefieldError, SourceError
+from placefield.features.frames import Frame
+from placefield_tools.sources.source import Source
+
+Stamped = tuple[int, bytes | NDArray[np.uint8]]
+"""A stamp in nanoseconds and an image."""
+
+
+class Recording(Source):
+    """The images of one topic, by their own stamps, or the recorder's where they have none."""
+
+    def __init__(self, path: Path, topic: str, total: int, *, start: int, stride: int) -> None:
+        """Take a recording whose ``topic`` holds ``total`` images."""
+        chosen = range(start, total, stride)
+        if not chosen:
+            raise SourceError(f"--start {start}: {path}: {topic} holds {total} frames only")
+        self.count = len(chosen)
+        self._path = path
+        self._topic = topic
+        self._start = start
+        self._stride = stride
+
+    @abstractmethod
+    def _images(self) -> Iterator[Callable[[], Stamped]]:
+        """Yield what decodes an image, for each of the topic."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames; those before ``start`` and between are not decoded."""
+        with known_errors(self._path):
+            chosen = islice(enumerate(self._images()), self._start, None, self._stride)
+            for index, decode in chosen:
+                name = f"{self._path.name}#{index}"
+                try:
+                    stamp_ns, image = decode()
+                except FrameError as error:
+                    raise SourceError(f"{name}: {error}") from None
+                yield Frame(index, stamp_ns, name, image)
+
+
+@contextmanager
+def known_errors(path: Path) -> Iterator[None]:
+    """Make one line of whatever a reader stumbles over in a damaged recording.
+
+    Readers of recordings raise what comes up: struct.error, KeyError, AssertionError, …
+    """
+    try:
+        yield
+    except PlacefieldError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise SourceError(
+            f"{path}: cannot be read as a recording ({reason}); was it cut off?"
+        ) from error

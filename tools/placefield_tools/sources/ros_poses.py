@@ -1,0 +1,76 @@
+"""Poses and positions in a recording of ROS."""
+
+import logging
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from placefield.errors import SourceError
+from placefield.maps.geography import Origin
+from placefield.maps.trajectory import Trajectory, directions
+from placefield_tools.sources.degrees import laid_out
+from placefield_tools.sources.pose_files import quaternion_yaws
+
+log = logging.getLogger(__name__)
+
+_FIX = "sensor_msgs/msg/NavSatFix"
+
+_Row = tuple[float, ...]
+
+
+class Way(NamedTuple):
+    """A trajectory and, if it is known where on earth that is, its origin."""
+
+    trajectory: Trajectory
+    origin: Origin | None
+
+
+def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
+    """Make a trajectory of messages of one of the types ``POSES``, each behind its stamp in ns.
+
+    Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
+    number that is not finite, or of a receiver that has no fix, is left out; how many is logged.
+
+    Raises:
+        SourceError: none is left.
+    """
+    rows = [(stamp_ns, *_READ[kind](message)) for stamp_ns, message in messages]
+    valid = [row for row in rows if np.isfinite(row[1:]).all()]
+    if not valid:
+        raise SourceError(
+            f"{name}: none of {len(rows)} messages says where; "
+            "name another topic with --odometry-topic, or none"
+        )
+    if len(valid) < len(rows):
+        log.warning("%s: %d of %d messages say where", name, len(valid), len(rows))
+    valid.sort(key=lambda row: row[0])
+    stamps = np.array([row[0] for row in valid], np.int64)
+    values = np.array([row[1:] for row in valid], np.float64)
+    if kind != _FIX:
+        yaws = quaternion_yaws(values[:, 2:])
+        return Way(Trajectory.of(stamps, np.column_stack([values[:, :2], yaws])), None)
+    origin, positions = laid_out(values)
+    poses = np.column_stack([positions, directions(positions)])
+    return Way(Trajectory.of(stamps, poses), origin)
+
+
+def _of_pose(pose: Any) -> _Row:
+    at, turn = pose.position, pose.orientation
+    return at.x, at.y, turn.x, turn.y, turn.z, turn.w
+
+
+def _of_fix(fix: Any) -> _Row:
+    has_fix = fix.status.status >= 0
+    return (fix.latitude, fix.longitude) if has_fix else (np.nan, np.nan)
+
+
+_READ: dict[str, Callable[[Any], _Row]] = {
+    "nav_msgs/msg/Odometry": lambda message: _of_pose(message.pose.pose),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
+    "geometry_msgs/msg/PoseStamped": lambda message: _of_pose(message.pose),
+    _FIX: _of_fix,
+}
+
+POSES = tuple(_READ)
+"""The types of messages that tell where the vehicle is."""

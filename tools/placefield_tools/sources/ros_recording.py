@@ -1,0 +1,89 @@
+"""A recording of ROS, 1 or 2, as a source of frames, with no ROS installed."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from placefield.ros.images import decode_image
+from placefield_tools.sources.located import Located
+from placefield_tools.sources.recording import Recording, Stamped, known_errors
+from placefield_tools.sources.ros_poses import POSES, way_of
+from placefield_tools.sources.source import Source
+from placefield_tools.sources.topics import image_topic, pose_topic
+
+_COMPRESSED = "sensor_msgs/msg/CompressedImage"
+_IMAGES = (_COMPRESSED, "sensor_msgs/msg/Image")
+
+
+class _RosRecording(Recording):
+    def _images(self) -> Iterator[Callable[[], Stamped]]:
+        with _reader(self._path) as reader:
+            for kind, read in _messages(reader, self._topic):
+                yield partial(_image, kind, read)
+
+
+def open_ros_recording(
+    path: Path, topic: str | None, odometry_topic: str | None, *, start: int, stride: int
+) -> Source:
+    """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
+
+    Args:
+        path: of the recording.
+        topic: of images; None: the only one.
+        odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
+        start: the first frame.
+        stride: from one frame to the next.
+
+    Raises:
+        SourceError: it cannot be read, holds no such topics, or ends before ``start``.
+    """
+    with known_errors(path), _reader(path) as reader:
+        held = [each for each in reader.connections if each.msgcount]
+        types = {each.topic: each.msgtype for each in held}
+        images = image_topic(str(path), types, _IMAGES, topic)
+        total = sum(each.msgcount for each in held if each.topic == images)
+        source = _RosRecording(path, images, total, start=start, stride=stride)
+        poses = pose_topic(str(path), types, POSES, odometry_topic)
+        if poses is None:
+            return source
+        name = f"{path.name}:{poses}"
+        way = way_of(name, types[poses], (read() for _, read in _messages(reader, poses)))
+        return Located(source, way.trajectory, name, origin=way.origin)
+
+
+def _reader(path: Path) -> AnyReader:
+    """Make a reader; a recording from before ROS 2 Iron does not say what its messages are."""
+    return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+
+
+def _messages(reader: AnyReader, topic: str) -> Iterator[tuple[str, Callable[[], tuple[int, Any]]]]:
+    """Yield the type of each message of a topic, and what reads its stamp and itself."""
+    connections = [each for each in reader.connections if each.topic == topic]
+    for connection, recorded_ns, data in reader.messages(connections):
+        kind = connection.msgtype
+        yield kind, partial(_read, reader, kind, recorded_ns, data)
+
+
+def _read(reader: AnyReader, kind: str, recorded_ns: int, data: bytes) -> tuple[int, Any]:
+    message: Any = reader.deserialize(data, kind)
+    stamp = message.header.stamp
+    return stamp.sec * 1_000_000_000 + stamp.nanosec or recorded_ns, message
+
+
+def _image(kind: str, read: Callable[[], tuple[int, Any]]) -> Stamped:
+    stamp_ns, message = read()
+    if kind == _COMPRESSED:
+        return stamp_ns, message.data.tobytes()
+    pixels = decode_image(
+        message.height,
+        message.width,
+        message.encoding,
+        bool(message.is_bigendian),
+        message.step,
+        message.data,
+    )
+    return stamp_ns, pixels

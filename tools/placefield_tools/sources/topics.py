@@ -1,0 +1,63 @@
+"""Which of a recording's topics is meant."""
+
+from collections.abc import Collection, Mapping
+
+from placefield.errors import SourceError
+
+Types = Mapping[str, str]
+"""A recording's topics and the types of their messages."""
+
+
+def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | None) -> str:
+    """Return the topic of images that is asked for, else the only one.
+
+    Args:
+        name: of the recording.
+        types: its topics.
+        kinds: the types that are images.
+        asked: ``--topic``.
+
+    Raises:
+        SourceError: there is none, or none of that name; several, and none is asked for.
+    """
+    found = _of_kind(types, kinds)
+    if asked is None and len(found) == 1:
+        return found[0]
+    if asked in found:
+        return asked
+    if not found:
+        every = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(types.items()))
+        raise SourceError(
+            f"{name}: no topic of {' or '.join(sorted(kinds))}; it holds {every or 'nothing'}"
+        )
+    wrong = "" if asked is None else f"--topic {asked}: there are no images; "
+    raise SourceError(f"{name}: {wrong}choose with --topic one of {', '.join(found)}")
+
+
+def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | None) -> str | None:
+    """Return the topic of poses that is asked for, else the only one; None if not one is meant.
+
+    Args:
+        name: of the recording.
+        types: its topics.
+        kinds: the types that are poses.
+        asked: ``--odometry-topic``; ``none`` means none.
+
+    Raises:
+        SourceError: there is none of that name.
+    """
+    found = _of_kind(types, kinds)
+    if asked is None:
+        return found[0] if len(found) == 1 else None
+    if asked == "none":
+        return None
+    if asked in found:
+        return asked
+    raise SourceError(
+        f"{name}: --odometry-topic {asked}: there are no poses; "
+        f"it holds poses in {', '.join(found) or 'no topic'}"
+    )
+
+
+def _of_kind(types: Types, kinds: Collection[str]) -> list[str]:
+    return sorted(topic for topic, kind in types.items() if kind in kinds)
