@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 
-.PHONY: demo test lint audit bench
+.PHONY: demo test lint docs audit bench
 
 demo: $(INSTALLED)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
@@ -15,6 +15,9 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 audit: $(INSTALLED)
 	$(BIN)/pip-audit --local --skip-editable --format json 2>/dev/null | $(PYTHON) .ci/audit

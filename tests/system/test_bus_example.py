@@ -1,0 +1,34 @@
+"""The program on the page about the bus, which knows Zenoh and msgpack alone, is answered."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from hosting import PATIENCE_S, Host, environment
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "bus.md"
+
+
+def test_the_example_gets_a_match_for_each_of_its_frames(
+    host: Host, query_dir: Path, tmp_path: Path
+) -> None:
+    (example,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    script = tmp_path / "example.py"
+    script.write_text(example)
+    frames = sorted(query_dir.iterdir())[:10]
+    with host.listener() as listener:
+        ran = subprocess.run(
+            [sys.executable, script, host.endpoint, *frames],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            env=environment(),
+            check=False,
+        )
+        assert ran.returncode == 0, ran.stderr
+        answers = listener.answers()
+    assert ran.stdout.splitlines() == [
+        f"{frame} {match.place} {match.probability}"
+        for frame, (_, match) in zip(frames, answers, strict=True)
+    ]
