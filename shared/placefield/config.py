@@ -1,7 +1,8 @@
 """The configuration of a run: one frozen value, from defaults, TOML, environment and flags."""
 
+import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -200,6 +201,15 @@ class Config(_Section):
         return tomli_w.dumps(self.model_dump(exclude_none=True))
 
 
+def _check_sections(environment: Iterable[str]) -> None:
+    """Refuse a misspelt section, which pydantic-settings would not look at."""
+    for name in environment:
+        section, nested, _ = name.lower().removeprefix(ENV_PREFIX.lower()).partition("__")
+        is_ours = nested and name.lower().startswith(ENV_PREFIX.lower())
+        if is_ours and section not in Config.model_fields:
+            raise ConfigError(f"environment: {name}: no such section; see 'placefield config'")
+
+
 def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
     """Read the configuration: flags over the environment over the file over the defaults.
 
@@ -215,6 +225,7 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
     """
     if file is not None and not file.is_file():
         raise ConfigError(f"{file}: no such configuration file")
+    _check_sections(os.environ)
 
     class Loader(Config, BaseSettings):
         model_config = SettingsConfigDict(

@@ -80,6 +80,12 @@ def test_unknown_keys_and_malformed_values_are_named_wherever_they_come_from(
         assert "setting features.dimensions:" in refusal()
 
 
+def test_a_misspelt_section_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLACEFIELD_SCALE__CHANNELS", "3")
+    with pytest.raises(ConfigError, match="PLACEFIELD_SCALE__CHANNELS: no such section"):
+        load_config()
+
+
 def test_a_section_as_one_environment_variable_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLACEFIELD_SCALES", "channels=3")
     message = refusal()
