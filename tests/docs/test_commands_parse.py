@@ -1,5 +1,6 @@
 """The commands that the documentation shows are ours, with options that they have."""
 
+import inspect
 import re
 import shlex
 from collections.abc import Iterator
@@ -70,6 +71,23 @@ def test_commands_are_found() -> None:
     shell = "make demo\nA=1 placefield up m.pfmap \\\n  --run x  # y\nbin/placefield a>b && c"
     assert list(commands_in(shell)) == [["up", "m.pfmap", "--run", "x"], ["a"]]
     assert sum(len(shown_on(page)) for page in PAGES) > 50
+
+
+def commands_of(group: typer.Typer) -> Iterator[typer.models.CommandInfo]:
+    yield from group.registered_commands
+    for info in group.registered_groups:
+        assert info.typer_instance is not None
+        yield from commands_of(info.typer_instance)
+
+
+def test_every_command_shows_an_example_that_parses_but_for_benchmarks() -> None:
+    for command in commands_of(app):
+        described = inspect.getdoc(command.callback) or ""
+        examples = [*commands_in(described.partition("Examples:")[2])]
+        is_benchmark = command.callback.__module__.endswith(".bench")  # type: ignore[union-attr]
+        assert examples or is_benchmark, command.name
+        for words in examples:
+            parse(words)
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,12 @@ def _alive(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """End with code 0 if a service is alive in every run, and with 1 if not, saying so."""
+    """End with code 0 if a service is alive in every run, and with 1 if not, saying so.
+
+    Examples:
+      placefield alive fuser
+      placefield alive channel --channel 2
+    """
     from placefield.bus.keys import Keys, part_of, service_and_identity
     from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError

@@ -43,8 +43,8 @@ def _build(
     from all.
 
     Examples:
-    placefield build day/ dusk/ -o route.pfmap
-    placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
+      placefield build day/ dusk/ -o route.pfmap
+      placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
     from placefield.maps.store import check_map_path, save_map
     from placefield_tools.building import build_from

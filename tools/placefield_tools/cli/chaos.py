@@ -22,7 +22,10 @@ def add_to(app: typer.Typer) -> None:
 def _chaos(
     map_path: options.MapPath,
     source: Annotated[
-        str, typer.Argument(help="a folder of frames or a video; it begins again at its end")
+        str,
+        typer.Argument(
+            metavar="SOURCE", help="a folder of frames or a video; it begins again at its end"
+        ),
     ],
     faults: Annotated[int, typer.Option(min=0, help="how many")] = 7,
     frames: Annotated[
@@ -41,6 +44,9 @@ def _chaos(
     Services and router are killed, a channel worker is stopped for a while, garbage and old
     messages come. Every frame must be answered, and as offline where the answer isn't flagged
     as partial; else the exit code is 1. One seed gives one schedule.
+
+    Examples:
+      placefield chaos route.pfmap dusk/ --seed 7
     """
     from rich.console import Console
 

@@ -15,5 +15,9 @@ def _config(config: options.ConfigFile = None, settings: options.Settings = None
 
     Flags win over the environment (PLACEFIELD_SCALES__CHANNELS=8), that over the file of --config,
     that over the defaults.
+
+    Examples:
+      placefield config > placefield.toml
+      placefield config --set scales.channels=8
     """
     print(options.effective_config(config, settings).to_toml(), end="")

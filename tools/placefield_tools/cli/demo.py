@@ -37,6 +37,10 @@ def _demo(
     """Build a map of a route, run the services, stream a second traverse, and show how it went.
 
     Without REF and QUERY, a street is rendered by day and at dusk.
+
+    Examples:
+      placefield demo
+      placefield demo day/ dusk/
     """
     if (reference is None) != (query is None):
         raise typer.BadParameter("give both REF and QUERY, or neither")

@@ -36,6 +36,10 @@ def _doctor(
     """Examine this machine: versions, cores, memory, the router, services, the camera.
 
     Says what to do about what it finds, and ends with code 1 if something is bad.
+
+    Examples:
+      placefield doctor
+      placefield doctor --camera rtsp://192.168.1.20/stream
     """
     from placefield_tools.doctor.cameras import cameras
     from placefield_tools.doctor.installation import installation

@@ -48,7 +48,12 @@ def _evaluate(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Build a map from REF, or take one, match QUERY by every rule, and say how well it did."""
+    """Build a map from REF, or take one, match QUERY by every rule, and say how well it did.
+
+    Examples:
+      placefield evaluate route.pfmap dusk/ --tolerance 3
+      placefield evaluate day/ dusk/ --protocol speed --seed 1
+    """
     from placefield_tools.building import map_of
     from placefield_tools.evaluating import Query, evaluate
     from placefield_tools.pictures import draw

@@ -49,8 +49,8 @@ def _export(
     reads it; .geojson and .gpx one on earth, of a map whose frames had latitude and longitude.
 
     Examples:
-    placefield export drive.jsonl drive.tum --map route.pfmap
-    placefield export drive.csv loops.g2o --map route.pfmap --all
+      placefield export drive.jsonl drive.tum --map route.pfmap
+      placefield export drive.csv loops.g2o --map route.pfmap --all
     """
     from placefield.maps.opening import open_map
     from placefield_tools.exporting.exporting import check_suffix, export

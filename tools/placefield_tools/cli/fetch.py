@@ -14,7 +14,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _fetch(
-    name: Annotated[str, typer.Argument(help="of a map that a host serves", show_default=False)],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="of a map that a host serves", show_default=False)
+    ],
     to: Annotated[Path, typer.Option(help="folder to put it in")] = Path(),
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -25,6 +27,9 @@ def _fetch(
 
     It gives up when nothing has come for bus.connect_timeout_s; the same command then goes on where
     it ended.
+
+    Examples:
+      placefield fetch route --endpoint tcp/10.0.0.2:7557
     """
     from placefield.bus.session import open_bus
     from placefield.errors import ConfigError

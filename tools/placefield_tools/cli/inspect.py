@@ -25,7 +25,11 @@ def _inspect(
         ),
     ] = None,
 ) -> None:
-    """Print what a map holds, and draw its segments per channel."""
+    """Print what a map holds, and draw its segments per channel.
+
+    Examples:
+      placefield inspect route.pfmap -o segments.png
+    """
     from placefield.maps.opening import open_map
     from placefield_tools.inspecting import draw_segments, print_map
 

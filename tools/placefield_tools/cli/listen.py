@@ -23,7 +23,12 @@ def _listen(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Print the matches of a run as they come, a line each, until Ctrl-C."""
+    """Print the matches of a run as they come, a line each, until Ctrl-C.
+
+    Examples:
+      placefield listen
+      placefield listen --run rear --json
+    """
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError

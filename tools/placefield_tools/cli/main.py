@@ -13,6 +13,7 @@ from placefield_tools.cli import (
     build,
     chaos,
     config,
+    datasets,
     demo,
     doctor,
     evaluate,
@@ -32,6 +33,7 @@ from placefield_tools.cli import (
     study,
     up,
 )
+from placefield_tools.cli.helping import unwrapped
 from placefield_tools.logs import log, log_for_a_person
 
 app = typer.Typer(
@@ -40,22 +42,39 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_streaming = (plan, up, services, router, serve, fetch, replay, ros, listen, record, status, alive)
-for module in (
-    build,
-    inspect,
-    *_streaming,
-    export,
-    evaluate,
-    study,
-    bench,
-    chaos,
-    config,
-    security,
-    doctor,
-    demo,
-):
-    module.add_to(app)
+_PANELS = {
+    "Maps": (build, inspect, serve, fetch),
+    "Services": (up, services, router, plan, status, alive),
+    "Frames in": (replay, ros),
+    "Matches out": (listen, record, export),
+    "How good it is": (evaluate, study, bench, chaos, datasets),
+    "This machine": (demo, doctor, config, security),
+}
+
+
+def _add_commands() -> None:
+    for panel, modules in _PANELS.items():
+        group = typer.Typer()
+        for module in modules:
+            module.add_to(group)
+        _unwrap_help(group)
+        for command in group.registered_commands:
+            command.rich_help_panel = panel
+        for sub_group in group.registered_groups:
+            sub_group.rich_help_panel = panel
+        app.registered_commands += group.registered_commands
+        app.registered_groups += group.registered_groups
+
+
+def _unwrap_help(group: typer.Typer) -> None:
+    for command in group.registered_commands:
+        command.help = unwrapped(command.callback)
+    for sub_group in group.registered_groups:
+        if sub_group.typer_instance is not None:
+            _unwrap_help(sub_group.typer_instance)
+
+
+_add_commands()
 
 
 def main() -> None:

@@ -41,6 +41,9 @@ def _plan(
     Channels are cut into shards only where the rate takes it; those of one metric stay together.
 
     Each host needs the map at the same path: see 'placefield fetch'.
+
+    Examples:
+      placefield plan route.pfmap --hosts camera,left,right --cores 4
     """
     from placefield.maps.manifest import read_manifest
     from placefield_tools.planning import loads_of, plan, services_of

@@ -48,8 +48,8 @@ def _record(
     and .rrd in Rerun, at the stamps of the frames.
 
     Examples:
-    placefield record drive.jsonl
-    placefield record drive.mcap --frames --map route.pfmap
+      placefield record drive.jsonl
+      placefield record drive.mcap --frames --map route.pfmap
     """
     from placefield.maps.manifest import read_manifest
     from placefield_services.process import stop_event

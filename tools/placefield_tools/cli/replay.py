@@ -16,8 +16,9 @@ def _replay(
     source: Annotated[
         str,
         typer.Argument(
+            metavar="SOURCE",
             help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), or a "
-            "camera as camera:0 or rtsp://HOST/PATH"
+            "camera as camera:0 or rtsp://HOST/PATH",
         ),
     ],
     rate: Annotated[
@@ -46,9 +47,9 @@ def _replay(
     the vehicle publishes, and a camera that is gone is waited for.
 
     Examples:
-    placefield replay frames/
-    placefield replay drive.bag --topic /camera/image_raw/compressed --spacing 0.5
-    placefield replay rtsp://192.168.0.10/stream
+      placefield replay frames/
+      placefield replay drive.bag --topic /camera/image_raw/compressed --spacing 0.5
+      placefield replay rtsp://192.168.0.10/stream
     """
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus

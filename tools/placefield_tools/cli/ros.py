@@ -41,9 +41,8 @@ def _ros(
     (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Out once a second: how the
     services stand, on /diagnostics (diagnostic_msgs/DiagnosticArray).
 
-    For example:
-
-    placefield ros street.pfmap --topic /camera/image_raw/compressed --odometry /odom
+    Examples:
+      placefield ros street.pfmap --topic /camera/image_raw/compressed --odometry /odom
     """
     from placefield_services.process import begin, leave, stop_event
 

@@ -21,6 +21,9 @@ def _router(
     """Run a router: services of this host connect to it, and it to routers of other hosts.
 
     Of two hosts one connects to the other. What many read on a host crosses to it once.
+
+    Examples:
+      placefield router --endpoint tcp/0.0.0.0:7557 --connect tcp/10.0.0.2:7557
     """
     from placefield_services.process import begin, leave, stop_event
     from placefield_services.router import run_router

@@ -30,6 +30,9 @@ def _init(
 
     Each role is a folder to be copied to its hosts and given as --credentials FOLDER, with
     --endpoint tls/HOST:PORT. Keep ca-key.pem where nobody reaches it: who has it is let in.
+
+    Examples:
+      placefield security init pki --host robot.example
     """
     from placefield_tools.security.folders import write_credentials
 

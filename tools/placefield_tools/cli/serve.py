@@ -25,7 +25,11 @@ def _serve(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Serve maps to hosts that have none; 'placefield up' does so with its own."""
+    """Serve maps to hosts that have none; 'placefield up' does so with its own.
+
+    Examples:
+      placefield serve route.pfmap
+    """
     from placefield_services.process import begin, leave, stop_event
 
     begin()

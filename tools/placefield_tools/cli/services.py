@@ -27,7 +27,11 @@ def _featurizer(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Serve as featurizer: frames in, descriptors out."""
+    """Serve as featurizer: frames in, descriptors out.
+
+    Examples:
+      placefield featurizer route.pfmap --run front --run rear
+    """
     from placefield_services.process import begin, leave, stop_event
 
     begin()
@@ -67,7 +71,12 @@ def _channel(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Serve as channel worker: descriptors in, a candidate per channel out."""
+    """Serve as channel worker: descriptors in, a candidate per channel out.
+
+    Examples:
+      placefield channel route.pfmap --channel 0 --channel 1
+      placefield channel route.pfmap --channel 0 --shard 0/4
+    """
     from placefield_services.process import begin, leave, stop_event
 
     begin()
@@ -117,7 +126,11 @@ def _fuser(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Serve as fuser: candidates in, one match per frame out."""
+    """Serve as fuser: candidates in, one match per frame out.
+
+    Examples:
+      placefield fuser route.pfmap --precision 0.999
+    """
     from placefield_services.process import begin, leave, stop_event
 
     begin()

@@ -42,6 +42,10 @@ def _status(
     For each: its newest answer, by how many frames it is behind, frames per second, and counts.
 
     Ends with code 1 if a featurizer, a fuser, a channel or a shard is missing, saying which.
+
+    Examples:
+      placefield status --watch
+      placefield status --run rear --json
     """
     from rich.console import Console
 

@@ -40,7 +40,12 @@ def _study(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Match QUERY along REF by every method and without every part of ours; write a report."""
+    """Match QUERY along REF by every method and without every part of ours; write a report.
+
+    Examples:
+      placefield study day/ dusk/ --tolerance 3
+      placefield study day/ dusk/ --protocol kidnap
+    """
     from placefield_tools.evaluating import Query
     from placefield_tools.sources import Parts
     from placefield_tools.study.report import write_report

@@ -64,9 +64,9 @@ def _up(
 
     What dies is started again; Ctrl-C stops all.
 
-    Beside a robot's own router, for example:
-
-    placefield up street.pfmap --ros /camera/image_raw/compressed --connect tcp/127.0.0.1:7447
+    Examples:
+      placefield up route.pfmap --precision 0.99
+      placefield up street.pfmap --ros /camera/image_raw/compressed --connect tcp/127.0.0.1:7447
     """
     from placefield.config import MonitoringConfig
     from placefield.errors import ConfigError

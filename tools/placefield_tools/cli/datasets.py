@@ -1,0 +1,112 @@
+"""``placefield datasets``: the public benchmarks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_Name = Annotated[str, typer.Argument(metavar="NAME", help="of a benchmark", show_default=False)]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands."""
+    datasets = typer.Typer(invoke_without_command=True)
+    datasets.callback()(_list)
+    datasets.command("show")(_show)
+    datasets.command("get")(_get)
+    datasets.command("check")(_check)
+    app.add_typer(datasets, name="datasets")
+
+
+def _list(context: typer.Context) -> None:
+    """List the public benchmarks by name; show, get and check one.
+
+    Examples:
+      placefield datasets
+      placefield datasets get gardens-point --into benchmarks
+    """
+    from placefield_tools.datasets.benchmarks import benchmarks
+    from placefield_tools.datasets.showing import print_list
+
+    if context.invoked_subcommand is None:
+        print_list(benchmarks().values())
+
+
+def _show(name: _Name) -> None:
+    """Tell a benchmark's layout, tolerance, ground truth and licence, and how to run it here.
+
+    Examples:
+      placefield datasets show nordland
+    """
+    from placefield_tools.datasets.benchmarks import benchmark
+    from placefield_tools.datasets.showing import print_benchmark
+
+    print_benchmark(benchmark(name), Path(name))
+
+
+def _get(
+    name: _Name,
+    into: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="where to make the benchmark's folder")
+    ] = Path(),
+) -> None:
+    """Download a benchmark where its licence lets a program do so, check it and unpack it.
+
+    What was cut off goes on when the same command is run again. Every file must have the SHA-256
+    sum that is known, or else the one of the first time, which is kept in FOLDER/NAME.sha256.
+
+    Examples:
+      placefield datasets get corridor --into benchmarks
+    """
+    from placefield_tools.datasets.benchmarks import benchmark
+    from placefield_tools.datasets.checking import check
+    from placefield_tools.datasets.getting import get, sums_file
+    from placefield_tools.datasets.showing import study_command
+    from placefield_tools.progress import progress_bar
+
+    known = benchmark(name)
+    count = len(known.files)
+    with progress_bar() as bar:
+        task = bar.add_task("", visible=False)
+
+        def show(number: int, there: int, total: int | None) -> None:
+            bar.update(
+                task,
+                description=f"file {number + 1} of {count}, KiB",
+                visible=True,
+                completed=there >> 10,
+                total=None if total is None else total >> 10,
+            )
+
+        folder = get(known, into, show)
+    _print_counts(folder, check(known, folder))
+    print(f"licence: {known.licence}")
+    if not all(file.sha256 for file in known.files):
+        print(f"{sums_file(known, into)}: what came is to be the same the next time")
+    if command := study_command(known, folder):
+        print(command)
+
+
+def _check(
+    name: _Name,
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="in which it lies", show_default=False)
+    ],
+) -> None:
+    """Check that a benchmark lies in a folder as it should, and count its frames.
+
+    Examples:
+      placefield datasets check gardens-point benchmarks/gardens-point
+    """
+    from placefield_tools.datasets.benchmarks import benchmark
+    from placefield_tools.datasets.checking import check
+    from placefield_tools.datasets.showing import study_command
+
+    known = benchmark(name)
+    _print_counts(folder, check(known, folder))
+    if command := study_command(known, folder):
+        print(command)
+
+
+def _print_counts(folder: Path, counts: dict[str, int]) -> None:
+    print(f"{folder}: " + ", ".join(f"{name} {count}" for name, count in counts.items()))

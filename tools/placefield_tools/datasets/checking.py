@@ -1,0 +1,47 @@
+"""Whether a benchmark lies on the disk as it should."""
+
+from pathlib import Path
+
+from placefield.errors import SourceError
+from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, Traverse
+from placefield_tools.sources.folder import IMAGE_SUFFIXES
+
+
+def check(benchmark: Benchmark, folder: Path) -> dict[str, int]:
+    """Count the frames of every traverse; a video counts as 1.
+
+    Raises:
+        SourceError: a traverse is missing, empty, or has another number of frames than is known, or
+            the ground truth is missing; all that is wrong is told.
+    """
+    counts = {traverse.name: _count(folder / traverse.folder) for traverse in benchmark.traverses}
+    wrong = [
+        complaint
+        for traverse in benchmark.traverses
+        for complaint in _complaints(traverse, counts[traverse.name])
+    ]
+    if benchmark.truth_matrix and not (folder / TRUTH).is_file():
+        wrong.append(f"no ground truth {TRUTH}")
+    if wrong:
+        raise SourceError(
+            f"{folder}: is not laid out as {benchmark.name}: {'; '.join(wrong)}; "
+            f"see 'placefield datasets show {benchmark.name}'"
+        )
+    return counts
+
+
+def _complaints(traverse: Traverse, count: int) -> list[str]:
+    if count == 0:
+        return [f"no frames in {traverse.folder}"]
+    if traverse.frames not in (None, count):
+        return [f"{count} frames in {traverse.folder}, and {traverse.frames} are known"]
+    return []
+
+
+def _count(path: Path) -> int:
+    if not path.is_dir():
+        return int(path.is_file())
+    return sum(
+        entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+        for entry in path.iterdir()
+    )

@@ -1,0 +1,136 @@
+"""A benchmark from where it is published to a folder: whole under its name, or not there at all.
+
+Everything happens in NAME.partial, of which the outcome is renamed at the end. What has been
+downloaded stays there when the work is cut off.
+"""
+
+import errno
+import fcntl
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from placefield.errors import SourceError
+from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, File
+from placefield_tools.datasets.downloading import download
+from placefield_tools.datasets.ground_truth import write_truth
+from placefield_tools.datasets.sums import read_sums, sum_of, write_sums
+from placefield_tools.datasets.unpacking import unpack
+
+Progress = Callable[[int, int, int | None], None]
+"""Called with the number of a file (from 0), how many bytes are there, and of how many if known."""
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def sums_file(benchmark: Benchmark, into: Path) -> Path:
+    """Return where the sums of files are kept of which none was known."""
+    return into / f"{benchmark.name}.sha256"
+
+
+def get(benchmark: Benchmark, into: Path, progress: Progress) -> Path:
+    """Download a benchmark, check it and unpack it.
+
+    Args:
+        benchmark: one that has files.
+        into: the folder in which its own is made.
+        progress: told of what has come.
+
+    Returns:
+        The benchmark's folder.
+
+    Raises:
+        SourceError: it is to be got by hand, is there already or cannot be had, a file is not what
+            it should be, or the disk refuses.
+    """
+    folder = into / benchmark.name
+    if benchmark.by_hand:
+        raise SourceError(f"{benchmark.name}: {benchmark.by_hand}; put it in {folder}")
+    if os.path.lexists(folder):
+        raise SourceError(
+            f"{folder}: is there already; 'placefield datasets check {benchmark.name} {folder}' "
+            "looks at it; remove it to get it anew"
+        )
+    partial = into / f"{benchmark.name}.partial"
+    with _disk_errors_told(partial):
+        partial.mkdir(parents=True, exist_ok=True)
+        with _alone(partial):
+            _download(benchmark, partial, sums_file(benchmark, into), progress)
+            assembled = _assemble(benchmark, partial)
+            _keep_sums(benchmark, partial, sums_file(benchmark, into))
+            assembled.rename(folder)
+            shutil.rmtree(partial)
+    return folder
+
+
+def _download(benchmark: Benchmark, partial: Path, sums_kept: Path, progress: Progress) -> None:
+    for number, file in enumerate(benchmark.files):
+        come = _come(partial, file)
+        if not come.exists():
+            part = come.with_name(f"{come.name}.part")
+            part.parent.mkdir(parents=True, exist_ok=True)
+            url = f"{benchmark.files_at}{file.name}"
+            download(url, part, file.bytes, lambda *there, number=number: progress(number, *there))
+            _check(file, part, sums_kept)
+            part.rename(come)
+
+
+def _check(file: File, part: Path, sums_kept: Path) -> None:
+    """Compare a file with what it should be, or with what it was the first time."""
+    wanted = file.sha256 or read_sums(sums_kept).get(file.name)
+    if wanted and (found := sum_of(part)) != wanted:
+        part.unlink()
+        why = "is known" if file.sha256 else f"{sums_kept} says; remove that if you trust this one"
+        raise SourceError(f"{file.name}: removed, its SHA-256 is {found} and not {wanted} as {why}")
+
+
+def _keep_sums(benchmark: Benchmark, partial: Path, sums_kept: Path) -> None:
+    """Keep the sums of files of which none was known; they have been unpacked, so are no halves."""
+    known = read_sums(sums_kept)
+    news = [file for file in benchmark.files if not file.sha256 and file.name not in known]
+    if news:
+        write_sums(sums_kept, known | {file.name: sum_of(_come(partial, file)) for file in news})
+
+
+def _assemble(benchmark: Benchmark, partial: Path) -> Path:
+    assembled = partial / "assembled"
+    shutil.rmtree(assembled, ignore_errors=True)
+    for file in benchmark.files:
+        come = _come(partial, file)
+        if file.is_archive:
+            unpack(come, assembled / file.into)
+        else:
+            target = assembled / file.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(come, target)
+    if benchmark.truth_matrix:
+        write_truth(assembled / benchmark.truth_matrix, assembled / TRUTH)
+    return assembled
+
+
+def _come(partial: Path, file: File) -> Path:
+    return partial / "files" / file.name
+
+
+@contextmanager
+def _alone(partial: Path) -> Iterator[None]:
+    """Hold the lock of a folder, which goes with the process however it ends."""
+    with (partial / ".lock").open("ab") as opened:
+        try:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SourceError(f"{partial}: somebody else is at it; let that end first") from None
+        yield
+
+
+@contextmanager
+def _disk_errors_told(partial: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        what = error.strerror or str(error)
+        if error.errno in _FULL:
+            what = "the disk is full; free some space and run the same command again to go on"
+        raise SourceError(f"{error.filename or partial}: {what}") from None

@@ -1,0 +1,39 @@
+"""A benchmark's own ground truth as the table that ``--truth`` takes."""
+
+import csv
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from placefield.errors import SourceError
+
+_MATRIX = "GTsoft"
+"""What counts as right: all places from which the query's can be seen, not the nearest one alone"""
+
+
+def write_truth(matrix: Path, table: Path) -> None:
+    """Write the runs of right places of every query frame as ``query,first,last``.
+
+    Args:
+        matrix: a NumPy archive whose ``GTsoft``, (places, queries) of any number type, is not 0
+            where a place is right for a query frame.
+        table: where to.
+
+    Raises:
+        SourceError: there is no such matrix.
+        OSError: it cannot be written.
+    """
+    try:
+        with np.load(matrix, allow_pickle=False) as arrays:
+            right = np.asarray(arrays[_MATRIX] != 0)
+    except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        raise SourceError(f"{matrix}: holds no matrix {_MATRIX} ({error})") from None
+    if right.ndim != 2:
+        raise SourceError(f"{matrix}: {_MATRIX} has shape {right.shape}, not (places, queries)")
+    with table.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("query", "first", "last"))
+        for query, places in enumerate(right.T):
+            edges = np.flatnonzero(np.diff(places, prepend=False, append=False))
+            writer.writerows((query, first, end - 1) for first, end in edges.reshape(-1, 2))

@@ -1,0 +1,51 @@
+"""What files were the first time, as ``sha256sum`` writes it, where no sum is known.
+
+That does not say that they were right, but that later ones are the same.
+"""
+
+import hashlib
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from placefield.errors import SourceError
+
+_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+
+
+def sum_of(file: Path) -> str:
+    """Return the SHA-256 of a file, in lower-case hexadecimal digits."""
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def read_sums(path: Path) -> dict[str, str]:
+    """Return the sums of a list by the files' names; none if there is no list.
+
+    Raises:
+        SourceError: it is not what ``sha256sum`` writes.
+    """
+    if not path.exists():
+        return {}
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        lines = [""]
+    found = [_LINE.fullmatch(line) for line in lines]
+    if None in found:
+        raise SourceError(f"{path}: is not a list of SHA-256 sums; remove it to begin another")
+    return {match[2]: match[1] for match in found if match}
+
+
+def write_sums(path: Path, sums: Mapping[str, str]) -> None:
+    """Write a list of sums, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    beside = path.with_name(f"{path.name}.new")
+    beside.write_text(
+        "".join(f"{digest}  {name}\n" for name, digest in sums.items()), encoding="utf-8"
+    )
+    os.replace(beside, path)
