@@ -12,6 +12,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
 from placefield.bus.session import Bus, open_router
@@ -176,7 +177,11 @@ class _Child:
 
 
 def _how_ended(code: int) -> str:
-    return f"ended with code {code}" if code >= 0 else f"was ended by {signal.Signals(-code).name}"
+    if code >= 0:
+        return f"ended with code {code}"
+    with suppress(ValueError):  # those for real time have no names
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"was ended by signal {-code}"
 
 
 def child_environment() -> dict[str, str]:

@@ -1,7 +1,8 @@
 """What services count, for Prometheus."""
 
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from placefield.bus.keys import Keys, run_of, service_and_identity
@@ -83,7 +84,8 @@ class Overheard:
     """What all services of some runs tell on the bus, from now on."""
 
     def __init__(self, bus: Bus, runs: Sequence[str]) -> None:
-        self._newest: dict[str, tuple[float, StatsMessage]] = {}
+        self._newest: dict[str, tuple[float, Told]] = {}
+        self._lock = threading.Lock()  # the bus hears while Prometheus asks
         for run in runs:
             bus.subscribe_raw(Keys(run).all_stats, self._hear)
 
@@ -92,15 +94,18 @@ class Overheard:
             stats = StatsMessage.decode(payload)
         except MessageError:
             return  # whoever it is for counts it
-        self._newest[key] = time.monotonic(), stats
+        service, identity = service_and_identity(key)
+        told = Told(run_of(key), identity, stats.model_copy(update={"service": service}))
+        with self._lock:
+            self._newest[key] = time.monotonic(), told
+            self._forget_the_silent()
 
-    def tell(self) -> Iterator[Told]:
-        """Yield what those told that are not silent now."""
-        now = time.monotonic()
-        self._newest = {
-            key: (when, stats)
-            for key, (when, stats) in tuple(self._newest.items())
-            if now - when < _SILENT_S
-        }
-        for key, (_, stats) in self._newest.items():
-            yield Told(run_of(key), service_and_identity(key)[1], stats)
+    def _forget_the_silent(self) -> None:
+        since = time.monotonic() - _SILENT_S
+        self._newest = {key: told for key, told in self._newest.items() if told[0] > since}
+
+    def tell(self) -> list[Told]:
+        """Return what those told that are not silent now."""
+        with self._lock:
+            self._forget_the_silent()
+            return [told for _, told in self._newest.values()]

@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 from placefield.bus.history import Outbox
 from placefield.bus.messages import FrameMessage, Header, OdometryMessage
+from placefield.errors import MessageError
 from placefield.ros.messages import read_image, read_position
+
+_FARTHEST_M = 1e8  # above that the metres of a drive are lost in rounding, or it is not of earth
 
 
 class RosSource:
@@ -50,10 +53,11 @@ class RosSource:
         Raises:
             MessageError: it is no odometry.
         """
-        position = read_position(kind, data)
-        if self._position is not None:
-            self._metres += float(np.linalg.norm(position - self._position))
-        self._position = position
+        position = read_position(kind, data)[:2]  # in the plane, as of recordings
+        step = 0.0 if self._position is None else float(np.hypot(*(position - self._position)))
+        if not max(step, *np.abs(position)) < _FARTHEST_M:
+            raise MessageError(f"odometry at {position} m: too far away to be true")
+        self._position, self._metres = position, self._metres + step
         self._tell_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:

@@ -4,19 +4,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.extract import Feature, feature_of
 from placefield.features.frames import Frame
+from placefield.features.images import Image, load
 from placefield.maps import build
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
-
-Image = bytes | NDArray[np.uint8] | Path
-"""An encoded image, pixels (H, W) or (H, W, 3) BGR, or the file that an image is in."""
 
 _DEFAULTS = Config()
 
@@ -31,7 +26,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         config: of features, scales, metric and seed.
 
     Raises:
-        SourceError: an image cannot be read.
+        SourceError: a file or an image cannot be read, or is something else.
+        FrameError: pixels are of another shape or dtype.
         MapError: the frames do not make a map: too few, or traverses that differ in length.
     """
     if not traverses:
@@ -45,6 +41,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
 
 
 def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> Traverse:
+    if isinstance(images, (bytes, str, Path)) or getattr(images, "ndim", 4) < 4:
+        raise SourceError(f"{name}: is one image; give build_map() a list of them")
     frames = (_frame(name, index, image) for index, image in enumerate(images))
     return traverse_of(name, (describe_frame(frame, feature) for frame in frames))
 
@@ -52,13 +50,5 @@ def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> 
 def _frame(name: str, index: int, image: Image | Frame) -> Frame:
     if isinstance(image, Frame):
         return replace(image, index=index)
-    if isinstance(image, Path):
-        return Frame(index, index * 10**9, str(image), _read(image))
-    return Frame(index, index * 10**9, f"{name}, frame {index}", image)
-
-
-def _read(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise SourceError(f"{file}: cannot be read ({error.strerror})") from None
+    called = str(image) if isinstance(image, Path) else f"{name}, frame {index}"
+    return Frame(index, index * 10**9, called, load(image))

@@ -7,6 +7,7 @@ from placefield.config import MatchingConfig
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream, check_descriptor
 from placefield.features.extract import feature_of_model
+from placefield.features.images import Image, load
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map, MapMetric
@@ -38,13 +39,16 @@ class Recognizer:
             for channel in placemap.channels
         ]
 
-    def push(self, image: bytes | NDArray[np.uint8]) -> Match:
-        """Match the next frame: an encoded image, or pixels (H, W) or (H, W, 3) BGR uint8.
+    def push(self, image: Image) -> Match:
+        """Match the next frame: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file.
 
-        An image that cannot be read is matched as a frame that was not seen.
+        An image that does not decode is matched as a frame that was not seen.
+
+        Raises:
+            SourceError: the file cannot be read, or this is no image at all; nothing was matched.
         """
         try:
-            raw = self._feature.describe(image)
+            raw = self._feature.describe(load(image))
         except FrameError:
             raw = None
         return self.push_raw(raw)

@@ -180,3 +180,9 @@ def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Confi
         stop.set()
         served.join()
     assert told == [True]
+
+
+def test_how_a_service_ended_is_told_of_signals_without_a_name_too() -> None:
+    assert host._how_ended(1) == "ended with code 1"
+    assert host._how_ended(-9) == "was ended by SIGKILL"
+    assert host._how_ended(-35) == "was ended by signal 35"

@@ -79,6 +79,6 @@ def test_a_host_overhears_all_services_and_forgets_who_is_silent(
     overheard = Overheard(bus, ["day"])
     bus.tell("placefield/day/stats/fuser/ab12", FUSER.stats.encode())
     bus.tell("placefield/day/stats/fuser/ab12", b"no message")
-    assert list(overheard.tell()) == [FUSER]
+    assert overheard.tell() == [FUSER]
     monkeypatch.setattr("placefield_services.metrics._SILENT_S", -1.0)
-    assert not list(overheard.tell())
+    assert not overheard.tell()

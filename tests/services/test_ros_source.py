@@ -67,6 +67,15 @@ def test_each_source_has_a_stream_of_its_own(stage: Stage) -> None:
 
 
 def test_odometry_adds_up_the_way_and_never_goes_down(stage: Stage) -> None:
-    for position in ([3, 4, 0], [3, 4, 2], [0, 0, 2], [0, 0, 2]):
+    for position in ([3, 4, 0], [3, 6, 9], [0, 2, 9], [0, 2, 9]):
         stage.source.take_odometry(ODOMETRY, odometry(position))
     assert [told.metres for told in stage.told] == [0, 2, 7, 7]
+
+
+def test_odometry_that_is_absurd_costs_itself_only(stage: Stage) -> None:
+    stage.source.take_odometry(ODOMETRY, odometry([0, 0, 0]))
+    for absurd in ([1e200, 0, 0], [0, -1e308, 0]):
+        with pytest.raises(MessageError, match="too far away"):
+            stage.source.take_odometry(ODOMETRY, odometry(absurd))
+    stage.source.take_odometry(ODOMETRY, odometry([3, 4, 0]))
+    assert [told.metres for told in stage.told] == [0, 5]

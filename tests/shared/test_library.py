@@ -24,6 +24,7 @@ def files(reference_dir: Path) -> list[Path]:
 
 
 def test_every_public_name_is_there() -> None:
+    assert tuple(placefield._HOMES) == placefield.__all__
     assert all(getattr(placefield, name) is not None for name in placefield.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = placefield.nothing  # type: ignore[attr-defined]
@@ -31,7 +32,7 @@ def test_every_public_name_is_there() -> None:
 
 def test_five_lines_recognise_a_route(files: list[Path], query_dir: Path) -> None:
     recognizer = Recognizer(build_map(files))
-    matches = [recognizer.push(image.read_bytes()) for image in sorted(query_dir.iterdir())]
+    matches = [recognizer.push(image) for image in sorted(query_dir.iterdir())]
     right = [abs(match.place - frame) <= 3 for frame, match in enumerate(matches)]
     assert np.mean(right) > 0.9
 
@@ -70,6 +71,11 @@ def test_what_cannot_be_a_map_is_refused_in_one_line(files: list[Path], tmp_path
         build_map([*files, tmp_path / "nothing.jpg"])
     with pytest.raises(SourceError, match="traverse 0, frame 1"):
         build_map([files[0].read_bytes(), b"no image"])
+    with pytest.raises(SourceError, match="an image as str: give bytes, pixels or a Path"):
+        build_map([str(file) for file in files])  # type: ignore[misc]
+    for one in (files[0], decode(files[0].read_bytes())):
+        with pytest.raises(SourceError, match="traverse 0: is one image"):
+            build_map(one, one)  # type: ignore[arg-type]
     for nothing in ([], [[]]):
         with pytest.raises(MapError, match="frames"):
             build_map(*nothing)

@@ -10,9 +10,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from placefield.features.descriptors import DescriptorModel, fit_descriptors
 from placefield.features.extract import default_dimensions, feature_of
+from placefield.features.images import Image, load
 
 Array = NDArray[np.float32]
-Images = Iterable[bytes | NDArray[np.uint8]]
 
 
 class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
@@ -32,15 +32,16 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         self.kind = kind
         self.dimensions = dimensions
 
-    def fit(self, images: Images, y: None = None) -> Self:
-        """Learn from images: encoded, or pixels (H, W) or (H, W, 3) BGR uint8.
+    def fit(self, images: Iterable[Image], y: None = None) -> Self:
+        """Learn from images: encoded, pixels (H, W) or (H, W, 3) BGR uint8, or files.
 
         Raises:
-            FrameError: one cannot be read.
+            FrameError: one does not decode.
+            SourceError: a file cannot be read.
         """
         feature = feature_of(self.kind)
         self.model_, _ = fit_descriptors(
-            [np.stack([feature.describe(image) for image in images])],
+            [np.stack([feature.describe(load(image)) for image in images])],
             self.kind,
             dimensions=self.dimensions or default_dimensions(self.kind),
             standardise=True,
@@ -48,12 +49,14 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         )
         return self
 
-    def transform(self, images: Images) -> Array:
+    def transform(self, images: Iterable[Image]) -> Array:
         """Describe images; (K, N) float32, of unit length.
 
         Raises:
-            FrameError: one cannot be read.
+            FrameError: one does not decode.
+            SourceError: a file cannot be read.
         """
         check_is_fitted(self)
         feature = feature_of(self.kind)
-        return self.model_.of_reference(np.stack([feature.describe(image) for image in images]))
+        raw = np.stack([feature.describe(load(image)) for image in images])
+        return self.model_.of_reference(raw)

@@ -5,13 +5,17 @@ between two traverses, and an orientation tag that one of them lacks would turn 
 """
 
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from placefield.errors import FrameError
+from placefield.errors import FrameError, SourceError
+
+Image = bytes | NDArray[np.uint8] | Path
+"""An encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or the file that an image is in."""
 
 MIN_SIDE = 8
 MAX_PIXELS = 64_000_000
@@ -25,6 +29,22 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_MARKER = re.compile(rb"\xff([^\x00\xd0-\xd7\xff])")
 _JPEG_START, _JPEG_END = 0xD8, 0xD9
 _JPEG_FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+def load(image: Image) -> bytes | NDArray[np.uint8]:
+    """Return an image that may be in a file.
+
+    Raises:
+        SourceError: the file cannot be read, or this is no image at all.
+    """
+    if isinstance(image, Path):
+        try:
+            return image.read_bytes()
+        except OSError as error:
+            raise SourceError(f"{image}: cannot be read ({error.strerror})") from None
+    if not isinstance(image, (bytes, np.ndarray)):
+        raise SourceError(f"an image as {type(image).__name__}: give bytes, pixels or a Path")
+    return image
 
 
 def decode(data: bytes) -> NDArray[np.uint8]:

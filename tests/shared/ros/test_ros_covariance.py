@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from placefield.ros.covariance import UNKNOWN, pose_covariance
+from placefield.fusion.uncertainty import HIGHEST
+from placefield.ros.covariance import pose_covariance
 
 # Along x, a place every 2 m, turning by 0.1 rad a place through the angle where it wraps.
 PLACES = np.stack([2.0 * np.arange(50), np.zeros(50), 3 + 0.1 * np.arange(50)], axis=1)
@@ -27,7 +28,7 @@ def test_it_is_within_reach_with_the_match_s_probability(
 def test_nothing_is_said_of_height_roll_and_pitch() -> None:
     covariance = pose_covariance(PLACES, 20, 3, 0.99)
     assert covariance[1, 1] == covariance[0, 0]
-    assert np.diag(covariance)[2:5].tolist() == [UNKNOWN] * 3
+    assert np.diag(covariance)[2:5].tolist() == [HIGHEST] * 3
     assert np.array_equal(covariance, np.diag(np.diag(covariance)))
 
 
@@ -37,4 +38,4 @@ def test_it_is_positive_and_finite_at_the_ends_of_all(place: int, probability: f
     for poses in (PLACES, np.zeros_like(PLACES)):
         variances = np.diag(pose_covariance(poses, place, 3, probability))
         assert (variances > 0).all()
-        assert (variances <= UNKNOWN).all()
+        assert (variances <= HIGHEST).all()

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -87,6 +88,13 @@ def test_gpxpy_reads_a_gpx_track(traverse: QueryTraverse) -> None:
         assert local == pytest.approx(localised.pose[:2], abs=1e-3)
     assert segment.points[0].time == datetime(2023, 11, 14, 22, 13, 20, 123456, UTC)
     assert segment.length_2d() == pytest.approx(2 + 4, rel=0.01)
+
+
+def test_a_stream_of_any_name_is_a_track_that_gpxpy_reads(traverse: QueryTraverse) -> None:
+    first = traverse.matches[0]
+    header = first.header.model_copy(update={"stream": "a\0b\x1b"})
+    named = replace(traverse, matches=[replace(first, header=header), *traverse.matches[1:]])
+    assert gpxpy.parse(to_gpx(named)).tracks[0].name == r"a\x00b\x1b"
 
 
 @pytest.mark.parametrize("write", [to_geojson, to_gpx])

@@ -134,6 +134,20 @@ def test_frames_that_cannot_be_written_are_counted_and_the_next_still_is(
     }
 
 
+def test_matches_do_not_wait_for_pictures_and_old_live_frames_give_way_to_new(
+    bus: StillBus, recording: Recording, kept: Kept
+) -> None:
+    stream = stream_of([KNOWN] * 40)
+    for header, match in stream[:-1]:
+        bus.deliver_frame(header.model_copy(update={"live": True}))
+        bus.deliver_match(header, match)
+    recording.take(0)
+    assert len(kept.matches) == 40
+    assert 1 <= len(kept.frames) <= 16
+    counts = drain(recording)
+    assert counts["frames"] + counts["frames too late for a picture"] == 40
+
+
 def test_without_being_asked_for_no_frame_is_even_received(bus: StillBus, kept: Kept) -> None:
     recording = Recording(cast(Bus, bus), KEYS, kept.recorder, frames=False)
     bus.deliver_frame(stream_of([KNOWN])[0][0])

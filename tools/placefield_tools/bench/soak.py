@@ -89,6 +89,8 @@ class _Soak:
         sizes, others, partial = self._day()
         afresh = self._matches_of(1)
         same = sum(one == other for one, other in zip(fresh, afresh, strict=True)) / len(fresh)
+        if sizes[-1].keys() != sizes[0].keys():
+            raise BusError("a process ended on the way and was started again; see above")
         growth = max(sizes[-1][pid] / size for pid, size in sizes[0].items()) - 1
         return [
             Figure("soak_frames", self._hour * HOURS, "in one stream, each of them answered"),

@@ -26,7 +26,8 @@ def to_gpx(traverse: QueryTraverse) -> str:
             traverse.on_earth(), traverse.matches, strict=True
         )
     ]
-    track = GPXTrack(name=traverse.matches[0].header.stream)
+    # What somebody on the bus called the stream may hold what XML cannot.
+    track = GPXTrack(name=repr(traverse.matches[0].header.stream).strip("'"))
     track.segments.append(GPXTrackSegment(points))
     gpx = GPX()
     gpx.creator = "placefield"

@@ -92,6 +92,8 @@ def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> 
     """
     names = dict.fromkeys(record.header.stream for record in records)
     chosen = [name for name in names if stream is None or name.startswith(stream)]
+    if stream in names:
+        chosen = [stream]
     if not names:
         raise RecordingError(f"{path}: holds no matches")
     if len(chosen) != 1:

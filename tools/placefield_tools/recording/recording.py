@@ -18,6 +18,7 @@ from placefield_tools.recording.recorder import Recorder
 
 _POLL_S = 0.1
 _AT_ONCE = 16
+_LIVE_FRAMES = 4  # that may wait: pictures take longer than matches, which must not wait for them
 
 
 def record(
@@ -68,7 +69,7 @@ class Recording:
         self._written: Counter[str] = Counter()
         self._frame_counts: Counter[str] = Counter()
         self._follower = StreamFollower(self._frame_counts, lambda header: header.sequence)
-        self._frames = Inbox({keys.run: self._frame_counts})
+        self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
         self._matches = MatchQueue(bus, keys)
         if frames:
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
@@ -81,6 +82,7 @@ class Recording:
             "malformed matches": self._matches.counts["malformed"],
             "matches of a stream that was left": self._matches.counts["stale"],
             "lost frames": self._frame_counts["gaps"],
+            "frames too late for a picture": self._frame_counts["dropped_old"],
             "malformed frames": self._frame_counts["malformed"],
             "unreadable frames": self._frame_counts["unreadable"],
         }
@@ -91,8 +93,14 @@ class Recording:
         frames = self._frames.take_all(0, _AT_ONCE)
         for received in frames:
             self._write_frame(received)
+        has_match = self._take_match(0 if frames else timeout)
+        while has_match and self._take_match(0):
+            pass
+        return bool(frames) or has_match
+
+    def _take_match(self, timeout: float) -> bool:
         try:
-            taken = self._matches.take(0 if frames else timeout)
+            taken = self._matches.take(timeout)
         except MessageError as error:
             self._matches.counts["malformed"] += 1
             self._bus.log_dropped(self._keys.match, error)
@@ -100,7 +108,7 @@ class Recording:
         if taken is not None:
             self._recorder.write_match(*taken)
             self._written["matches"] += not taken[0].end
-        return bool(frames) or taken is not None
+        return taken is not None
 
     def _write_frame(self, received: Received) -> None:
         """Write a picture of a frame, once however often it was sent."""
