@@ -13,6 +13,7 @@ from placefield_tools.cli import (
     build,
     chaos,
     config,
+    dashboard,
     datasets,
     demo,
     doctor,
@@ -46,7 +47,7 @@ _PANELS = {
     "Maps": (build, inspect, serve, fetch),
     "Services": (up, services, router, plan, status, alive),
     "Frames in": (replay, ros),
-    "Matches out": (listen, record, export),
+    "Matches out": (listen, dashboard, record, export),
     "How good it is": (evaluate, study, bench, chaos, datasets),
     "This machine": (demo, doctor, config, security),
 }
@@ -86,8 +87,12 @@ def main() -> None:
     try:
         with threadpool_limits(1):
             app()
-    except (PlacefieldError, OSError) as error:
+    except PlacefieldError as error:
         log.error("%s", error)
+        sys.exit(1)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        log.error("%s%s", where, error.strerror or error)
         sys.exit(1)
 
 

@@ -1,0 +1,44 @@
+from pathlib import Path
+
+import psutil
+from hosting import wait_until
+
+from placefield.config import BusConfig
+from placefield_tools.dashboard.replaying import ReplayChild, replay_flags
+
+
+def test_a_replay_that_fails_says_why_in_one_line(endpoint: str, tmp_path: Path) -> None:
+    replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
+    assert replay.standing == "no replay was started here"
+    source = tmp_path / "--help"  # no flag, whatever it is called
+    replay.start(str(source), None, loop=False)
+    assert replay.standing == f"replaying {source}"
+    wait_until(lambda: not replay.standing.startswith("replaying"), "the replay has failed")
+    assert str(source) in replay.standing
+    assert "\n" not in replay.standing
+    replay.close()
+    assert replay.standing == "no replay was started here"
+
+
+def test_a_replay_is_ended_with_the_dashboard(endpoint: str, reference_dir: Path) -> None:
+    replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
+    others = set(psutil.Process().children())
+    replay.start(str(reference_dir), 5, loop=True)  # waits for a router
+    [child] = set(psutil.Process().children()) - others
+    replay.start("another", None, loop=False)  # while one is on
+    assert set(psutil.Process().children()) - others == {child}
+    replay.close()
+    assert not child.is_running()
+
+
+def test_a_replay_has_a_cameras_credentials() -> None:
+    bus = BusConfig(endpoint="tls/host:1", credentials="/etc/roles/dashboard")
+    flags = replay_flags("day", bus)
+    assert flags == [
+        "--run",
+        "day",
+        "--endpoint",
+        "tls/host:1",
+        "--credentials",
+        "/etc/roles/camera",
+    ]

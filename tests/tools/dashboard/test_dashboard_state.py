@@ -1,0 +1,172 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from placefield.bus.messages import (
+    CandidatesMessage,
+    ChannelCandidate,
+    FeatureMessage,
+    Header,
+    MatchMessage,
+)
+from placefield.config import Rule
+from placefield.errors import MessageError
+from placefield.maps.map import Map, fingerprint
+from placefield.matching.comparing import distance_matrix
+from placefield_tools.dashboard.state import KEPT, LiveState
+
+
+def header(sequence: int, stream: str = "s", *, live: bool = False, end: bool = False) -> Header:
+    return Header(stream=stream, sequence=sequence, stamp_ns=0, live=live, end=end)
+
+
+def match(place: int = 3) -> bytes:
+    return MatchMessage(place=place, score=1.5, probability=0.75, known=False).encode()
+
+
+def candidate(channel: int, place: int, belief: float = 0.5) -> ChannelCandidate:
+    return ChannelCandidate(
+        channel=channel,
+        place=place,
+        score=belief,
+        places=np.array([place], np.int32),
+        evidence=np.array([belief], np.float32),
+    )
+
+
+def candidates(
+    *told: ChannelCandidate, rule: Rule = "filter", shard: int = 0, of: int = 1
+) -> bytes:
+    return CandidatesMessage(rule=rule, candidates=told, shard=shard, shards=of).encode()
+
+
+@pytest.fixture
+def state(route_map: Map) -> LiveState:
+    return LiveState(route_map)
+
+
+def numbers(state: LiveState) -> list[int]:
+    return [answer.header.sequence for answer in state.answers]
+
+
+def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) -> None:
+    descriptor = np.zeros(len(route_map.model.components), np.float32)
+    descriptor[0] = 0.5
+    feature = FeatureMessage(model=fingerprint(route_map.model), descriptor=descriptor)
+    state.take_frame(header(7), b"a frame")
+    state.take_feature(header(7), feature.encode())
+    state.take_candidates(header(7), candidates(candidate(0, 3), candidate(2, 4)))
+    state.take_candidates(header(7), candidates(candidate(1, 5)))
+    state.take_match(header(7), match())
+
+    [answer] = state.answers
+    assert answer.match.place == 3
+    assert answer.rule == "filter"
+    assert {number: told.place for number, told in answer.candidates.items()} == {0: 3, 1: 5, 2: 4}
+    assert state.frame(answer) == b"a frame"
+    [expected] = distance_matrix(route_map.channels[0].metric, [descriptor], 0)
+    assert answer.distances is not None
+    np.testing.assert_array_equal(answer.distances, expected)  # a column for each place
+
+
+def test_shards_of_a_channel_are_told_as_one(state: LiveState) -> None:
+    state.take_candidates(header(0), candidates(candidate(0, 3, 0.2), shard=0, of=2))
+    state.take_candidates(header(0), candidates(candidate(0, 40, 0.7), shard=1, of=2))
+    state.take_match(header(0), match(40))
+    told = state.answers[0].candidates[0]
+    assert told.place == 40
+    assert told.places.tolist() == [3, 40]
+
+
+def test_a_frame_that_was_answered_before_is_no_new_answer(state: LiveState) -> None:
+    for sequence in (0, 1, 1, 0, 2):
+        state.take_match(header(sequence), match())
+    assert numbers(state) == [0, 1, 2]
+
+
+def test_answers_missed_in_a_lossless_stream_are_counted(state: LiveState) -> None:
+    for sequence in (4, 5, 9):  # what was before the first was before this state
+        state.take_match(header(sequence), match())
+    assert state.counts["missed"] == 3
+    for sequence in (0, 5):
+        state.take_match(header(sequence, "live", live=True), match())
+    assert state.counts["missed"] == 3
+
+
+def test_the_end_of_a_stream_is_told_until_another_is_answered(state: LiveState) -> None:
+    state.take_match(header(0), match())
+    state.take_match(header(1, end=True), b"")
+    assert state.ended == header(1, end=True)
+    assert numbers(state) == [0]
+    state.take_match(header(0, "t"), match())
+    assert state.ended is None
+
+
+def test_one_looks_back_within_a_stream(state: LiveState) -> None:
+    for stream in ("s", "t"):
+        for sequence in range(5):
+            state.take_match(header(sequence, stream), match(sequence))
+    seventh = state.at(7)
+    assert seventh is not None
+    assert [one.number for one in state.before(seventh, 2)] == [6, 7]
+    assert [one.number for one in state.before(seventh, 100)] == [5, 6, 7]
+    assert state.at(-1) is None
+    assert state.at(10) is None
+
+
+def test_descriptors_of_another_map_are_counted_and_not_compared(
+    state: LiveState, route_map: Map
+) -> None:
+    size = len(route_map.model.components)
+    feature = FeatureMessage(model="another", descriptor=np.zeros(size, np.float32))
+    state.take_feature(header(0), feature.encode())
+    assert state.counts["foreign"] == 1
+    feature = FeatureMessage(
+        model=fingerprint(route_map.model), descriptor=np.zeros(size + 1, np.float32)
+    )
+    with pytest.raises(MessageError):
+        state.take_feature(header(0), feature.encode())
+    state.take_match(header(0), match())
+    assert state.answers[0].distances is None
+
+
+def test_evidence_that_is_not_of_its_places_is_refused(state: LiveState) -> None:
+    bad = ChannelCandidate(
+        channel=0,
+        place=1,
+        score=0.5,
+        places=np.array([1, 2], np.int32),
+        evidence=np.array([0.5], np.float32),
+    )
+    with pytest.raises(MessageError, match="channel 0"):
+        state.take_candidates(header(0), candidates(bad))
+
+
+def test_what_is_kept_is_bounded(state: LiveState) -> None:
+    large = bytes(2**20)
+    for sequence in range(KEPT + 50):
+        state.take_frame(header(sequence), large)
+        state.take_candidates(header(sequence), candidates(candidate(0, 1)))
+        state.take_match(header(sequence), match())
+    assert len(state.answers) == KEPT
+    kept = [state.frame(answer) is not None for answer in state.answers]
+    assert sum(kept) == 64  # MiB
+    assert all(kept[-64:])
+
+
+def test_what_is_never_answered_is_forgotten(state: LiveState) -> None:
+    for sequence in range(2000):
+        state.take_candidates(header(sequence), candidates(candidate(0, 1)))
+    state.take_match(header(0), match())
+    assert not state.answers[0].candidates
+
+
+@given(st.binary(max_size=60))
+def test_no_garbage_does_more_than_raise_message_error(route_map: Map, garbage: bytes) -> None:
+    state = LiveState(route_map)
+    state.take_frame(header(0), garbage)
+    for take in (state.take_feature, state.take_candidates, state.take_match):
+        with pytest.raises(MessageError):
+            take(header(0), garbage)
+    assert not state.answers

@@ -1,0 +1,69 @@
+"""``placefield dashboard``: a run in the browser."""
+
+from typing import Annotated
+
+import typer
+
+from placefield_tools.cli import options
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("dashboard")(_dashboard)
+
+
+def _dashboard(
+    map_path: options.MapPath,
+    run: options.Run = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="to serve the pages at")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="address to serve them at; 0.0.0.0: to all who reach this host")
+    ] = "127.0.0.1",
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Show a run in the browser: its frames and matches, its services, and its map.
+
+    It only listens, and leaves out what it cannot follow; Start on the page runs 'placefield
+    replay' here. All is served from here: it needs no internet.
+
+    Examples:
+      placefield dashboard route.pfmap
+      placefield dashboard route.pfmap --run night --port 8081
+    """
+    from placefield.bus.keys import Keys
+    from placefield.bus.session import open_bus
+    from placefield.errors import ConfigError
+    from placefield.maps.opening import open_map
+    from placefield_services.process import stop_event
+    from placefield_tools.dashboard.feed import Feed
+    from placefield_tools.dashboard.replaying import ReplayChild, replay_flags
+    from placefield_tools.dashboard.state import LiveState
+
+    try:
+        from placefield_tools.dashboard.serving import serve
+        from placefield_tools.dashboard.site import Site
+    except ModuleNotFoundError as missing:
+        raise ConfigError(
+            f"dashboard needs {missing.name}: pip install 'placefield[dashboard]'"
+        ) from None
+    effective = options.effective_config(
+        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+    )
+    name = effective.run
+    placemap = open_map(map_path)
+    state = LiveState(placemap)
+    replay = ReplayChild(replay_flags(name, effective.bus))
+    stop = stop_event()
+
+    def ready() -> None:
+        print(f"ready: run {name!r} at http://{host}:{port}", flush=True)
+
+    with open_bus(effective.bus, stop) as bus:
+        feed = Feed(bus, Keys(name), state)
+        try:
+            serve(Site(name, map_path.stem, placemap, state, feed, replay), host, port, ready)
+        finally:
+            replay.close()

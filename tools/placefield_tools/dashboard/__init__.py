@@ -1,0 +1,1 @@
+"""A run in the browser: what it sees, what it answers, and how its services are."""

@@ -1,0 +1,171 @@
+"""Drawings as the insides of SVG elements; the page's style colours them by their classes.
+
+They are made of numbers alone, so nothing that a stranger wrote comes into the page.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Rule
+from placefield.maps.map import MapChannel
+from placefield.matching.candidate import Candidate
+from placefield_tools.dashboard.fields import Window, firing_segment, heights
+
+FIELD_HEIGHT = 56
+_BASE, _TOP, _BAR = 18, 4, 4  # below the segments, above them, and of each: of the height
+_BINS = 200  # of the evidence
+
+_MOST_POINTS = 2000  # of a route
+
+
+def segments_drawing(channel: MapChannel, window: Window) -> str:
+    """Draw a channel's segments over a window of places: the longer its scale, the higher.
+
+    A unit is a place to the right, and a ``FIELD_HEIGHT``th of the height downwards.
+    """
+    inside = (channel.segments[:, 1] > window.first) & (channel.segments[:, 0] < window.end)
+    bars = [_bar(channel, number, window) for number in np.flatnonzero(inside).tolist()]
+    return "".join(bars)
+
+
+def _bar(channel: MapChannel, number: int, window: Window) -> str:
+    first, end = map(int, channel.segments[number])
+    left, right = max(first, window.first), min(end, window.end)
+    return _rectangle(
+        "segment-a" if number % 2 else "segment-b",
+        left - window.first,
+        _height_of(channel, end - first),
+        right - left,
+        _BAR,
+    )
+
+
+def _height_of(channel: MapChannel, scale: int) -> float:
+    """Return where the bar of a segment of this scale is."""
+    least, most = int(channel.scales[0]), int(channel.scales[-1])
+    share = (scale - least) / (most - least) if most > least else 1.0
+    return _TOP + (1 - share) * (FIELD_HEIGHT - _BASE - _TOP - _BAR)
+
+
+def firing_drawing(
+    channel: MapChannel, candidate: Candidate, rule: Rule | None, window: Window
+) -> str:
+    """Draw what a channel says over that: its evidence, and the field that fires."""
+    drawn = []
+    if fires := firing_segment(channel, candidate.place):
+        first, end = fires
+        left, right = max(first, window.first), min(end, window.end)
+        if left < right:
+            at = left - window.first
+            drawn.append(_rectangle("field", at, 0, right - left, FIELD_HEIGHT))
+            height = _height_of(channel, end - first)
+            drawn.append(_rectangle("firing", at, height - 1, right - left, _BAR + 2))
+    drawn.append(_evidence(heights(candidate, rule, window, _BINS), window))
+    if window.first <= candidate.place < window.end:
+        drawn.append(_upright("candidate", candidate.place - window.first + 0.5))
+    return "".join(drawn)
+
+
+def _evidence(found: NDArray[np.float64], window: Window) -> str:
+    unit = window.size / len(found)
+    steps = "".join(
+        f"M{(part + 0.5) * unit:.2f} {FIELD_HEIGHT}V{FIELD_HEIGHT - max(height * _BASE, 1):.1f}"
+        for part, height in enumerate(found)
+        if height > 0
+    )
+    return f'<path class="evidence" d="{steps}"/>' if steps else ""
+
+
+def match_drawing(place: int, window: Window) -> str:
+    """Draw where the match is."""
+    if not window.first <= place < window.end:
+        return ""
+    return _upright("match", place - window.first + 0.5)
+
+
+def _rectangle(name: str, x: float, y: float, width: float, height: float) -> str:
+    return f'<rect class="{name}" x="{x:g}" y="{y:.4g}" width="{width:g}" height="{height:g}"/>'
+
+
+def _upright(name: str, x: float) -> str:
+    return f'<path class="{name}" d="M{x:g} 0V{FIELD_HEIGHT}"/>'
+
+
+def path_drawing(places: Sequence[tuple[int, int, bool]], frames: int, count: int) -> str:
+    """Draw matches over a picture of distances, whose sides are 100 units.
+
+    Args:
+        places: column in the picture, place, and whether it is known, of each match.
+        frames: that the picture is wide.
+        count: places that it is high.
+    """
+    dots: dict[bool, str] = {True: "", False: ""}
+    for column, place, known in places:
+        x, y = 100 * (column + 0.5) / frames, 100 * (1 - (place + 0.5) / count)
+        dots[known] += f"M{x:.2f} {y:.2f}h0"
+    return f'<path class="unsure" d="{dots[False]}"/><path class="sure" d="{dots[True]}"/>'
+
+
+@dataclass(frozen=True)
+class RouteDrawing:
+    """A route seen from above, or a line where it has no poses.
+
+    Attributes:
+        width: of the drawing, units.
+        height: of it.
+        inside: the route, and a bar that is ``bar_m`` long.
+        bar_m: metres; 0 where the route has no poses.
+    """
+
+    width: float
+    height: float
+    inside: str
+    bar_m: float
+    _points: NDArray[np.float64]
+    _yaws: NDArray[np.float64] | None
+
+    @classmethod
+    def of(cls, poses: NDArray[np.float64], count: int) -> "RouteDrawing":
+        """Draw a route of so many places, with poses (count, 3) in metres and radians, or none."""
+        width, margin = 1000.0, 40.0
+        if not len(poses):
+            points = np.column_stack(
+                [np.linspace(margin, width - margin, count), np.full(count, 50.0)]
+            )
+            return cls(width, 100.0, _line(points), 0.0, points, None)
+        least, most = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
+        extent = np.maximum(most - least, 1e-3)
+        scale = min((width - 2 * margin) / extent[0], (600.0 - 2 * margin) / extent[1])
+        height = max(extent[1] * scale + 2 * margin, 220.0)
+        middle = (least + most) / 2
+        points = (poses[:, :2] - middle) * (scale, -scale) + (width / 2, height / 2)
+        bar_m = _round_length(0.25 * width / scale)
+        bar = f'<path class="bar" d="M{margin} {height - 16}h{bar_m * scale:.1f}"/>'
+        return cls(width, height, _line(points) + bar, bar_m, points, poses[:, 2])
+
+    def match(self, place: int, recent: Sequence[int]) -> str:
+        """Draw where the match is, and the places of those before it."""
+        trail = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in self._points[list(recent)])
+        x, y = self._points[place]
+        drawn = f'<path class="trail" d="{trail}"/>'
+        if self._yaws is not None:
+            turn = -np.degrees(self._yaws[place])
+            drawn += (
+                f'<path class="heading" d="M34 0L12 -12L12 12Z" '
+                f'transform="translate({x:.1f} {y:.1f}) rotate({turn:.1f})"/>'
+            )
+        return f'{drawn}<circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="12"/>'
+
+
+def _line(points: NDArray[np.float64]) -> str:
+    some = points[:: -(-len(points) // _MOST_POINTS)]
+    return f'<path class="route" d="M{"L".join(f"{x:.1f} {y:.1f}" for x, y in some)}"/>'
+
+
+def _round_length(metres: float) -> float:
+    """Return the longest of 1, 2 and 5 times a power of ten that is no longer."""
+    power = 10.0 ** np.floor(np.log10(metres))
+    return float(max(power * step for step in (1, 2, 5) if power * step <= metres))

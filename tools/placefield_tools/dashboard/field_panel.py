@@ -1,0 +1,78 @@
+"""The part of the live page that shows what each channel says."""
+
+from nicegui import ui
+
+from placefield.maps.map import MapChannel
+from placefield_tools.dashboard.drawings import (
+    FIELD_HEIGHT,
+    firing_drawing,
+    match_drawing,
+    segments_drawing,
+)
+from placefield_tools.dashboard.fields import Window, firing_segment, window_around
+from placefield_tools.dashboard.site import Site, card, svg
+from placefield_tools.dashboard.state import Answer
+
+
+class FieldsPanel:
+    """Each channel's segments by scale, the one that holds its candidate, and its evidence."""
+
+    def __init__(self, site: Site) -> None:
+        self._count = site.placemap.places.count
+        with card("What channels and scales say", "two-thirds"):
+            self._rows = [
+                _Row(number, channel) for number, channel in enumerate(site.placemap.channels)
+            ]
+            self._words = ui.label("").classes("quiet")
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's."""
+        place = min(max(answer.match.place, 0), self._count - 1)
+        window = window_around(place, self._count)
+        for row in self._rows:
+            row.show(answer, window)
+        self._words.text = (
+            f"places {window.first} to {window.end - 1}; bars: segments, the longer the higher. "
+            "Red: the field that fires, evidence below it; dashed: the match"
+        )
+
+
+class _Row:
+    """One channel's."""
+
+    def __init__(self, number: int, channel: MapChannel) -> None:
+        self._number, self._channel = number, channel
+        self._window: Window | None = None
+        scales = channel.scales
+        with ui.element("div").classes("field"):
+            with ui.element("div"):
+                ui.label(f"channel {number}").classes("strong")
+                ui.label(f"m {channel.fuzzifier:.2f} · scales {scales[0]} to {scales[-1]}")
+            with ui.element("div").classes("layers"):
+                self._segments = ui.html("", sanitize=False)
+                self._firing = ui.html("", sanitize=False)
+            self._words = ui.label("silent").props(f"data-shown=channel-{number}")
+
+    def show(self, answer: Answer, window: Window) -> None:
+        if window != self._window:
+            self._window = window
+            bars = segments_drawing(self._channel, window)
+            words = f"Segments of channel {self._number} by scale"
+            self._segments.content = svg(bars, window.size, FIELD_HEIGHT, words, stretch=True)
+        candidate = answer.candidates.get(self._number)
+        drawn = match_drawing(answer.match.place, window)
+        if candidate is None or candidate.place < 0:
+            self._words.text = "silent"
+        else:
+            drawn += firing_drawing(self._channel, candidate, answer.rule, window)
+            certain = "belief" if answer.rule == "filter" else "score"
+            field = self._field(candidate.place)
+            self._words.text = f"{field} · {certain} {candidate.score:.3g}"
+        self._firing.content = svg(drawn, window.size, FIELD_HEIGHT, "", stretch=True)
+
+    def _field(self, place: int) -> str:
+        fires = firing_segment(self._channel, place)
+        if fires is None:
+            return f"place {place}, in no segment"
+        first, end = fires
+        return f"place {place}, scale {end - first}: {first} to {end - 1}"

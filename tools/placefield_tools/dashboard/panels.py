@@ -1,0 +1,206 @@
+"""The parts of the live page that show an answer; each updates what has changed of it."""
+
+import time
+from typing import Protocol
+
+from nicegui import ui
+
+from placefield.maps.geography import Origin
+from placefield_tools.dashboard import drawings
+from placefield_tools.dashboard.charts import certainty_chart, set_certainty
+from placefield_tools.dashboard.site import Site, card, chart, svg
+from placefield_tools.dashboard.state import Answer
+
+LOOK_BACK = 200
+"""Frames that the picture of distances and the curves go back."""
+
+_TRAIL = 40  # frames
+_STARTED = f"{time.time_ns():x}"  # so that a browser takes no picture of another dashboard's
+_BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+
+
+class AnswerPanel(Protocol):
+    """Shows something of an answer."""
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's."""
+
+
+class FramesPanel:
+    """The query frame beside the place that it was matched with."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        with card("Query and reference", "two-thirds"), ui.element("div").classes("pair"):
+            self._query, self._query_caption = _figure("query")
+            self._reference, self._reference_caption = _figure("reference")
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's."""
+        sequence, place = answer.header.sequence, answer.match.place
+        kept = self._site.state.frame(answer) is not None
+        _set_image(
+            self._query,
+            f"/frame/{answer.number}.jpg?{_STARTED}" if kept else None,
+            f"Query frame {sequence}",
+        )
+        self._query_caption.text = f"query, frame {sequence}" + ("" if kept else ": not kept")
+        there = 0 <= place < self._site.placemap.places.count
+        _set_image(
+            self._reference,
+            f"/place/{place}.jpg?{_STARTED}" if there else None,
+            f"Reference frame of place {place}",
+        )
+        words = f"reference, place {place}" if place >= 0 else "no place"
+        self._reference_caption.text = words if there or place < 0 else f"{words}: of another map"
+
+
+def _figure(name: str) -> tuple[ui.element, ui.label]:
+    with ui.element("figure"):
+        image = ui.element("img").props(f'alt="no {name} yet" data-shown={name}')
+        image.classes("blank")
+        caption = ui.label(f"no {name} yet")
+    return image, caption
+
+
+def _set_image(image: ui.element, source: str | None, words: str) -> None:
+    image.props["src"], image.props["alt"] = source or _BLANK, words if source else "nothing"
+    image.classes(**({"remove": "blank"} if source else {"add": "blank"}))
+
+
+class MatchPanel:
+    """The verdict and its numbers."""
+
+    def __init__(self, site: Site) -> None:
+        self._origin = Origin.of_frame(site.placemap.pose_frame)
+        with card("Match", "third"):
+            self._verdict = ui.label("waiting").classes("verdict")
+            self._verdict.props("role=status data-shown=verdict")
+            with ui.element("dl"):
+                self._place = _fact("place")
+                self._probability = _fact("probability")
+                self._score = _fact("score")
+                self._frames = _fact("frames")
+                self._pose = _fact("pose")
+                self._missing = _fact("missing")
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's."""
+        match = answer.match
+        verdict = _verdict(answer)
+        self._verdict.text = verdict
+        self._verdict.classes(replace=f"verdict {verdict.replace(' ', '-')}")
+        self._place.text = "none" if match.place < 0 else str(match.place)
+        probability = match.probability
+        self._probability.text = "not told" if probability is None else f"{probability:.3f}"
+        self._score.text = f"{match.score:.2f}"
+        self._frames.text = str(answer.header.sequence + 1)
+        self._pose.text = self._where(answer)
+        channels = ", ".join(map(str, match.missing))
+        self._missing.text = f"channels {channels}" if channels else "no channel"
+
+    def _where(self, answer: Answer) -> str:
+        if answer.match.pose is None:
+            return "not told"
+        x, y, _ = answer.match.pose
+        if self._origin is not None:
+            latitude, longitude = self._origin.to_degrees(x, y)
+            return f"{latitude:.6f}°, {longitude:.6f}°"
+        return f"x {x:.1f} m, y {y:.1f} m"
+
+
+def _verdict(answer: Answer) -> str:
+    if answer.match.place < 0:
+        return "no answer"
+    if answer.match.known is None:
+        return "matched"
+    return "known" if answer.match.known else "unknown"
+
+
+def _fact(name: str) -> ui.label:
+    with ui.element("div"):
+        ui.html(name, sanitize=False, tag="dt")
+        with ui.element("dd"):
+            return ui.label("–").props(f"data-shown={name}")
+
+
+class CertaintyPanel:
+    """Probability and score of the last frames."""
+
+    def __init__(self, site: Site) -> None:
+        self._state = site.state
+        with card("Certainty of the last frames", "two-thirds"):
+            self._chart = chart(certainty_chart(), "Probability and score of the last frames")
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's, and those of the answers before it."""
+        frames = [
+            (one.header.sequence, one.match.score, one.match.probability, one.match.known)
+            for one in self._state.before(answer, LOOK_BACK)
+        ]
+        set_certainty(self._chart.options, frames)
+        self._chart.update()
+
+
+class MatrixPanel:
+    """The distances of the last frames to all places, with the matches drawn in."""
+
+    def __init__(self, site: Site) -> None:
+        self._state, self._count = site.state, site.placemap.places.count
+        with card("Distances and matches", "third"):
+            with ui.element("div").classes("matrix"):
+                self._picture = ui.element("img").props('alt="no distances yet" data-shown=matrix')
+                self._picture.props["src"] = _BLANK
+                self._path = ui.html("", sanitize=False)
+            ui.label(
+                f"last {LOOK_BACK} frames to the right, {self._count} places upwards; "
+                "what is near stands out, matches in colour"
+            ).classes("quiet")
+
+    def show(self, answer: Answer) -> None:
+        """Show those up to an answer's."""
+        self._picture.props["src"] = f"/distances/{answer.number}.png?{_STARTED}"
+        last = answer.header.sequence
+        self._picture.props["alt"] = (
+            f"Distances of the {LOOK_BACK} frames up to {last} to all places, with the matches"
+        )
+        column = LOOK_BACK - 1 - last
+        places = [
+            (one.header.sequence + column, one.match.place, bool(one.match.known))
+            for one in self._state.before(answer, LOOK_BACK)
+            if 0 <= one.match.place < self._count
+        ]
+        path = drawings.path_drawing(places, LOOK_BACK, self._count)
+        self._path.content = svg(path, 100, 100, "", stretch=True)
+
+
+class RoutePanel:
+    """Where on the route the match is."""
+
+    def __init__(self, site: Site) -> None:
+        self._state, self._places = site.state, site.placemap.places
+        poses = self._places.poses
+        self._route = drawings.RouteDrawing.of(poses, self._places.count)
+        with card("Route", "third"):
+            with ui.element("div").classes("layers route-map"):
+                ui.html(self._svg(self._route.inside, "The route"), sanitize=False)
+                self._here = ui.html("", sanitize=False)
+            bar = f"bar: {self._route.bar_m:g} m; x to the right, y upwards"
+            words = bar if len(poses) else "the map has no poses: first place at the left"
+            ui.label(words).classes("quiet")
+
+    def _svg(self, inside: str, words: str) -> str:
+        return svg(inside, self._route.width, self._route.height, words)
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer's, and those of the answers before it."""
+        place = answer.match.place
+        if not 0 <= place < self._places.count:
+            self._here.content = ""
+            return
+        recent = [
+            one.match.place
+            for one in self._state.before(answer, _TRAIL)
+            if 0 <= one.match.place < self._places.count
+        ]
+        self._here.content = self._svg(self._route.match(place, recent), f"At place {place}")

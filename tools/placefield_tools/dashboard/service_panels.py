@@ -1,0 +1,138 @@
+"""The parts of the live page that are about the run's services, and the replay to start."""
+
+import math
+
+from nicegui import ui
+
+from placefield_tools.dashboard.site import Site, card
+from placefield_tools.standing import RunStanding, ServiceStanding
+
+_EVERY_S = 1.0  # the services tell of themselves as often
+
+_COLUMNS = {
+    "service": "service",
+    "identity": "identity",
+    "frame": "frame",
+    "behind": "behind",
+    "rate": "frames/s",
+    "gaps": "gaps",
+    "partial": "partial",
+    "counts": "other counts",
+}
+_APART = ("gaps", "partial")  # counts that have a column of their own
+
+
+class HealthPanel:
+    """How each service of the run is, and the run as a whole."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        with card("Services", "two-thirds"):
+            self._verdict = ui.label("").props("role=status data-shown=services")
+            with ui.element("div").classes("tiles"):
+                self._tiles = {
+                    name: _tile(name) for name in ("frames/s", "behind", "gaps", "partial")
+                }
+            self._table = ui.table(
+                rows=[],
+                row_key="identity",
+                columns=[
+                    {"name": name, "field": name, "label": label, "align": "left"}
+                    for name, label in _COLUMNS.items()
+                ],
+            ).props("dense flat")
+            self._unseen = ui.label("").classes("quiet").props("data-shown=unseen")
+        ui.timer(_EVERY_S, self._draw)
+
+    def _draw(self) -> None:
+        standing = self._site.feed.standing()
+        lacking = "; ".join(standing.missing)
+        self._verdict.text = f"missing: {lacking}" if lacking else "all services are there"
+        self._verdict.classes(**({"add": "warning"} if lacking else {"remove": "warning"}))
+        for name, value in _whole(standing).items():
+            self._tiles[name].text = value
+        rows = [_row(service) for service in standing.services]
+        if rows != self._table.rows:
+            self._table.rows = rows
+        self._unseen.text = self._not_shown()
+
+    def _not_shown(self) -> str:
+        """Say what this page could not show."""
+        feed, state = self._site.feed, self._site.state
+        counts = {"too fast for this page": feed.dropped, **feed.counts, **state.counts}
+        told = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        return f"messages not shown: {told}" if told else ""
+
+
+def _tile(name: str) -> ui.label:
+    with ui.element("div"):
+        ui.label(name).classes("quiet")
+        return ui.label("–").classes("value").props(f'data-shown="whole {name}"')
+
+
+def _whole(standing: RunStanding) -> dict[str, str]:
+    """Return the run's figures: those of what answers, and the counts of all."""
+    fusers = [service for service in standing.services if service.service == "fuser"]
+    rate = max((fuser.rate or 0.0 for fuser in fusers), default=math.nan)
+    behind = max((fuser.behind or 0 for fuser in fusers), default=None)
+    return {
+        "frames/s": "–" if math.isnan(rate) else f"{rate:.1f}",
+        "behind": "–" if behind is None else str(behind),
+        **{name: str(_sum(standing, name)) for name in _APART},
+    }
+
+
+def _sum(standing: RunStanding, name: str) -> int:
+    """Add up a count; the parts of a worker tell the same counts."""
+    of_process = {
+        (service.service, service.identity.rpartition("-")[2]): service.counts.get(name, 0)
+        for service in standing.services
+    }
+    return sum(of_process.values())
+
+
+def _row(service: ServiceStanding) -> dict[str, str]:
+    rate = "" if service.rate is None else f"{service.rate:.1f}"
+    others = {name: count for name, count in service.counts.items() if name not in _APART}
+    return {
+        "service": service.service,
+        "identity": service.identity,
+        "frame": "" if service.sequence is None else str(service.sequence),
+        "behind": "" if service.behind is None else str(service.behind),
+        "rate": "silent" if service.silent else rate,
+        **{name: str(service.counts.get(name, 0)) for name in _APART},
+        "counts": ", ".join(f"{name} {count}" for name, count in sorted(others.items())),
+    }
+
+
+class ReplayPanel:
+    """Starts and stops a replay."""
+
+    def __init__(self, site: Site) -> None:
+        self._replay = site.replay
+        with card("Replay", "third"):
+            self._source = ui.input("Source: a folder, a video, camera:0").props(
+                "dense outlined data-shown=source"
+            )
+            self._rate = ui.number("Frames per second; blank: as answered", min=0.01).props(
+                "dense outlined clearable data-shown=rate"
+            )
+            self._loop = ui.checkbox("begin again at the end")
+            with ui.element("div").classes("controls"):
+                self._start = ui.button("Start", on_click=self._start_replay)
+                self._start.props("dense unelevated no-caps data-shown=start")
+                self._stop = ui.button("Stop", on_click=self._replay.stop)
+                self._stop.props("dense outline no-caps data-shown=stop")
+            self._standing = ui.label("").classes("quiet").props("role=status data-shown=replay")
+        self._source.on("keydown.enter", self._start_replay)
+        ui.timer(0.5, self._draw)
+
+    def _start_replay(self) -> None:
+        if self._source.value:
+            self._replay.start(self._source.value, self._rate.value, loop=self._loop.value)
+        self._draw()
+
+    def _draw(self) -> None:
+        self._standing.text = self._replay.standing
+        self._start.set_enabled(not self._replay.runs)
+        self._stop.set_enabled(self._replay.runs)

@@ -1,0 +1,104 @@
+"""The dashboard's pages and pictures over HTTP."""
+
+import logging
+import socket
+from collections.abc import Callable
+
+import uvicorn
+from fastapi import FastAPI, Response
+from fastapi.concurrency import run_in_threadpool
+from nicegui import app, ui
+
+from placefield.errors import ConfigError, FrameError, MessageError
+from placefield_tools.dashboard.live_page import live_page
+from placefield_tools.dashboard.map_page import map_page
+from placefield_tools.dashboard.own_site import LOOPBACK, OwnSite
+from placefield_tools.dashboard.panels import LOOK_BACK
+from placefield_tools.dashboard.pictures import distance_picture, frame_picture
+from placefield_tools.dashboard.site import Site
+
+log = logging.getLogger(__name__)
+
+_DRAIN_EVERY_S = 0.1
+_END_WITHIN_S = 1
+_BACK_WITHIN_S = 30.0  # a browser that is too busy to answer is not gone
+
+
+def serve(site: Site, host: str, port: int, on_ready: Callable[[], None]) -> None:
+    """Serve the pages until SIGINT or SIGTERM.
+
+    Raises:
+        ConfigError: the host is none of this machine's, or the port is in use.
+    """
+    _check_free(host, port)
+    if host not in LOOPBACK:
+        log.warning("%s: whoever reaches this may look on, and start replays of its files", host)
+    web = FastAPI(openapi_url=None)
+    _add_pictures(web, site)
+    ui.page("/", title="Placefield: live")(lambda: live_page(site))
+    ui.page("/map", title="Placefield: map")(lambda: map_page(site))
+    app.timer(_DRAIN_EVERY_S, site.feed.drain)
+    app.on_startup(on_ready)
+    ui.run_with(
+        web,
+        title="Placefield",
+        dark=None,
+        tailwind=False,
+        language="en-US",
+        show_welcome_message=False,
+        reconnect_timeout=_BACK_WITHIN_S,
+    )
+    web.add_middleware(OwnSite, hosts=LOOPBACK if host in LOOPBACK else ())
+    config = uvicorn.Config(
+        web,
+        host=host,
+        port=port,
+        log_level="warning",
+        ws="wsproto",
+        timeout_graceful_shutdown=_END_WITHIN_S,
+    )
+    uvicorn.Server(config).run()
+
+
+def _check_free(host: str, port: int) -> None:
+    try:
+        with socket.create_server((host, port)):
+            pass
+    except OSError as error:
+        raise ConfigError(
+            f"--host {host} --port {port}: {error.strerror}; give another one"
+        ) from None
+
+
+def _add_pictures(web: FastAPI, site: Site) -> None:
+    """Add the pictures' addresses; drawing takes its time in other threads, which see no state."""
+    state, places = site.state, site.placemap.places
+
+    @web.get("/frame/{number}.jpg")
+    async def frame(number: int) -> Response:
+        answer = state.at(number)
+        payload = None if answer is None else state.frame(answer)
+        if payload is None:
+            return Response(status_code=404)
+        try:
+            picture = await run_in_threadpool(frame_picture, payload)
+        except (FrameError, MessageError):
+            return Response(status_code=404)
+        return Response(picture, media_type="image/jpeg")
+
+    @web.get("/distances/{number}.png")
+    async def distances(number: int) -> Response:
+        answer = state.at(number)
+        if answer is None:
+            return Response(status_code=404)
+        rows = {one.header.sequence: one.distances for one in state.before(answer, LOOK_BACK)}
+        last = answer.header.sequence
+        in_turn = [rows.get(frame) for frame in range(last - LOOK_BACK + 1, last + 1)]
+        picture = await run_in_threadpool(distance_picture, in_turn, state.columns.count)
+        return Response(picture, media_type="image/png")
+
+    @web.get("/place/{place}.jpg")
+    async def place(place: int) -> Response:
+        if not 0 <= place < places.count:
+            return Response(status_code=404)
+        return Response(places.thumbnail(place), media_type="image/jpeg")
