@@ -248,6 +248,8 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            raise ConfigError(f"setting {key}: there is none; see 'placefield config'") from None
         raise ConfigError(f"setting {key}: {first['msg']} (given: {first['input']!r})") from None
     except SettingsError as error:
         raise ConfigError(

@@ -9,7 +9,8 @@ import pytest
 import zenoh
 
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus, router_settings
+from placefield.bus.session import open_bus
+from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
 from placefield_tools.hosting import free_endpoint
 from placefield_tools.security.folders import write_credentials

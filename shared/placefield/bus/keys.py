@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 ROOT = "placefield"
 
+EVERY_TOKEN = f"{ROOT}/*/alive/*/*"
+"""Liveliness tokens of all runs."""
+
 _PART = re.compile(r"([0-9]{1,5})(?:\.([0-9]{1,5})of([0-9]{1,5}))?-[0-9A-Za-z_]+")
 
 

@@ -1,6 +1,5 @@
 """A session on the bus: the one place that speaks Zenoh."""
 
-import json
 import logging
 import threading
 import time
@@ -12,10 +11,11 @@ from typing import Any
 
 import zenoh
 
-from placefield.bus.credentials import access_control, encryption
+from placefield.bus.credentials import access_control
 from placefield.bus.inbox import Received
-from placefield.bus.keys import Keys
+from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
 from placefield.bus.messages import MAX_BYTES, Header, Message
+from placefield.bus.settings import client_settings, is_local, router_settings, zenoh_config
 from placefield.config import BusConfig
 from placefield.errors import BusError, MessageError
 
@@ -23,7 +23,6 @@ log = logging.getLogger(__name__)
 
 _LOG_EVERY_S = 10.0
 _ATTEMPT_S = 0.5
-_RETRY = {"period_init_ms": 100, "period_max_ms": 1000}
 
 
 class Publisher:
@@ -179,6 +178,10 @@ class Bus:
         replies = self._session.liveliness().get(key, timeout=2.0)
         return {str(reply.ok.key_expr) for reply in replies if reply.ok}
 
+    def runs(self) -> set[str]:
+        """Return the runs that have a living service."""
+        return {run_of(token) for token in self.alive(EVERY_TOKEN)}
+
     def watch_alive(self, key: str, change: Callable[[str, bool], None]) -> None:
         """Call ``change(key, is_alive)`` for each token of a key, those there already included."""
 
@@ -202,10 +205,7 @@ def open_bus(config: BusConfig, stop: threading.Event | None = None) -> Iterator
         BusError: the endpoint is malformed, the credentials do not fit, or no router answered
             before the wait ended.
     """
-    settings = _settings(config, "client", "connect") | {
-        "connect/timeout_ms": round(_ATTEMPT_S * 1000),
-        "connect/retry": _RETRY,
-    }
+    settings = client_settings(config, _ATTEMPT_S)
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
     if config.credentials:
         hint += "; if one is there, it refuses these credentials"
@@ -221,9 +221,9 @@ def _attempts(
     Each attempt is short, for no signal is heard inside it.
     """
     end = time.monotonic() + config.connect_timeout_s
-    yield _zenoh_config(config, settings)
+    yield zenoh_config(config, settings)
     while time.monotonic() < end and not (stop and stop.is_set()):
-        yield _zenoh_config(config, settings)
+        yield zenoh_config(config, settings)
 
 
 @contextmanager
@@ -241,8 +241,8 @@ def open_router(config: BusConfig) -> Iterator[Bus]:
     settings = router_settings(config)
     if config.credentials:
         settings["access_control"] = access_control(Path(config.credentials))
-    made = _zenoh_config(config, settings)
-    if not config.credentials and not _is_local(config.endpoint):
+    made = zenoh_config(config, settings)
+    if not config.credentials and not is_local(config.endpoint):
         log.warning(
             "%s: whoever reaches this may read and publish all; see 'placefield security init -h'",
             config.endpoint,
@@ -250,48 +250,6 @@ def open_router(config: BusConfig) -> Iterator[Bus]:
     hint = "is another router running there? Name another with --endpoint"
     with _open(iter([made]), f"cannot listen at {config.endpoint}: {hint}") as bus:
         yield bus
-
-
-def router_settings(config: BusConfig) -> dict[str, Any]:
-    """Return Zenoh's settings of a router at the endpoint, by their paths; no access control.
-
-    Raises:
-        BusError: the credentials do not fit.
-    """
-    return _settings(config, "router", "listen") | {
-        "scouting/delay": 0,
-        "connect/endpoints": config.connect,
-        "connect/retry": _RETRY,
-    }
-
-
-def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
-    return encryption(config) | {
-        "mode": mode,
-        f"{use}/endpoints": [config.endpoint],
-        "scouting/multicast/enabled": False,
-        "transport/shared_memory/enabled": False,
-        "transport/link/rx/buffer_size": 4 * 2**20,
-        "transport/link/rx/max_message_size": MAX_BYTES,
-    }
-
-
-def _is_local(endpoint: str) -> bool:
-    host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
-    return host == "localhost" or host == "::1" or host.startswith("127.")
-
-
-def _zenoh_config(config: BusConfig, settings: dict[str, Any]) -> zenoh.Config:
-    made = zenoh.Config()
-    try:
-        for key, value in settings.items():
-            made.insert_json5(key, json.dumps(value))
-    except zenoh.ZError:
-        given = f"bus.endpoint {config.endpoint!r}"
-        if config.connect:
-            given += f" or bus.connect {', '.join(map(repr, config.connect))}"
-        raise BusError(f"{given} is malformed: write it as tcp/HOST:PORT") from None
-    return made
 
 
 @contextmanager

@@ -216,7 +216,7 @@ def test_a_port_in_use_is_refused_by_name(router: Bus, config: BusConfig) -> Non
         open_router(config).__enter__()
 
 
-@pytest.mark.parametrize("endpoint", ["", "nonsense", "tcp", "127.0.0.1:7557"])
+@pytest.mark.parametrize("endpoint", ["", "nonsense", "tcp", "127.0.0.1:7557", "tcp/127.0.0.1"])
 def test_a_malformed_endpoint_is_refused_by_name(endpoint: str) -> None:
     config = BusConfig(endpoint=endpoint, connect_timeout_s=0.3)
     for opener in (open_router, open_bus):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from placefield.bus.credentials import AUTHORITY, CERTIFICATE, KEY, ROUTER_SETTINGS
-from placefield.bus.session import router_settings
+from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
 from placefield.errors import ConfigError
 from placefield_tools.security.access import access_control
