@@ -15,6 +15,7 @@ from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.recognizer import Recognizer
 from placefield_tools.building import build_from, map_of
+from placefield_tools.sources import camera
 
 IDENTITY = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
 LEARNED = Config.model_validate({"scales": {"channels": 1}, "metric": {"steps": 3}})
@@ -92,6 +93,12 @@ def test_an_uneven_drive_builds_the_even_drives_map_when_it_is_spaced(
 def test_a_camera_is_no_reference() -> None:
     with pytest.raises(PlacefieldError, match="camera:9"):
         build_from(["camera:9"], IDENTITY)
+
+
+def test_a_cameras_password_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(camera.Camera, "__init__", lambda *_, **__: None)
+    with pytest.raises(SourceError, match=r"^rtsp://host/s: a camera gives no second look"):
+        build_from(["rtsp://me:secret@host/s"], IDENTITY)
 
 
 def test_a_map_that_is_there_is_taken_as_it_is(map_path: Path) -> None:

@@ -20,6 +20,7 @@ from placefield.maps.traverse import ROUTE, Traverse, describe_frame, traverse_o
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import channel_progress, tracked
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources.secrets import without_secrets
 
 
 def build_from(
@@ -67,7 +68,8 @@ def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> So
     source = open_source(reference, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
-            f"{reference}: a camera gives no second look; record a traverse and build from that"
+            f"{without_secrets(reference)}: a camera gives no second look; "
+            "record a traverse and build from that"
         )
     return source
 

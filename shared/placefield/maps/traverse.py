@@ -71,11 +71,13 @@ def traverse_of(
 ) -> Traverse:
     """Put the described frames of one traverse together.
 
-    A frame without a pose that has one close before and one close behind it lies between them (see
-    ``Trajectory.at``); how many do is logged.
+    A frame without a pose lies by its stamp between the poses before and after it, if these are
+    close (see ``Trajectory.at``), or at the first or the last, if it is at most half the usual step
+    outside; how many do is logged.
 
     Raises:
-        MapError: there is no frame; only some frames have poses, and the others lie too far off.
+        MapError: there is no frame; only some frames have poses, and the others lie too far off, or
+            the stamps do not ascend.
     """
     frames = list(described)
     if not frames:
@@ -102,6 +104,11 @@ def _poses(
     poses[has_pose] = rows
     if has_pose.all():
         return poses
+    if (np.diff(stamps) <= 0).any():
+        raise MapError(
+            f"{name}: {len(given) - len(rows)} of {len(given)} frames have no pose, and the stamps "
+            "do not ascend, which would tell where they lie: give poses to all frames, or to none"
+        )
     poses[~has_pose] = Trajectory.of(stamps[has_pose], poses[has_pose]).at(stamps[~has_pose])[:, :3]
     unknown = np.flatnonzero(np.isnan(poses[:, 0]))
     if len(unknown):

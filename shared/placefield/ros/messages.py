@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 IMAGE = "sensor_msgs/msg/Image"
+IMAGES = (COMPRESSED_IMAGE, IMAGE)
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -76,25 +77,45 @@ def read_image(kind: str, data: bytes) -> tuple[int, bytes | NDArray[np.uint8]]:
     Raises:
         MessageError: it is no image, or not of an encoding that we read.
     """
-    if kind not in (COMPRESSED_IMAGE, IMAGE):
-        raise MessageError(f"{kind:.80}: give a topic of {COMPRESSED_IMAGE} or {IMAGE}")
+    if kind not in IMAGES:
+        raise MessageError(f"{kind:.80}: give a topic of {' or '.join(IMAGES)}")
     message = _decode(kind, data)
-    stamp = message.header.stamp
-    stamp_ns = stamp.sec * _NS + stamp.nanosec
-    if kind == COMPRESSED_IMAGE:
-        return stamp_ns, message.data.tobytes()
     try:
-        pixels = decode_image(
-            message.height,
-            message.width,
-            message.encoding,
-            bool(message.is_bigendian),
-            message.step,
-            message.data,
-        )
+        return stamp_of(message), image_of(kind, message)
     except FrameError as error:
         raise MessageError(f"{kind}: {error}") from None
-    return stamp_ns, pixels
+
+
+def stamp_of(message: Any) -> int:
+    """Return the stamp of the header of a message, as rosbags gives it, in nanoseconds."""
+    stamp = message.header.stamp
+    return int(stamp.sec * _NS + stamp.nanosec)
+
+
+def image_of(kind: str, message: Any) -> bytes | NDArray[np.uint8]:
+    """Return the image of a message.
+
+    Args:
+        kind: one of ``IMAGES``.
+        message: as rosbags gives it, of ROS 1 or 2.
+
+    Returns:
+        It encoded, or as pixels, (H, W) grey or (H, W, 3) BGR.
+
+    Raises:
+        FrameError: it is not of an encoding that we read, or its fields do not fit each other.
+    """
+    if kind == COMPRESSED_IMAGE:
+        encoded: bytes = message.data.tobytes()
+        return encoded
+    return decode_image(
+        message.height,
+        message.width,
+        message.encoding,
+        bool(message.is_bigendian),
+        message.step,
+        message.data,
+    )
 
 
 def read_position(kind: str, data: bytes) -> NDArray[np.float64]:

@@ -75,6 +75,24 @@ def test_a_frame_that_could_be_anywhere_is_refused(poses: list[Pose | None], fir
         traverse_of("drive", described([0, 1.1, 2.2], poses))
 
 
+def test_a_frame_just_outside_of_the_poses_is_at_the_first_or_the_last() -> None:
+    poses = [None, Pose(1, 2, 0), Pose(3, 4, 0), None]
+    traverse = traverse_of("drive", described([0.75, 1, 1.5, 1.75], poses))
+    assert traverse.poses[[0, 3], :2].tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize("stamps", [[1, 1, 1], [0, 1, 0.5]])
+def test_stamps_that_do_not_ascend_tell_no_pose(stamps: list[float]) -> None:
+    with pytest.raises(MapError, match=r"^drive: 1 of 3 .*stamps do not ascend.*give poses to all"):
+        traverse_of("drive", described(stamps, [Pose(0, 0, 0), None, Pose(9, 0, 0)]))
+    everywhere = [Pose(at, 0, 0) for at in range(3)]
+    assert traverse_of("drive", described(stamps, list(everywhere))).poses[:, 0].tolist() == [
+        0,
+        1,
+        2,
+    ]
+
+
 def test_no_frames_are_no_traverse() -> None:
     with pytest.raises(MapError, match="drive: no frames"):
         traverse_of("drive", [])

@@ -95,6 +95,23 @@ def test_the_camera_is_given_back(monkeypatch):
     assert capture.released
 
 
+def test_closing_ends_the_frames_and_leaves_the_callers_event_alone(capture):
+    stop = threading.Event()
+    source = open_source("camera:0", stop=stop)
+    arriving = iter(source)
+    next(arriving)
+    source.close()
+    assert list(arriving) == []
+    assert not stop.is_set()
+
+
+def test_a_camera_of_damaged_frames_alone_is_stopped_too(capture, monkeypatch):
+    stop = threading.Event()
+    monkeypatch.setattr(capture, "grab", lambda _self: True)
+    monkeypatch.setattr(capture, "retrieve", lambda _self: (stop.set(), None))
+    assert list(open_source("camera:0", stop=stop)) == []
+
+
 class NetworkCamera(BaseHTTPRequestHandler):
     """Sends six frames as MJPEG over HTTP, of the brightness 10, 30, …, and breaks off."""
 

@@ -8,7 +8,7 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 from mcap.writer import Writer
 
 from placefield.errors import SourceError
-from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources import Parts, mcap_summary, open_source
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -106,6 +106,54 @@ def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
     assert len(list(open_source(where, parts=Parts("/right")))) == len(IMAGES)
     with pytest.raises(SourceError, match=r"--odometry-topic /odom: .* poses in no topic"):
         open_source(where, parts=Parts("/right", "/odom"))
+
+
+def record_both(path: Path) -> str:
+    """A recording of an image of Foxglove's on /fox and one of ROS's on /ros."""
+    encoding, definition, encode = FORMS["json"]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        fox = writer.register_schema(KIND, encoding, definition)
+        of_ros = writer.register_schema(
+            "sensor_msgs/msg/CompressedImage", "ros2msg", b"uint8[] data\n"
+        )
+        channels = [
+            writer.register_channel("/fox", "json", fox),
+            writer.register_channel("/ros", "cdr", of_ros),
+        ]
+        for channel in channels:
+            writer.add_message(channel, 1, encode(1, IMAGES[0]), publish_time=1)
+        writer.finish()
+    return str(path)
+
+
+def test_of_images_of_foxglove_and_of_ros_the_topic_decides(tmp_path: Path) -> None:
+    where = record_both(tmp_path / "a.mcap")
+    for asked in (None, "/image"):
+        with pytest.raises(SourceError, match=r"choose with --topic one of /fox, /ros$"):
+            open_source(where, parts=Parts(asked))
+    assert [frame.image for frame in open_source(where, parts=Parts("/fox"))] == IMAGES[:1]
+    with pytest.raises(SourceError, match="defined by jsonschema, and topics of ROS"):
+        open_source(where, parts=Parts("/ros"))
+
+
+def test_a_chunk_that_unpacks_to_more_than_is_allowed_is_refused_unread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_summary, "MAX_CHUNK_BYTES", 2**20)
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=2**30)
+        writer.start()
+        schema = writer.register_schema(KIND, "jsonschema", b"{}")
+        for topic in ("/image", "/other"):
+            channel = writer.register_channel(topic, "json", schema)
+            writer.add_message(channel, 1, bytes(2**20), publish_time=1)
+        writer.finish()
+    assert path.stat().st_size < 1e4
+    with pytest.raises(SourceError, match=r"a\.mcap: a chunk of it takes 2 MiB .* the 1 allowed"):
+        open_source(str(path), parts=Parts("/image"))
 
 
 def test_a_file_that_does_not_say_what_it_holds_is_refused(tmp_path: Path) -> None:

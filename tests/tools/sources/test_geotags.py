@@ -48,10 +48,27 @@ def test_the_position_is_read_whichever_side_it_is_on(
     assert tag.degrees == pytest.approx(degrees, abs=1e-7)
 
 
+@pytest.mark.parametrize("side", ["", "EW", "east"])
+def test_a_position_on_no_side_is_none(tmp_path: Path, side: str) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(IFD.GPSInfo).update(
+        {
+            GPS.GPSLatitudeRef: "N",
+            GPS.GPSLatitude: (51.0, 0.0, 0.0),
+            GPS.GPSLongitudeRef: side,
+            GPS.GPSLongitude: (1.0, 0.0, 0.0),
+        }
+    )
+    Image.new("L", (16, 16)).save(tmp_path / "a.jpg", exif=exif)
+    assert read_geotag(tmp_path / "a.jpg").degrees is None
+
+
 @pytest.mark.parametrize(
     ("tags", "when"),
     [
         ({}, datetime(2024, 2, 29, 23, 59, 58, tzinfo=UTC)),
+        ({Base.OffsetTimeOriginal: "   :  "}, datetime(2024, 2, 29, 23, 59, 58, tzinfo=UTC)),
+        ({Base.OffsetTimeOriginal: ""}, datetime(2024, 2, 29, 23, 59, 58, tzinfo=UTC)),
         ({Base.OffsetTimeOriginal: "+10:00"}, datetime(2024, 2, 29, 13, 59, 58, tzinfo=UTC)),
         (
             {Base.SubsecTimeOriginal: "25"},

@@ -72,6 +72,43 @@ def test_a_kitti_file_of_another_drive_is_refused(folder: Path, tmp_path: Path, 
         open_source(str(folder), parts=parts)
 
 
+@pytest.fixture
+def miscounted(tmp_path: Path) -> str:
+    """A video whose container says that it has more frames than it has."""
+    whole = tmp_path / "whole.avi"
+    writer = cv2.VideoWriter(
+        str(whole), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), RATE, (64, 48)
+    )
+    for at in range(COUNT):
+        writer.write(np.full((48, 64, 3), at, np.uint8))
+    writer.release()
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(whole.read_bytes()[: 6 * whole.stat().st_size // 10])
+    return str(cut)
+
+
+def test_of_a_video_the_frames_that_there_are_need_a_line(miscounted: str, tmp_path: Path) -> None:
+    count = len(list(open_source(miscounted)))
+    assert count < open_source(miscounted).count
+    for lines in (count, COUNT):
+        parts = Parts(poses=kitti(tmp_path / "00.txt", lines))
+        assert [frame.pose.x for frame in open_source(miscounted, parts=parts)] == [*range(count)]
+    parts = Parts(poses=kitti(tmp_path / "00.txt", count - 1))
+    with pytest.raises(SourceError, match=rf"{count - 1} lines, and none for cut.avi#{count - 1}$"):
+        list(open_source(miscounted, parts=parts))
+
+
+def test_in_a_gap_of_the_poses_frames_are_not_spaced_and_the_advice_is_to_fill_it(
+    folder: Path, tmp_path: Path
+) -> None:
+    poses = tum(tmp_path / "poses.txt")
+    lines = poses.read_text().splitlines()
+    poses.write_text("\n".join(lines[:5] + lines[30:]))
+    source = open_source(str(folder), parts=Parts(poses=poses), spacing_m=1)
+    with pytest.raises(SourceError, match=r"^05\.png: .* poses that are at most 2 s apart there$"):
+        list(source)
+
+
 def test_topics_are_for_recordings(folder: Path) -> None:
     for parts in (Parts(topic="/a"), Parts(odometry_topic="/a")):
         with pytest.raises(SourceError, match="drive: has no topics"):

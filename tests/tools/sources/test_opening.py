@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from placefield.errors import SourceError
-from placefield_tools.sources import open_source
+from placefield_tools.sources import NO_PARTS, Parts, open_source
 
 ABSENT_CAMERA = 97
 
@@ -22,6 +22,15 @@ def test_a_camera_that_is_absent_is_refused_quietly(capfd, form):
     with pytest.raises(SourceError, match=f"camera:{ABSENT_CAMERA}: cannot be opened"):
         open_source(form.format(ABSENT_CAMERA))
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("path", ["s", "s.png", "s" * 5000])
+def test_no_password_of_a_url_is_told(path):
+    for where in (f"rtps://me:secret@host/{path}", f"rtsp://me:secret@host/{path}"):
+        with pytest.raises(SourceError) as refused:
+            open_source(where, parts=Parts(topic="/a") if where.startswith("rtsp") else NO_PARTS)
+        assert "host" in str(refused.value)
+        assert "secret" not in str(refused.value)
 
 
 def test_one_image_is_no_source(tmp_path):

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame, Pose
 from placefield.maps.geography import Origin
-from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources import Parts, mcap_summary, open_source
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -262,6 +262,15 @@ def test_a_recording_says_what_is_to_be_installed_to_read_it(
 def test_a_start_beyond_the_end_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"--start 8: .*/camera/compressed holds 8 frames only"):
         open_source(record(tmp_path / "drive", images()), start=COUNT)
+
+
+def test_a_bag_with_a_chunk_of_more_memory_than_is_allowed_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where = record(tmp_path / "drive", images())
+    monkeypatch.setattr(mcap_summary, "MAX_CHUNK_BYTES", 2**10)
+    with pytest.raises(SourceError, match=r"\.mcap: a chunk of it takes"):
+        open_source(where)
 
 
 def test_an_image_that_does_not_fit_its_fields_is_named(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def _chaos(
     from placefield_tools.cli.up import deal
     from placefield_tools.parallel import cores
     from placefield_tools.sources import open_source
+    from placefield_tools.sources.secrets import without_secrets
 
     logging.getLogger("placefield").setLevel(logging.ERROR)  # garbage is dropped as it should be
     effective = options.effective_config(config, settings, matching__rule=rule)
@@ -66,7 +67,8 @@ def _chaos(
     drawn = schedule(seed, count, faults)
     with open_source(source) as opened:
         if opened.live:
-            raise ConfigError(f"{source}: a camera gives no frame twice; give a folder or a video")
+            camera = without_secrets(source)
+            raise ConfigError(f"{camera}: a camera gives no frame twice; give a folder or a video")
         verdict = disturbed_replay(
             map_path,
             opened,

@@ -1,13 +1,17 @@
 """The cameras of this machine."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield_tools.doctor.finding import Finding, bad, good, warning
 from placefield_tools.sources import open_source
+from placefield_tools.sources.secrets import without_secrets
 
 _DEVICES = Path("/dev")
+_PATIENCE_S = 10.0
+_ADVICE = "try another number or URL"
 
 
 def cameras(source: str | None) -> Iterator[Finding]:
@@ -24,11 +28,19 @@ def cameras(source: str | None) -> Iterator[Finding]:
 
 
 def of_camera(source: str) -> Finding:
-    """Take a frame of a camera."""
+    """Take a frame of a camera, which has ten seconds for it."""
+    stop = threading.Event()
+    timer = threading.Timer(_PATIENCE_S, stop.set)
+    timer.start()
     try:
-        with open_source(source) as opened:
-            frame = next(iter(opened))
-    except (SourceError, StopIteration) as error:
-        return bad("camera", str(error) or f"{source} gives no frame", "try another number or URL")
+        with open_source(source, stop=stop) as opened:
+            frame = next(iter(opened), None)
+    except SourceError as error:
+        return bad("camera", str(error), _ADVICE)
+    finally:
+        timer.cancel()
+    shown = without_secrets(source)
+    if frame is None:
+        return bad("camera", f"{shown} gives no frame", _ADVICE)
     shape = "" if isinstance(frame.image, bytes) else f" of {frame.image.shape[1::-1]} pixels"
-    return good("camera", f"{source} gives frames{shape}")
+    return good("camera", f"{shown} gives frames{shape}")

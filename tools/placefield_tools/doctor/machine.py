@@ -21,7 +21,7 @@ def machine() -> Iterator[Finding]:
     yield of_cores(cores(), os.getloadavg()[0])
     yield of_memory(_memory_available())
     yield of_shared_memory(_SHARED_MEMORY)
-    yield of_disk(Path.cwd())
+    yield of_disk(Path())
     yield compiled_loops(Path(os.environ.get("NUMBA_CACHE_DIR") or _package_folder()))
 
 
@@ -59,8 +59,11 @@ def of_shared_memory(folder: Path) -> Finding:
 
 def of_disk(folder: Path) -> Finding:
     """Look at the room that is left for maps and recordings."""
-    free = shutil.disk_usage(folder).free
-    found = f"{free / 2**30:.1f} GiB free at {folder}"
+    try:
+        free = shutil.disk_usage(folder).free
+        found = f"{free / 2**30:.1f} GiB free at {folder.resolve()}"
+    except OSError:
+        return warning("disk", "this folder is gone", "go to one that is there")
     if free < _LEAST_DISK:
         return warning("disk", found, "make room: a map that does not fit is not written")
     return good("disk", found)

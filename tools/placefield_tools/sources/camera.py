@@ -2,7 +2,6 @@
 
 import itertools
 import logging
-import re
 import threading
 import time
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ import cv2
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
 from placefield_tools.sources.capture import grab_every, quiet_opencv, retrieve
+from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
 
 log = logging.getLogger(__name__)
@@ -49,16 +49,17 @@ class Camera(Source):
             where: its number on this machine, or a URL (``rtsp://…``, ``http://…``).
             start: the first frame.
             stride: from one frame to the next.
-            stop: ends the frames while the camera is away; None: only closing does.
+            stop: ends the frames, also while the camera is away; None: only closing does.
 
         Raises:
             SourceError: it cannot be opened.
         """
         self._where = where
-        self._name = f"camera:{where}" if isinstance(where, int) else _without_secrets(where)
+        self._name = f"camera:{where}" if isinstance(where, int) else without_secrets(where)
         self._start = start
         self._stride = stride
         self._stop = stop or threading.Event()
+        self._is_closed = False
         self._returns = 0
         self._capture = _open(where)
         if not self._capture.isOpened():
@@ -68,7 +69,7 @@ class Camera(Source):
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield frames until the source is stopped; a damaged one is left out."""
-        numbers = itertools.count()
+        numbers = itertools.takewhile(lambda _: not self._is_over(), itertools.count())
         wait_s = _FIRST_WAIT_S
         while True:
             for index in grab_every(self._capture, numbers, self._start, self._stride):
@@ -78,6 +79,8 @@ class Camera(Source):
                 if pixels is not None:
                     yield Frame(index, stamp_ns, f"{self._name}#{index}", pixels)
             self._capture.release()
+            if self._is_over():
+                return
             log.warning("%s: gives no more frames; opened again in %g s", self._name, wait_s)
             if self._stop.wait(wait_s):
                 return
@@ -89,8 +92,11 @@ class Camera(Source):
 
     def close(self) -> None:
         """Give the camera back; its frames end."""
-        self._stop.set()
+        self._is_closed = True
         self._capture.release()
+
+    def _is_over(self) -> bool:
+        return self._is_closed or self._stop.is_set()
 
 
 def _open(where: int | str) -> cv2.VideoCapture:
@@ -98,8 +104,3 @@ def _open(where: int | str) -> cv2.VideoCapture:
         if isinstance(where, int):
             return cv2.VideoCapture(where)
         return cv2.VideoCapture(where, cv2.CAP_FFMPEG, _TIMEOUTS)
-
-
-def _without_secrets(url: str) -> str:
-    """Leave out what a log must not hold: user, password and query."""
-    return re.sub(r"//[^/]*@", "//", url).partition("?")[0]

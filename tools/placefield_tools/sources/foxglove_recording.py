@@ -11,6 +11,8 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
 from placefield.errors import FrameError, SourceError
+from placefield.ros.messages import IMAGES as ROS_IMAGES
+from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.protobuf_messages import parse_message
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.topics import image_topic, pose_topic
@@ -30,14 +32,20 @@ class _FoxgloveRecording(Recording):
                 yield partial(_image, schema, channel, message)
 
 
-def holds_foxglove_images(path: Path) -> bool:
-    """Return whether an MCAP file holds images of Foxglove's, and not of ROS.
+def holds_foxglove_images(path: Path, topic: str | None) -> bool:
+    """Return whether an MCAP file's images are Foxglove's, and not of ROS.
+
+    Args:
+        path: of the file.
+        topic: of images; None: any.
 
     Raises:
         SourceError: it cannot be read.
     """
     with known_errors(path):
-        return any(topic.kind == _IMAGE for topic in _topics(path).values())
+        topics = _topics(path)
+    is_of_ros = topic in topics and topics[topic].kind in ROS_IMAGES
+    return not is_of_ros and any(each.kind == _IMAGE for each in topics.values())
 
 
 def open_foxglove_recording(
@@ -58,15 +66,14 @@ def open_foxglove_recording(
     with known_errors(path):
         topics = _topics(path)
     types = {name: held.kind for name, held in topics.items()}
-    images = image_topic(str(path), types, (_IMAGE,), topic)
+    images = image_topic(str(path), types, (_IMAGE, *ROS_IMAGES), topic)
     pose_topic(str(path), types, (), odometry_topic)
     return _FoxgloveRecording(path, images, topics[images].messages, start=start, stride=stride)
 
 
 def _topics(path: Path) -> dict[str, _Topic]:
     """Return the topics that hold messages, of other kinds too."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
+    summary = read_summary(path)
     if summary is None or summary.statistics is None:
         raise SourceError(f"{path}: does not say what it holds; 'mcap recover' mends such files")
     counts = summary.statistics.channel_message_counts

@@ -72,11 +72,11 @@ def _tag(path: Path) -> Geotag:
 
 def _stamp_ns(tags: dict[int, Any]) -> int | None:
     base = ExifTags.Base
-    offset = tags.get(base.OffsetTimeOriginal, "+00:00")
+    offset = str(tags.get(base.OffsetTimeOriginal, "")).strip("\0 :")  # blanks say: unknown
     fraction = str(tags.get(base.SubsecTimeOriginal, "")).strip("\0 ")
     try:
         when = datetime.strptime(
-            f"{tags.get(base.DateTimeOriginal)}{offset}", "%Y:%m:%d %H:%M:%S%z"
+            f"{tags.get(base.DateTimeOriginal)}{offset or '+00:00'}", "%Y:%m:%d %H:%M:%S%z"
         )
     except ValueError:
         return None
@@ -96,7 +96,7 @@ def _angle(value: Any, side: Any, sides: str, most: float) -> float | None:
     """Return degrees, of degrees, minutes and seconds on one of two sides."""
     try:
         degrees, minutes, seconds = map(float, value)
-        sign = (1, -1)[sides.index(side)]
+        sign = (1, -1)[list(sides).index(side)]
     except (TypeError, ValueError, ArithmeticError):
         return None
     angle = degrees + minutes / 60 + seconds / 3600

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from placefield.errors import ConfigError, SourceError
+from placefield.features.frames import Frame
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.metered import Metered
 from placefield_tools.sources.pose_files import read_pose_file
+from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
@@ -76,7 +78,8 @@ def open_source(
     try:
         source = _open(where, start, stride, parts, stop)
     except OSError as error:
-        raise SourceError(f"{where}: cannot be read ({error.strerror})") from error
+        shown = without_secrets(where)
+        raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
     if parts.poses is not None:
         source = _located(source, where, parts.poses, start, stride)
     if spacing_m is None:
@@ -93,7 +96,8 @@ def _open(
     if _is_recording(path):
         return _open_recording(path, start, stride, parts)
     if parts.topic is not None or parts.odometry_topic is not None:
-        raise SourceError(f"{where}: has no topics: leave --topic and --odometry-topic out")
+        shown = without_secrets(where)
+        raise SourceError(f"{shown}: has no topics: leave --topic and --odometry-topic out")
     if device := _DEVICE.fullmatch(where):
         return Camera(int(device[1]), start=start, stride=stride, stop=stop)
     if _URL.fullmatch(where):
@@ -116,20 +120,21 @@ def _open_recording(path: Path, start: int, stride: int, parts: Parts) -> Source
         from placefield_tools.sources.ros_recording import open_ros_recording
     except ModuleNotFoundError as missing:
         raise ConfigError(f"{path} needs {missing.name}: pip install 'placefield[ros]'") from None
-    is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path)
+    is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path, parts.topic)
     opened = open_foxglove_recording if is_foxglove else open_ros_recording
     return opened(path, parts.topic, parts.odometry_topic, start=start, stride=stride)
 
 
 def _open_path(path: Path, start: int, stride: int) -> Source:
+    shown = without_secrets(str(path))  # it may be a URL with a misspelt scheme
     if path.is_dir():
         return Folder(path, start=start, stride=stride)
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        raise SourceError(f"{path}: this would be one image; give the folder that it lies in")
+        raise SourceError(f"{shown}: this would be one image; give the folder that it lies in")
     if path.is_file():
         return Video(path, start=start, stride=stride)
     raise SourceError(
-        f"{path}: no such folder or file; give a folder of images, a video, a recording "
+        f"{shown}: no such folder or file; give a folder of images, a video, a recording "
         "(.bag, .mcap, a folder of ROS 2), camera:0 or rtsp://…"
     )
 
@@ -139,10 +144,15 @@ def _located(source: Source, where: str, poses: Path, start: int, stride: int) -
         raise SourceError(f"--poses {poses}: a camera's frames are not there yet; leave it out")
     file = read_pose_file(poses)
     total = len(file.trajectory.stamps)
-    if file.numbered and source.count not in (None, len(range(start, total, stride))):
+    is_counted = not isinstance(source, Video)  # whose count is an estimate
+    if file.numbered and is_counted and source.count != len(range(start, total, stride)):
         raise SourceError(
             f"--poses {poses}: has {total} lines; {where} has another number of frames"
         )
-    return Located(
-        source, file.trajectory, str(poses), key=lambda frame: file.key(frame.index, frame.stamp_ns)
-    )
+
+    def key(frame: Frame) -> int:
+        if file.numbered and frame.index >= total:
+            raise SourceError(f"--poses {poses}: has {total} lines, and none for {frame.name}")
+        return file.key(frame.index, frame.stamp_ns)
+
+    return Located(source, file.trajectory, str(poses), key=key)

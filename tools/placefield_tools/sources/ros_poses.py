@@ -9,6 +9,7 @@ import numpy as np
 from placefield.errors import SourceError
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
+from placefield.ros.messages import ODOMETRY, POSE
 from placefield_tools.sources.degrees import laid_out
 from placefield_tools.sources.pose_files import quaternion_yaws
 
@@ -66,8 +67,8 @@ def _of_fix(fix: Any) -> _Row:
 
 
 _READ: dict[str, Callable[[Any], _Row]] = {
-    "nav_msgs/msg/Odometry": lambda message: _of_pose(message.pose.pose),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
+    ODOMETRY: lambda message: _of_pose(message.pose.pose),
+    POSE: lambda message: _of_pose(message.pose.pose),
     "geometry_msgs/msg/PoseStamped": lambda message: _of_pose(message.pose),
     _FIX: _of_fix,
 }

@@ -8,15 +8,16 @@ from typing import Any
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from placefield.ros.images import decode_image
+from placefield.errors import SourceError
+from placefield.ros.messages import IMAGES, image_of, stamp_of
 from placefield_tools.sources.located import Located
+from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.ros_poses import POSES, way_of
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import image_topic, pose_topic
 
-_COMPRESSED = "sensor_msgs/msg/CompressedImage"
-_IMAGES = (_COMPRESSED, "sensor_msgs/msg/Image")
+_DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # how rosbags knows MCAP to define messages
 
 
 class _RosRecording(Recording):
@@ -31,6 +32,9 @@ def open_ros_recording(
 ) -> Source:
     """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
 
+    How much memory it takes is checked of MCAP's chunks alone (see ``read_summary``); of a bag of
+    ROS 1, and of messages and files that ROS 2 compressed, nothing says so beforehand.
+
     Args:
         path: of the recording.
         topic: of images; None: the only one.
@@ -41,10 +45,12 @@ def open_ros_recording(
     Raises:
         SourceError: it cannot be read, holds no such topics, or ends before ``start``.
     """
+    with known_errors(path):
+        _check_files(path)
     with known_errors(path), _reader(path) as reader:
         held = [each for each in reader.connections if each.msgcount]
         types = {each.topic: each.msgtype for each in held}
-        images = image_topic(str(path), types, _IMAGES, topic)
+        images = image_topic(str(path), types, IMAGES, topic)
         total = sum(each.msgcount for each in held if each.topic == images)
         source = _RosRecording(path, images, total, start=start, stride=stride)
         poses = pose_topic(str(path), types, POSES, odometry_topic)
@@ -53,6 +59,20 @@ def open_ros_recording(
         name = f"{path.name}:{poses}"
         way = way_of(name, types[poses], (read() for _, read in _messages(reader, poses)))
         return Located(source, way.trajectory, name, origin=way.origin)
+
+
+def _check_files(path: Path) -> None:
+    """Refuse MCAP files that rosbags would fail at, or take too much memory for."""
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if file.suffix.lower() != ".mcap":
+            continue
+        summary = read_summary(file)
+        definitions = {each.encoding for each in summary.schemas.values()} if summary else set()
+        if foreign := sorted(definitions - _DEFINITIONS):
+            raise SourceError(
+                f"{file}: holds messages defined by {', '.join(foreign)}, and topics of ROS are "
+                "read from a file of their own only; record them into one"
+            )
 
 
 def _reader(path: Path) -> AnyReader:
@@ -70,20 +90,9 @@ def _messages(reader: AnyReader, topic: str) -> Iterator[tuple[str, Callable[[],
 
 def _read(reader: AnyReader, kind: str, recorded_ns: int, data: bytes) -> tuple[int, Any]:
     message: Any = reader.deserialize(data, kind)
-    stamp = message.header.stamp
-    return stamp.sec * 1_000_000_000 + stamp.nanosec or recorded_ns, message
+    return stamp_of(message) or recorded_ns, message
 
 
 def _image(kind: str, read: Callable[[], tuple[int, Any]]) -> Stamped:
     stamp_ns, message = read()
-    if kind == _COMPRESSED:
-        return stamp_ns, message.data.tobytes()
-    pixels = decode_image(
-        message.height,
-        message.width,
-        message.encoding,
-        bool(message.is_bigendian),
-        message.step,
-        message.data,
-    )
-    return stamp_ns, pixels
+    return stamp_ns, image_of(kind, message)

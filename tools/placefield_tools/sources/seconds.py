@@ -10,7 +10,8 @@ def nanoseconds(seconds: str) -> int:
         ValueError: it is no number of seconds that a stamp can be.
     """
     try:
-        stamp_ns = round(Decimal(seconds) * 1_000_000_000)
+        exact = Decimal(seconds) * 1_000_000_000
+        stamp_ns = round(exact) if 0 <= exact < 2**63 else -1  # 1e99999 would take long to round
     except (ArithmeticError, ValueError):
         stamp_ns = -1
     if not 0 <= stamp_ns < 2**63:

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
+from placefield.maps.trajectory import MAX_GAP_NS
+from placefield_tools.sources.located import Located
 from placefield_tools.sources.source import Source
 
 _ROUNDING_M = 1e-6  # so that 0.7 is on the grid of 0.1
@@ -35,8 +37,8 @@ class Spaced(Source):
         for number, frame in enumerate(self._source):
             if frame.odometry_m is None:
                 raise SourceError(
-                    f"{frame.name}: has no odometry to space frames by; leave --spacing out, or "
-                    "give a frames.csv with the column odometry, --odometry-topic or --poses"
+                    f"{frame.name}: has no odometry to space frames by; "
+                    f"leave --spacing out, or {self._remedy()}"
                 )
             if number == 0:
                 first_m = frame.odometry_m
@@ -44,6 +46,11 @@ class Spaced(Source):
             if travelled_m >= due_m:
                 due_m = self._metres * (math.floor(travelled_m / self._metres) + 1)
                 yield frame
+
+    def _remedy(self) -> str:
+        if isinstance(self._source, Located):
+            return f"give poses that are at most {MAX_GAP_NS / 1e9:g} s apart there"
+        return "give a frames.csv with the column odometry, --odometry-topic or --poses"
 
     def close(self) -> None:
         """Give back what the source holds."""

@@ -1,8 +1,11 @@
 """Which of a recording's topics is meant."""
 
+import logging
 from collections.abc import Collection, Mapping
 
 from placefield.errors import SourceError
+
+log = logging.getLogger(__name__)
 
 Types = Mapping[str, str]
 """A recording's topics and the types of their messages."""
@@ -37,6 +40,8 @@ def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | No
 def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | None) -> str | None:
     """Return the topic of poses that is asked for, else the only one; None if not one is meant.
 
+    That none is taken where there are several is logged.
+
     Args:
         name: of the recording.
         types: its topics.
@@ -47,6 +52,12 @@ def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | Non
         SourceError: there is none of that name.
     """
     found = _of_kind(types, kinds)
+    if asked is None and len(found) > 1:
+        log.warning(
+            "%s: no poses are taken: choose with --odometry-topic one of %s, or none",
+            name,
+            ", ".join(found),
+        )
     if asked is None:
         return found[0] if len(found) == 1 else None
     if asked == "none":

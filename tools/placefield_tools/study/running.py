@@ -11,6 +11,7 @@ from placefield.maps.metrics import identity_metric
 from placefield_tools.evaluating import Query, TruthOf
 from placefield_tools.progress import CONSOLE
 from placefield_tools.sources import Source, open_source
+from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.study.ablation import ablate
 from placefield_tools.study.channel_counts import count_channels
 from placefield_tools.study.describing import (
@@ -103,7 +104,8 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
 def _vocabulary(source: Source, name: str, seed: int) -> Vocabulary | None:
     """Learn FAB-MAP's words; None where the reference has none."""
     if source.live:
-        raise SourceError(f"{name}: a camera gives no second look; record a traverse")
+        camera = without_secrets(name)
+        raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
     try:
         return learn_vocabulary(source, seed)
     except MapError:
