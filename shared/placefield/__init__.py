@@ -60,7 +60,6 @@ _HOMES = {
 }
 
 
-
 def __getattr__(name: str) -> object:
     """Import a public name when it is first asked for: a process pays for what it uses."""
     if name not in _HOMES:

@@ -1,6 +1,8 @@
 """What machines read of a running host: metrics and the log."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -44,3 +46,13 @@ def test_an_error_is_an_object_too(tmp_path: Path) -> None:
     ended = placefield("fuser", tmp_path / "no.pfmap", "--log-json")
     assert ended.returncode == 1
     assert "no map there" in json.loads(ended.stderr)["message"]
+
+
+def test_a_defect_that_nobody_caught_is_one_object_with_its_traceback() -> None:
+    raising = "from placefield_tools.logs import *; log_for_a_person(); log_as_json(); 1 / 0"
+    ended = subprocess.run(
+        [sys.executable, "-c", raising], capture_output=True, text=True, check=False
+    )
+    (line,) = ended.stderr.splitlines()
+    assert "ZeroDivisionError" in json.loads(line)["exc_info"]
+    assert ended.returncode == 1

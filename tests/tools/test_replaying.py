@@ -100,7 +100,6 @@ def wait_for(services: Services, frames: int) -> None:
 class MadeUp(Source):
     """So many frames of pixels; fails at the end if told to."""
 
-
     def __init__(self, count: int, *, fails: bool = False) -> None:
         self.count = count
         self._fails = fails

@@ -7,7 +7,18 @@ from rich.console import Console
 from rich.table import Table
 
 from placefield.evaluation.plots import ChannelSegments, plot_segments
+from placefield.maps.geography import Origin
 from placefield.maps.map import Map
+
+
+def _poses(frame: str | None) -> str:
+    """Say where the poses of places are."""
+    if frame is None:
+        return "without poses"
+    origin = Origin.of_frame(frame)
+    if origin is None:
+        return "with poses, in metres of its own"
+    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on"
 
 
 def print_map(opened: Map, path: Path) -> None:
@@ -18,7 +29,7 @@ def print_map(opened: Map, path: Path) -> None:
     made = "standardised" if model.standardise else "not standardised"
     facts = {
         "map": f"{path}, {size / 2**20:.1f} MB",
-        "places": f"{places.count}, {'with' if len(places.poses) else 'without'} poses",
+        "places": f"{places.count}, {_poses(opened.pose_frame)}",
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
         "metric": opened.metric.kind,

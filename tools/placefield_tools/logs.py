@@ -1,9 +1,10 @@
 """The log, on stderr: lines for a person, or JSON for a machine."""
 
 import logging
+import sys
+import threading
 import time
-
-from pythonjsonlogger.json import JsonFormatter
+from types import TracebackType
 
 log = logging.getLogger("placefield")
 
@@ -14,7 +15,12 @@ def log_for_a_person() -> None:
 
 
 def log_as_json() -> None:
-    """Log an object per line: ``time`` in UTC, ``level``, ``logger``, ``message``, ``process``."""
+    """Log an object per line: ``time`` in UTC, ``level``, ``logger``, ``message``, ``process``.
+
+    Warnings and what nobody caught are objects, too; these have their traceback as ``exc_info``.
+    """
+    from pythonjsonlogger.json import JsonFormatter
+
     formatter = JsonFormatter(
         ("asctime", "levelname", "name", "message", "process"),
         rename_fields={"asctime": "time", "levelname": "level", "name": "logger"},
@@ -23,3 +29,13 @@ def log_as_json() -> None:
     formatter.converter = time.gmtime
     for handler in logging.getLogger().handlers:
         handler.setFormatter(formatter)
+    logging.captureWarnings(True)
+    sys.excepthook = _log_defect
+    threading.excepthook = lambda raised: _log_defect(*raised[:3])
+
+
+def _log_defect(
+    kind: type[BaseException], error: BaseException | None, trace: TracebackType | None
+) -> None:
+    if isinstance(error, Exception):
+        log.critical("a defect", exc_info=(kind, error, trace))

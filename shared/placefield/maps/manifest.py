@@ -121,7 +121,7 @@ def read_manifest(path: Path) -> Manifest:
     try:
         written = _read(path, MANIFEST)
     except OSError:
-        raise MapError(f"{path}: no map there; {REBUILD}") from None
+        raise MapError(f"{path}: no map there; make one with 'placefield build'") from None
     manifest = parse_manifest(written, str(path / MANIFEST))
     try:
         seal = _read(path, SEAL)

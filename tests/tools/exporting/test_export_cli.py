@@ -78,19 +78,28 @@ def test_known_matches_are_exported_and_all_if_asked_for(
 
 @pytest.mark.parametrize("suffix", ["g2o", "tum", "geojson", "gpx"])
 def test_every_format_is_written_again_alike(earth_map: Path, tmp_path: Path, suffix: str) -> None:
-    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / f"out.{suffix}"
+    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
     written = []
-    for _ in range(2):
+    for name in ("one", "other"):
+        out = tmp_path / f"{name}.{suffix}"
         assert run_export(drive, out, "--map", earth_map).exit_code == 0
         written.append(out.read_bytes())
     assert written[0] == written[1]
     assert written[0]
 
 
+def test_a_file_that_is_there_is_not_replaced(earth_map: Path, tmp_path: Path) -> None:
+    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.tum"
+    out.write_text("mine")
+    assert "is there already" in refusal(RecordingError, drive, out, "--map", earth_map)
+    assert out.read_text() == "mine"
+
+
 def test_the_tolerance_widens_what_a_loop_closure_allows(earth_map: Path, tmp_path: Path) -> None:
-    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.g2o"
+    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
     information = []
     for tolerance in ("1", "4"):
+        out = tmp_path / f"out-{tolerance}.g2o"
         assert run_export(drive, out, "--map", earth_map, "--tolerance", tolerance).exit_code == 0
         edge = next(line for line in out.read_text().splitlines() if line.startswith("EDGE_SE2"))
         information.append(float(edge.split(" ")[6]))

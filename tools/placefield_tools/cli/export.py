@@ -53,12 +53,12 @@ def _export(
       placefield export drive.csv loops.g2o --map route.pfmap --all
     """
     from placefield.maps.opening import open_map
-    from placefield_tools.exporting.exporting import check_suffix, export
+    from placefield_tools.exporting.exporting import check_target, export
     from placefield_tools.exporting.traverse import localise, of_one_stream
     from placefield_tools.recording.records import read_records
 
     effective = options.effective_config(config, settings, matching__tolerance=tolerance)
-    check_suffix(out)
+    check_target(out)
     records = of_one_stream(read_records(matches), matches, stream)
     placemap = open_map(map_path, channels=())
     tolerance = effective.matching.tolerance

@@ -66,12 +66,14 @@ def _status(
             return
         time.sleep(_LISTEN_S)
         standing = listening.standing()
+        others = sorted(bus.runs() - {name})
     if json_:
         print(json.dumps({"run": name, **asdict(standing)}))
     else:
         Console(markup=False, highlight=False).print(_table(standing, name))
     if standing.missing:
-        raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}")
+        hint = f"; there are runs {', '.join(others)}: name one with --run" if others else ""
+        raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")
 
 
 class _Listening:

@@ -7,20 +7,24 @@ from placefield_tools.exporting.g2o import to_g2o
 from placefield_tools.exporting.geojson import to_geojson
 from placefield_tools.exporting.traverse import QueryTraverse
 from placefield_tools.exporting.tum import to_tum
+from placefield_tools.recording.records import RecordingError
 
 
-def check_suffix(path: Path) -> None:
-    """Check that there is such a format.
+def check_target(path: Path) -> None:
+    """Check that there is such a format, and no file there yet.
 
     Raises:
-        ConfigError: there is not.
+        ConfigError: there is no such format.
+        RecordingError: the file is there already.
     """
     if path.suffix not in _FORMATS:
         raise ConfigError(f"{path}: name it {', '.join(_FORMATS)}, as it is to be written")
+    if path.exists():
+        raise RecordingError(f"{path}: is there already; remove it, or name another file")
 
 
 def export(traverse: QueryTraverse, path: Path) -> None:
-    """Write the traverse to a file whose suffix names a format; one that is there is replaced.
+    """Write the traverse to a file whose suffix names a format.
 
     Raises:
         MapError: the format is for maps on earth, and this one is not.

@@ -70,9 +70,9 @@ class Recording:
         self._frame_counts: Counter[str] = Counter()
         self._follower = StreamFollower(self._frame_counts, lambda header: header.sequence)
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
-        self._matches = MatchQueue(bus, keys)
-        if frames:
+        if frames:  # first: a match has its frame, then
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
+        self._matches = MatchQueue(bus, keys)
 
     @property
     def counts(self) -> Counter[str]:

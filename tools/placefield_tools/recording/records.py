@@ -69,7 +69,8 @@ def read_records(path: Path) -> list[Record]:
         try:
             parsed = [_record(fields) for fields in _PARSERS[path.suffix](lines)]
         except (ValueError, RecursionError, csv.Error) as error:
-            raise RecordingError(f"{path}, line {lines.number}: {_first_line(error)}") from None
+            why = f"not what 'placefield record' writes ({_first_line(error)})"
+            raise RecordingError(f"{path}, line {lines.number}: {why}") from None
     return [record for record in parsed if record is not None]
 
 
