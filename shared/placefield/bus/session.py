@@ -1,10 +1,12 @@
 """A session on the bus: the one place that speaks Zenoh."""
 
+import itertools
 import logging
+import random
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,13 @@ from placefield.bus.credentials import access_control
 from placefield.bus.inbox import Received
 from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
 from placefield.bus.messages import MAX_BYTES, Header, Message
-from placefield.bus.settings import client_settings, is_local, router_settings, zenoh_config
+from placefield.bus.settings import (
+    WATCHERS,
+    client_settings,
+    is_local,
+    router_settings,
+    zenoh_config,
+)
 from placefield.config import BusConfig
 from placefield.errors import BusError, MessageError
 
@@ -194,12 +202,16 @@ class Bus:
 
 
 @contextmanager
-def open_bus(config: BusConfig, stop: threading.Event | None = None) -> Iterator[Bus]:
+def open_bus(
+    config: BusConfig, stop: threading.Event | None = None, *, watches: bool = False
+) -> Iterator[Bus]:
     """Open a client session; it is closed at the end of the block.
 
     Args:
         config: where the router is, and how long to wait for it.
         stop: ends the wait.
+        watches: whether it only looks on: the router waits for no such session, and drops what one
+            does not take in time. A few can be; more are as any other.
 
     Raises:
         BusError: the endpoint is malformed, the credentials do not fit, or no router answered
@@ -209,21 +221,28 @@ def open_bus(config: BusConfig, stop: threading.Event | None = None) -> Iterator
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
     if config.credentials:
         hint += "; if one is there, it refuses these credentials"
-    with _open(_attempts(config, settings, stop), f"no router at {config.endpoint}: {hint}") as bus:
+    attempts = _attempts(config, settings, stop, WATCHERS if watches else ())
+    with _open(attempts, f"no router at {config.endpoint}: {hint}") as bus:
         yield bus
 
 
 def _attempts(
-    config: BusConfig, settings: dict[str, Any], stop: threading.Event | None
+    config: BusConfig,
+    settings: dict[str, Any],
+    stop: threading.Event | None,
+    identities: Sequence[str],
 ) -> Iterator[zenoh.Config]:
     """Yield what to open a session with until the wait is over, at least once.
 
-    Each attempt is short, for no signal is heard inside it.
+    Each attempt is short, for no signal is heard inside it. Two thirds of them are under one of the
+    identities, if there are any: another session may have it.
     """
     end = time.monotonic() + config.connect_timeout_s
-    yield zenoh_config(config, settings)
-    while time.monotonic() < end and not (stop and stop.is_set()):
-        yield zenoh_config(config, settings)
+    for attempt in itertools.count():
+        as_one = {"id": random.choice(identities)} if identities and attempt % 3 < 2 else {}
+        yield zenoh_config(config, settings | as_one)
+        if time.monotonic() > end or (stop and stop.is_set()):
+            return
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Any
 import zenoh
 
 from placefield.bus.credentials import encryption
+from placefield.bus.keys import ROOT
 from placefield.bus.messages import MAX_BYTES
 from placefield.config import BusConfig
 from placefield.errors import BusError
@@ -14,6 +15,9 @@ from placefield.errors import BusError
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000}
 _ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/).+/.+|\w+/.+:[0-9]+([#?].*)?")
 """A protocol and an address; of those of the internet, with a port."""
+
+WATCHERS = tuple(f"{'77' * 15}{number:02x}" for number in range(1, 9))
+"""What who only looks on calls itself at the router, which then drops rather than waits for it."""
 
 
 def router_settings(config: BusConfig) -> dict[str, Any]:
@@ -26,6 +30,16 @@ def router_settings(config: BusConfig) -> dict[str, Any]:
         "scouting/delay": 0,
         "connect/endpoints": config.connect,
         "connect/retry": _RETRY,
+        "qos/network": [
+            {
+                "id": "watchers",
+                "zids": WATCHERS,
+                "flows": ["egress"],
+                "messages": ["put"],
+                "key_exprs": [f"{ROOT}/**"],
+                "overwrite": {"congestion_control": "drop"},
+            }
+        ],
     }
 
 

@@ -61,7 +61,7 @@ def _dashboard(
     def ready() -> None:
         print(f"ready: run {name!r} at http://{host}:{port}", flush=True)
 
-    with open_bus(effective.bus, stop) as bus:
+    with open_bus(effective.bus, stop, watches=True) as bus:
         feed = Feed(bus, Keys(name), state)
         try:
             serve(Site(name, map_path.stem, placemap, state, feed, replay), host, port, ready)

@@ -40,7 +40,7 @@ def _listen(
     )
     keys = Keys(effective.run)
     stop = stop_event()
-    with open_bus(effective.bus, stop) as bus:
+    with open_bus(effective.bus, stop, watches=True) as bus:
         matches = MatchQueue(bus, keys)
         while not stop.is_set():
             try:

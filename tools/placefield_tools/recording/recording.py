@@ -47,7 +47,7 @@ def record(
         BusError: no router answers.
     """
     with ExitStack() as stack:
-        with open_bus(config.bus, stop) as bus:
+        with open_bus(config.bus, stop, watches=True) as bus:
             recorder = stack.enter_context(into)
             recording = Recording(bus, Keys(config.run), recorder, frames=frames)
             ready()

@@ -1,0 +1,64 @@
+"""Who only looks on holds nobody up, not even when it is stopped."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from placefield.bus.keys import Keys
+from placefield.bus.messages import FrameMessage, Header
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.settings import WATCHERS
+from placefield.config import BusConfig
+
+KEYS = Keys("test")
+PATIENCE_S = 30.0
+LOOK_ON = """
+import sys, time
+from placefield.bus.keys import Keys
+from placefield.bus.session import open_bus
+from placefield.config import BusConfig
+with open_bus(BusConfig(endpoint=sys.argv[1]), watches=True) as bus:
+    bus.subscribe_raw(Keys("test").frame, lambda key, payload: None)
+    bus.declare_alive(Keys("test").alive("watcher", "1"))
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[Bus]:
+    with open_router(BusConfig(endpoint=endpoint)) as opened:
+        yield opened
+
+
+@pytest.mark.usefixtures("router")
+def test_a_watcher_that_is_stopped_is_not_waited_for(endpoint: str) -> None:
+    """If it were, all would have been sent only once the router has given it up."""
+    frame = FrameMessage(image=np.random.default_rng(0).bytes(900_000)).encode()
+    command = [sys.executable, "-c", LOOK_ON, endpoint]
+    with open_bus(BusConfig(endpoint=endpoint)) as bus, subprocess.Popen(command) as watcher:
+        try:
+            end = time.monotonic() + PATIENCE_S
+            while not (tokens := bus.alive(KEYS.all_alive())):
+                assert time.monotonic() < end, "the watcher did not come"
+                time.sleep(0.05)
+            publisher = bus.publisher(KEYS.frame)
+            watcher.send_signal(signal.SIGSTOP)
+            for number in range(60):
+                publisher.send(Header(stream="a", sequence=number, stamp_ns=0), frame)
+            assert bus.alive(KEYS.all_alive()) == tokens
+        finally:
+            watcher.kill()
+
+
+def test_watchers_have_names_of_their_own_as_long_as_there_are_some(
+    router: Bus, endpoint: str
+) -> None:
+    config = BusConfig(endpoint=endpoint)
+    with open_bus(config, watches=True) as one, open_bus(config, watches=True) as other:
+        assert one.identity != other.identity
+        assert {one.identity, other.identity} & set(WATCHERS)
