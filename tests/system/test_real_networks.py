@@ -1,4 +1,4 @@
-"""A real network on the hardest of the real routes, as the README says to use it."""
+"""A real network on the hardest of the real routes, as the documentation says to use it."""
 
 import re
 import tomllib
@@ -13,16 +13,16 @@ from placefield.features.network import NetworkInput
 from placefield_tools.building import map_of
 from placefield_tools.evaluating import Query, evaluate
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
 
 
 @pytest.fixture
 def tomls() -> list[str]:
-    """The README's examples of what lies beside a network."""
-    return re.findall(r"```toml\n(# \w+\.toml.*?)```", README.read_text(), re.DOTALL)
+    """The examples in the documentation of what lies beside a network."""
+    return re.findall(r"```toml\n(# \w+\.toml.*?)```", PAGE.read_text(), re.DOTALL)
 
 
-def test_the_readmes_examples_are_valid(tomls: list[str]) -> None:
+def test_the_examples_of_the_documentation_are_valid(tomls: list[str]) -> None:
     assert len(tomls) == 2
     for toml in tomls:
         NetworkInput.model_validate(tomllib.loads(toml))

@@ -42,7 +42,10 @@ def test_status_tells_how_far_each_service_of_a_whole_run_is(host: Host, query_d
 def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
     at = ("--endpoint", host.endpoint)
     nobody = placefield("status", *at, "--run", "nobody")
-    assert complaint(nobody) == "placefield: run 'nobody' lacks featurizer; fuser; channel"
+    hint = "there is default: name one with --run"
+    assert complaint(nobody) == (
+        f"placefield: run 'nobody' lacks featurizer; fuser; channel; {hint}"
+    )
 
     with open_bus(BusConfig(endpoint=host.endpoint)) as bus, half_a_run(bus, Keys("half")):
         half = placefield("status", *at, "--run", "half")

@@ -30,6 +30,8 @@ class OnTerminal:
             stdout=inner,
             stderr=inner,
             start_new_session=True,
+            # Who runs the tests in the background has it ignored, and so had this command.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         os.close(inner)
         self.shown = b""

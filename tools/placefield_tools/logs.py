@@ -5,13 +5,27 @@ import sys
 import threading
 import time
 from types import TracebackType
+from typing import TextIO
 
 log = logging.getLogger("placefield")
 
 
+class _Stderr(logging.StreamHandler[TextIO]):
+    """Writes to what is standard error at the moment: whoever embeds this may put another there."""
+
+    @property
+    def stream(self) -> TextIO:
+        return sys.stderr
+
+    @stream.setter
+    def stream(self, stream: TextIO) -> None: ...
+
+
 def log_for_a_person() -> None:
     """Log a line per message, with who says so."""
-    logging.basicConfig(format="placefield: %(message)s", level=logging.INFO, force=True)
+    logging.basicConfig(
+        format="placefield: %(message)s", level=logging.INFO, handlers=[_Stderr()], force=True
+    )
 
 
 def log_as_json() -> None:

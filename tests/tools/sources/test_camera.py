@@ -151,8 +151,10 @@ def test_a_camera_of_the_network_comes_back_after_its_stream_broke_off(
     assert brightness == [20 * index + 10 for index in range(FRAMES)] * 2
     assert frames[1].name == f"http://{address}/video#1"
     assert "reconnects so far: 1" in caplog.text
-    assert "secret" not in caplog.text + frames[0].name
-    assert capfd.readouterr().err == ""
+    err = capfd.readouterr().err
+    assert "secret" not in caplog.text + frames[0].name + err
+    # If a command ran in this process before, our log goes there; OpenCV's never does.
+    assert all(line.startswith("placefield: ") for line in err.splitlines())
 
 
 @pytest.mark.parametrize("scheme", ["rtsp", "http"])

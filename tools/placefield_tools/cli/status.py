@@ -66,13 +66,14 @@ def _status(
             return
         time.sleep(_LISTEN_S)
         standing = listening.standing()
-        others = sorted(bus.runs() - {name})
+        runs = sorted(bus.runs())
     if json_:
         print(json.dumps({"run": name, **asdict(standing)}))
     else:
         Console(markup=False, highlight=False).print(_table(standing, name))
     if standing.missing:
-        hint = f"; there are runs {', '.join(others)}: name one with --run" if others else ""
+        is_unheard_of = runs and name not in runs
+        hint = f"; there is {', '.join(runs)}: name one with --run" if is_unheard_of else ""
         raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")
 
 
