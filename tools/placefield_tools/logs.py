@@ -23,9 +23,9 @@ class _Stderr(logging.StreamHandler[TextIO]):
 
 def log_for_a_person() -> None:
     """Log a line per message, with who says so."""
-    logging.basicConfig(
-        format="placefield: %(message)s", level=logging.INFO, handlers=[_Stderr()], force=True
-    )
+    logging.basicConfig(format="placefield: %(message)s", handlers=[_Stderr()], force=True)
+    for ours in ("placefield", "placefield_services", "placefield_tools"):
+        logging.getLogger(ours).setLevel(logging.INFO)
 
 
 def log_as_json() -> None:

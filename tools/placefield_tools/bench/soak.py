@@ -127,14 +127,15 @@ class _Soak:
         sizes: list[dict[int, int]] = []
         expected: dict[int, tuple[int, bool | None]] = {}
         others = partial = 0
-        for number, match in enumerate(self._stream(self._hour * HOURS)):
-            hour, turn = number // self._hour, number % len(self._query)
-            if hour == 0:
+        lap = len(self._query)  # to find in, before the first hour
+        for number, match in enumerate(self._stream(lap + self._hour * HOURS), start=-lap):
+            hour, turn = number // self._hour, number % lap
+            if hour <= 0:
                 expected[turn] = match.place, match.known
             elif (match.place, match.known) != expected[turn]:
                 others += 1
             partial += bool(match.missing)
-            if (number + 1) % self._hour == 0:
+            if number >= 0 and (number + 1) % self._hour == 0:
                 sizes.append(self._memory())
         return sizes, others, partial
 
