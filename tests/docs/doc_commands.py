@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Self
+from typing import Self
 
 from hosting import PLACEFIELD, Process, environment, wait_until
 
@@ -56,25 +56,6 @@ def commands(text: str) -> list[list[str]]:
     return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 
-class _Going(Process):
-    """A command in the sandbox that goes on."""
-
-    def __init__(self, sandbox: "Sandbox", words: list[str]) -> None:
-        super().__init__(sandbox.logs, *words)
-        self._sandbox = sandbox
-
-    def _start(self, out: IO[str], err: IO[str]) -> "subprocess.Popen[str]":
-        return subprocess.Popen(
-            [*PLACEFIELD, *map(str, self._arguments)],
-            text=True,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            cwd=self._sandbox.folder,
-            env=self._sandbox.environment,
-        )
-
-
 class Sandbox:
     """A folder and a bus in which the commands of a page are run, in their order."""
 
@@ -82,7 +63,7 @@ class Sandbox:
         self.folder, self.logs = folder, logs
         self.environment = environment(PLACEFIELD_BUS__ENDPOINT=free_endpoint())
         self._stack = ExitStack()
-        self._going: list[_Going] = []
+        self._going: list[tuple[list[str], Process]] = []
 
     def __enter__(self) -> Self:
         self._stack.__enter__()
@@ -90,8 +71,8 @@ class Sandbox:
 
     def __exit__(self, *error: object) -> None:
         if error == (None, None, None):
-            codes = {going._arguments: going.stop() for going in reversed(self._going)}
-            assert set(codes.values()) <= {0}, codes
+            for words, going in reversed(self._going):
+                assert going.stop() == 0, words
         self._stack.__exit__(None, None, None)
 
     def run(self, block: Block) -> None:
@@ -113,8 +94,9 @@ class Sandbox:
             return
         if words[0] == "dashboard":
             words = [*words, "--port", free_endpoint().rpartition(":")[2]]
-        going = self._stack.enter_context(_Going(self, words))
-        self._going.append(going)
+        process = Process(self.logs, *words, cwd=self.folder, env=self.environment)
+        going = self._stack.enter_context(process)
+        self._going.append((words, going))
         wait_until(lambda: ready in going.out or not going.runs, f"{words} is ready")
         assert going.runs, going.err
 

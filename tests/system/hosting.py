@@ -79,8 +79,16 @@ def refusal(ended: "subprocess.CompletedProcess[str]") -> str:
 class Process:
     """A command that runs until it is told to stop, with its output in files."""
 
-    def __init__(self, folder: Path, *arguments: str | Path) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *arguments: str | Path,
+        cwd: Path | None = None,
+        env: dict[str, str] | None = None,
+    ) -> None:
+        """Take a folder for its output, the command, and where and in what it runs."""
         name = f"{arguments[0]}-{time.monotonic_ns()}"
+        self._cwd, self._env = cwd, env
         self._out, self._err = folder / f"{name}.out", folder / f"{name}.err"
         self._arguments = arguments
         self._family: set[psutil.Process] = set()
@@ -98,7 +106,8 @@ class Process:
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=err,
-            env=environment(),
+            cwd=self._cwd,
+            env=self._env or environment(),
         )
 
     @property

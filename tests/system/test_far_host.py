@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 import pytest
 from hosting import (
     PATIENCE_S,
-    PLACEFIELD,
     Listener,
     Process,
     answers_of,
@@ -59,24 +57,6 @@ time_t time(time_t *out) {
 PATIENT = ("--set", f"bus.connect_timeout_s={PATIENCE_S:g}")
 
 
-class AheadProcess(Process):
-    """A command of ours to which it is an hour later."""
-
-    def __init__(self, library: Path, folder: Path, *arguments: str | Path) -> None:
-        super().__init__(folder, *arguments)
-        self._environment = environment(LD_PRELOAD=str(library))
-
-    def _start(self, out: IO[str], err: IO[str]) -> "subprocess.Popen[str]":
-        return subprocess.Popen(
-            [*PLACEFIELD, *map(str, self._arguments)],
-            text=True,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            env=self._environment,
-        )
-
-
 @dataclass
 class Hosts:
     """The host that is near, and the link to the one that is far and ahead."""
@@ -107,10 +87,11 @@ def hosts(logs: Path, map_path: Path, an_hour_ahead: Path) -> Iterator[Hosts]:
         for service in (["fuser"], ["channel", "--channel", "0", "--channel", "1"]):
             stack.enter_context(Process(logs, *service, map_path, "--endpoint", near, *PATIENT))
         router = ("router", "--endpoint", far, "--connect", linked)
-        stack.enter_context(AheadProcess(an_hour_ahead, logs, *router))
+        ahead = environment(LD_PRELOAD=str(an_hour_ahead))
+        stack.enter_context(Process(logs, *router, env=ahead))
         for service in (["featurizer"], ["channel", "--channel", "2"]):
             command = (*service, map_path, "--endpoint", far, *PATIENT)
-            stack.enter_context(AheadProcess(an_hour_ahead, logs, *command))
+            stack.enter_context(Process(logs, *command, env=ahead))
         bus = stack.enter_context(open_bus(BusConfig(endpoint=near, connect_timeout_s=PATIENCE_S)))
         listener = Listener(bus)
         wait_until(lambda: listener.alive("fuser"), "the fuser is ready")
