@@ -57,7 +57,8 @@ def run_host(
         SystemExit: a service gave up at the start; the reason is on stderr.
     """
     with open_router(config.bus) as bus:
-        serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
+        if config.monitoring.port is not None:
+            serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
         readiness = _Readiness(bus, config.runs, channels, has_source)
         children = [_Child(name, command) for name, command in commands.items()]
         try:

@@ -20,6 +20,8 @@ Image = bytes | NDArray[np.uint8] | Path
 MIN_SIDE = 8
 MAX_PIXELS = 64_000_000
 
+_JPEG_QUALITY = 80
+
 _AS_STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -67,6 +69,15 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     elif pixels.dtype != np.uint8:
         raise FrameError(f"the image's pixels are {pixels.dtype}; give 8 or 16 bits a channel")
     return np.asarray(pixels, np.uint8)
+
+
+def small_jpeg(pixels: NDArray[np.uint8], most_width: int) -> bytes:
+    """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, shrunk to so many columns at most."""
+    height, width = pixels.shape[:2]
+    if width > most_width:
+        size = (most_width, max(1, round(height * most_width / width)))
+        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
 
 
 def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -4,14 +4,13 @@ import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError, MapError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
-from placefield.features.images import decode
+from placefield.features.images import decode, small_jpeg
 from placefield.maps.trajectory import MAX_GAP_NS, Trajectory
 
 log = logging.getLogger(__name__)
@@ -20,7 +19,6 @@ ROUTE = "route"
 """The frame of poses that are in metres of the user's own."""
 
 _THUMBNAIL_WIDTH = 160  # pixels
-_THUMBNAIL_QUALITY = 80
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """
     pixels = _pixels(frame)
     raw = feature.describe(pixels)
-    return DescribedFrame(raw, frame.stamp_ns, frame.pose, _thumbnail(pixels))
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, small_jpeg(pixels, _THUMBNAIL_WIDTH))
 
 
 def traverse_of(
@@ -130,12 +128,3 @@ def _pixels(frame: Frame) -> NDArray[np.uint8]:
         raise SourceError(
             f"{frame.name}: {error}; a reference needs every frame: extract it again or remove it"
         ) from None
-
-
-def _thumbnail(pixels: NDArray[np.uint8]) -> bytes:
-    height, width = pixels.shape[:2]
-    if width > _THUMBNAIL_WIDTH:
-        size = (_THUMBNAIL_WIDTH, max(1, round(height * _THUMBNAIL_WIDTH / width)))
-        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, _THUMBNAIL_QUALITY]
-    return cv2.imencode(".jpg", pixels, quality)[1].tobytes()

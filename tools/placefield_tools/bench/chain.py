@@ -19,7 +19,7 @@ from placefield.maps.manifest import SUFFIX
 from placefield.maps.store import save_map
 from placefield_tools.bench.cameras import camera_figures
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.frames import street_frames, write_frames
 from placefield_tools.bench.hosting import Chain, started
 from placefield_tools.bench.idle_chain import Shape
 from placefield_tools.bench.load import Answers, LiveCamera, play
@@ -46,20 +46,13 @@ def bench_chain() -> list[Figure]:
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         map_path = Path(folder) / f"street{SUFFIX}"
         _build(Path(folder) / "reference", map_path)
-        query = _write(Path(folder) / "query", street_frames(_REPLAYED, shift=8))
+        query = write_frames(Path(folder) / "query", street_frames(_REPLAYED, shift=8))
         return [*_stream_figures(map_path, query), *camera_figures(map_path)]
 
 
 def _build(reference: Path, map_path: Path) -> None:
-    _write(reference, street_frames(PLACES))
+    write_frames(reference, street_frames(PLACES))
     save_map(build_from([str(reference)], Config()), map_path)
-
-
-def _write(folder: Path, frames: Sequence[bytes]) -> Path:
-    folder.mkdir()
-    for number, frame in enumerate(frames):
-        (folder / f"{number:05}.jpg").write_bytes(frame)
-    return folder
 
 
 def _stream_figures(map_path: Path, query: Path) -> list[Figure]:

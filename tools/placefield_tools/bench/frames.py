@@ -1,6 +1,8 @@
 """Frames to benchmark with: a pan along pictures of the demo street."""
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -36,6 +38,14 @@ def street_frames(
         small = cv2.resize(wall[:, left : left + WIDTH], size, interpolation=cv2.INTER_AREA)
         frames.append(cv2.imencode(".jpg", small, quality)[1].tobytes())
     return frames
+
+
+def write_frames(folder: Path, frames: Sequence[bytes]) -> Path:
+    """Write JPEGs into a folder, which is made, in the order of their names; return it."""
+    folder.mkdir()
+    for number, frame in enumerate(frames):
+        (folder / f"{number:05}.jpg").write_bytes(frame)
+    return folder
 
 
 def _wall(width: int) -> Image:

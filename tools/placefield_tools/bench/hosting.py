@@ -29,15 +29,20 @@ class Chain:
 
     def cpu_seconds(self) -> float:
         """Return how long all its processes have computed since they started."""
-        host = psutil.Process(self.pid)
-        times = [process.cpu_times() for process in (host, *host.children(recursive=True))]
+        times = [process.cpu_times() for process in self._processes()]
         return float(sum(time.user + time.system for time in times))
 
     def resident_bytes(self) -> int:
         """Return how much memory all its processes take; what they share counts once."""
+        return sum(process.memory_full_info().pss for process in self._processes())
+
+    def resident_by_process(self) -> dict[int, int]:
+        """Return how much memory each of its processes takes by itself, bytes, by its pid."""
+        return {process.pid: process.memory_info().rss for process in self._processes()}
+
+    def _processes(self) -> list[psutil.Process]:
         host = psutil.Process(self.pid)
-        processes = (host, *host.children(recursive=True))
-        return sum(process.memory_full_info().pss for process in processes)
+        return [host, *host.children(recursive=True)]
 
 
 @contextmanager

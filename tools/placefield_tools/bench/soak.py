@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import psutil  # type: ignore[import-untyped]
-
 from placefield.bus.keys import Keys
 from placefield.bus.messages import MatchMessage
 from placefield.bus.session import Bus, open_bus
@@ -19,7 +17,7 @@ from placefield.features.frames import Frame
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.store import save_map
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.frames import street_frames, write_frames
 from placefield_tools.bench.hosting import Chain, started
 from placefield_tools.building import build_from
 from placefield_tools.listening import MatchQueue
@@ -69,9 +67,7 @@ def bench_soak(*, frames: int) -> list[Figure]:
 
 def _build(folder: Path) -> Path:
     reference, map_path = folder / "reference", folder / f"street{SUFFIX}"
-    reference.mkdir()
-    for number, frame in enumerate(street_frames(PLACES, size=_SIZE)):
-        (reference / f"{number:05}.jpg").write_bytes(frame)
+    write_frames(reference, street_frames(PLACES, size=_SIZE))
     config = Config(features=FeatureConfig(kind="grayscale"), scales=ScaleConfig(channels=2))
     save_map(build_from([str(reference)], config), map_path)
     return map_path
@@ -136,13 +132,8 @@ class _Soak:
                 others += 1
             partial += bool(match.missing)
             if number >= 0 and (number + 1) % self._hour == 0:
-                sizes.append(self._memory())
+                sizes.append(self._host.resident_by_process())
         return sizes, others, partial
-
-    def _memory(self) -> dict[int, int]:
-        host = psutil.Process(self._host.pid)
-        processes = (host, *host.children(recursive=True))
-        return {process.pid: process.memory_info().rss for process in processes}
 
 
 def _next_of(matches: MatchQueue) -> MatchMessage:

@@ -1,7 +1,6 @@
 """``placefield status``: the services of a run, how far each is, and what is missing."""
 
 import json
-import threading
 import time
 from collections import Counter
 from dataclasses import asdict
@@ -14,9 +13,7 @@ from placefield_tools.cli import options
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from placefield.bus.inbox import Received
-    from placefield.bus.keys import Keys
-    from placefield.bus.session import Bus
+    from placefield_tools.overhearing import RunListener
     from placefield_tools.standing import RunStanding, ServiceStanding
 
 _LISTEN_S = 2.3  # every service tells of itself once a second: twice make a rate
@@ -52,6 +49,7 @@ def _status(
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError
+    from placefield_tools.overhearing import RunListener
 
     if watch and json_:
         raise ConfigError("--watch and --json: give one of them")
@@ -60,12 +58,13 @@ def _status(
     )
     name = effective.run
     with open_bus(effective.bus) as bus:
-        listening = _Listening(bus, Keys(name))
+        listener = RunListener(bus, Keys(name), lambda key, error: None)
+        bus.subscribe(Keys(name).feature, listener.announce, Counter())
         if watch:
-            _watch(listening, name)
+            _watch(listener, name)
             return
         time.sleep(_LISTEN_S)
-        standing = listening.standing()
+        standing = listener.standing()
         runs = sorted(bus.runs())
     if json_:
         print(json.dumps({"run": name, **asdict(standing)}))
@@ -77,46 +76,12 @@ def _status(
         raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")
 
 
-class _Listening:
-    """Keeps a record of what a run says."""
-
-    def __init__(self, bus: "Bus", keys: "Keys") -> None:
-        from placefield_tools.standing import RunRecord
-
-        self._bus, self._keys = bus, keys
-        self._record = RunRecord()
-        self._lock = threading.Lock()
-        bus.subscribe(keys.feature, self._announce, Counter())
-        bus.subscribe_raw(keys.all_stats, self._tell)
-
-    def _announce(self, received: "Received") -> None:
-        with self._lock:
-            self._record.announce(received.header)
-
-    def _tell(self, key: str, payload: bytes) -> None:
-        from placefield.bus.keys import service_and_identity
-        from placefield.bus.messages import StatsMessage
-        from placefield.errors import MessageError
-
-        try:
-            stats = StatsMessage.decode(payload)
-        except MessageError:
-            return
-        with self._lock:
-            self._record.tell(*service_and_identity(key), stats, time.monotonic())
-
-    def standing(self) -> "RunStanding":
-        tokens = self._bus.alive(self._keys.all_alive())
-        with self._lock:
-            return self._record.standing(tokens, time.monotonic())
-
-
-def _watch(listening: _Listening, run: str) -> None:
+def _watch(listener: "RunListener", run: str) -> None:
     from rich.console import Console, Group
     from rich.live import Live
 
     def shown() -> "RenderableType":
-        standing = listening.standing()
+        standing = listener.standing()
         lacking = "; ".join(standing.missing)
         return Group(_table(standing, run), f"missing: {lacking}" if lacking else "complete")
 

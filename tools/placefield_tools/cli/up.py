@@ -105,8 +105,8 @@ def _up(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         # The host tells of them all, at the one port.
-        own = effective.model_copy(update={"monitoring": MonitoringConfig()})
-        file.write_text(own.to_toml())
+        of_services = effective.model_copy(update={"monitoring": MonitoringConfig()})
+        file.write_text(of_services.to_toml())
         common = [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])]
         commands = _commands(
             common,

@@ -4,17 +4,17 @@ The bus never waits: what is not taken in time makes room for what is newer, and
 """
 
 import threading
-import time
 from collections import Counter, deque
 from collections.abc import Callable
 
 from placefield.bus.inbox import Received
-from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import Header, StatsMessage
+from placefield.bus.keys import Keys
+from placefield.bus.messages import Header
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_tools.dashboard.state import LiveState
-from placefield_tools.standing import RunRecord, RunStanding
+from placefield_tools.overhearing import RunListener
+from placefield_tools.standing import RunStanding
 
 _MOST = 1024  # messages
 _MOST_BYTES = 64 * 2**20
@@ -59,16 +59,12 @@ class Feed:
         self._state = state
         self._newest = Newest()
         self._matches: list[Received] = []
-        self._record = RunRecord()
-        self._lock = threading.Lock()
-        self._tokens: set[str] = set()
+        self._listener = RunListener(bus, keys, self._count_malformed)
         self._match_key = keys.match
         self._take = {keys.frame: state.take_frame, keys.feature: state.take_feature}
         bus.subscribe(keys.feature, self._hear_feature, self.counts)
         for key in (keys.frame, keys.all_candidates, keys.match):
             bus.subscribe(key, self._newest.offer, self.counts)
-        bus.subscribe_raw(keys.all_stats, self._tell)
-        bus.watch_alive(keys.all_alive(), self._note_life)
 
     @property
     def dropped(self) -> int:
@@ -95,29 +91,16 @@ class Feed:
         try:
             take(received.header, received.payload)
         except MessageError as error:
-            self.counts["malformed"] += 1
-            self._bus.log_dropped(received.key, error)
+            self._count_malformed(received.key, error)
+
+    def _count_malformed(self, key: str, error: MessageError) -> None:
+        self.counts["malformed"] += 1
+        self._bus.log_dropped(key, error)
 
     def standing(self) -> RunStanding:
         """Say how the services of the run stand."""
-        with self._lock:
-            return self._record.standing(tuple(self._tokens), time.monotonic())
+        return self._listener.standing()
 
     def _hear_feature(self, received: Received) -> None:
-        with self._lock:
-            self._record.announce(received.header)
+        self._listener.announce(received)
         self._newest.offer(received)
-
-    def _tell(self, key: str, payload: bytes) -> None:
-        try:
-            stats = StatsMessage.decode(payload)
-        except MessageError as error:
-            self.counts["malformed"] += 1
-            self._bus.log_dropped(key, error)
-            return
-        with self._lock:
-            self._record.tell(*service_and_identity(key), stats, time.monotonic())
-
-    def _note_life(self, key: str, is_alive: bool) -> None:
-        with self._lock:
-            (self._tokens.add if is_alive else self._tokens.discard)(key)

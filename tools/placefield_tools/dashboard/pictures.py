@@ -6,11 +6,8 @@ import cv2
 import numpy as np
 
 from placefield.bus.messages import FrameMessage
-from placefield.features.images import check_pixels, decode
 from placefield_tools.dashboard.distances import Row
-
-_WIDTH = 640  # of a frame as it is shown, pixels, at most
-_QUALITY = 80
+from placefield_tools.recording.pictures import small_jpeg
 
 
 def frame_picture(payload: bytes) -> bytes:
@@ -20,14 +17,7 @@ def frame_picture(payload: bytes) -> bytes:
         MessageError: it is no frame's.
         FrameError: it cannot be read.
     """
-    image = FrameMessage.decode(payload).image
-    pixels = decode(image) if isinstance(image, bytes) else image
-    check_pixels(pixels)
-    if pixels.shape[1] > _WIDTH:
-        height = max(round(pixels.shape[0] * _WIDTH / pixels.shape[1]), 1)
-        pixels = np.asarray(cv2.resize(pixels, (_WIDTH, height), interpolation=cv2.INTER_AREA))
-    _, encoded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return encoded.tobytes()
+    return small_jpeg(FrameMessage.decode(payload).image)
 
 
 def distance_picture(rows: Sequence[Row | None], columns: int) -> bytes:

@@ -3,14 +3,14 @@
 import re
 import sys
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
 
 from packaging.requirements import Requirement
 
 from placefield_tools.doctor.finding import Finding, bad, good, warning
 
 _PACKAGE = "placefield"
-_EXTRAS = ("bench", "dashboard", "metrics", "record", "ros")
+_OTHER_EXTRAS = {"all", "dev"}  # of the others together, and of who works on this
 
 
 def installation() -> Iterator[Finding]:
@@ -18,7 +18,7 @@ def installation() -> Iterator[Finding]:
     python = ".".join(map(str, sys.version_info[:3]))
     yield good("python", f"{python} at {sys.prefix}")
     yield libraries()
-    for extra in _EXTRAS:
+    for extra in sorted(set(metadata(_PACKAGE).get_all("Provides-Extra", [])) - _OTHER_EXTRAS):
         yield of_extra(extra)
 
 

@@ -1,13 +1,11 @@
 """Small pictures of query frames."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.features.images import check_pixels, decode
+from placefield.features import images
 
 _WIDTH = 640  # pixels
-_QUALITY = 80
 
 
 def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:
@@ -16,10 +14,6 @@ def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:
     Raises:
         FrameError: it cannot be read.
     """
-    pixels = decode(image) if isinstance(image, bytes) else image
-    check_pixels(pixels)
-    height, width = pixels.shape[:2]
-    if width > _WIDTH:
-        size = (_WIDTH, max(1, round(height * _WIDTH / width)))
-        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
+    pixels = images.decode(image) if isinstance(image, bytes) else image
+    images.check_pixels(pixels)
+    return images.small_jpeg(pixels, _WIDTH)

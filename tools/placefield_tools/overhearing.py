@@ -1,0 +1,50 @@
+"""What the services of a run say of themselves, off the bus."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys, service_and_identity
+from placefield.bus.messages import StatsMessage
+from placefield.bus.session import Bus
+from placefield.errors import MessageError
+from placefield_tools.standing import RunRecord, RunStanding
+
+
+class RunListener:
+    """Keeps a record of what a run's services say, from now on, and of who of them is alive."""
+
+    def __init__(
+        self, bus: Bus, keys: Keys, on_malformed: Callable[[str, MessageError], None]
+    ) -> None:
+        """Listen; what does not parse is told by its key, on the bus's thread."""
+        self._on_malformed = on_malformed
+        self._record = RunRecord()
+        self._tokens: set[str] = set()
+        self._lock = threading.Lock()
+        bus.subscribe_raw(keys.all_stats, self._tell)
+        bus.watch_alive(keys.all_alive(), self._note_life)
+
+    def announce(self, received: Received) -> None:
+        """Take a descriptor's message: it says which frame is the newest."""
+        with self._lock:
+            self._record.announce(received.header)
+
+    def standing(self) -> RunStanding:
+        """Say how the services stand."""
+        with self._lock:
+            return self._record.standing(tuple(self._tokens), time.monotonic())
+
+    def _tell(self, key: str, payload: bytes) -> None:
+        try:
+            stats = StatsMessage.decode(payload)
+        except MessageError as error:
+            self._on_malformed(key, error)
+            return
+        with self._lock:
+            self._record.tell(*service_and_identity(key), stats, time.monotonic())
+
+    def _note_life(self, key: str, is_alive: bool) -> None:
+        with self._lock:
+            (self._tokens.add if is_alive else self._tokens.discard)(key)
