@@ -159,7 +159,7 @@ def test_of_a_service_that_a_run_has_once_a_second_is_refused(sender: Bus, recei
             receiver.sole(KEYS, "fuser", "three"),
         ):
             pytest.fail("the second was let in")
-        assert sender.alive(KEYS.all_alive("fuser")) == {KEYS.alive("fuser", "one")}
+        wait_until(lambda: sender.alive(KEYS.all_alive("fuser")) == {KEYS.alive("fuser", "one")})
     wait_until(lambda: not sender.alive(KEYS.all_alive("fuser")))
 
 
