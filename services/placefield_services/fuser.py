@@ -179,8 +179,9 @@ class Fuser:
                 except MessageError:  # it must not cost the descriptor
                     self._counts["malformed"] += 1
         features, _ = self._memories
+        came_again = features.history.find(header) is not None
         features.history.remember(header, received.payload)
-        if self._joiner.is_released(header.sequence) and not header.live:
+        if came_again and self._joiner.is_released(header.sequence) and not header.live:
             self._answer_again(header)
         return True
 

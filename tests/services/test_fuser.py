@@ -42,6 +42,18 @@ def test_a_frame_is_answered_once_all_channels_have_in_whatever_order(stage: Sta
     assert stage.acks.sent == [(header(0), None)]
 
 
+def test_a_frame_that_was_answered_before_its_descriptor_came_is_answered_once(
+    stage: Stage,
+) -> None:
+    stage.announce(header(0))
+    stage.answer((0, 1, 2), header(0))
+    stage.answer((0, 1, 2), header(1))
+    stage.announce(header(1))
+    assert [sequence for sequence, _ in stage.published] == [0, 1]
+    stage.announce(header(1))  # again, so its source has not heard of the answer
+    assert [sequence for sequence, _ in stage.published] == [0, 1, 1]
+
+
 def test_matches_leave_in_the_order_of_the_frames(stage: Stage) -> None:
     for sequence in (0, 1):
         stage.announce(header(sequence))
