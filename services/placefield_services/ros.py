@@ -13,6 +13,7 @@ from placefield.bus.ros import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
+from placefield.features.spacing import Spacing, check_spacing
 from placefield.maps.map import Map
 from placefield.ros.keys import check_name, check_topic
 from placefield.ros.messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
@@ -39,11 +40,15 @@ _OTHER = Header(stream="ros", sequence=0, stamp_ns=0)
 
 @dataclass(frozen=True)
 class Topics:
-    """What is taken from ROS: its domain, and topics of it; none: no odometry."""
+    """What is taken from ROS: its domain, and topics of it; none: no odometry.
+
+    Images are taken every ``spacing_m`` metres by odometry; none: each one.
+    """
 
     domain: int
     image: str
     odometry: str | None = None
+    spacing_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -58,11 +63,15 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 
     Raises:
         BusError: the run has a source already.
-        ConfigError: there are several runs, a name is none for ROS, the bus asks for credentials,
-            or rosbags is missing.
+        ConfigError: there are several runs, a name is none for ROS, a spacing has no odometry, the
+            bus asks for credentials, or rosbags is missing.
+        SourceError: the spacing is no distance.
     """
     if config.bus.credentials:
         raise ConfigError("ROS 2 has no role on a bus with credentials; leave them out")
+    spacing = None if topics.spacing_m is None else Spacing(check_spacing(topics.spacing_m))
+    if spacing is not None and topics.odometry is None:
+        raise ConfigError("--spacing: goes by odometry; give --odometry, too")
     run = check_name(config.run)
     for topic in filter(None, (topics.image, topics.odometry)):
         check_topic(topic)
@@ -75,7 +84,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 
         frames = Outbox(bus.publisher(keys.frame), History(1))
         process.answers[run] = frames.history
-        source = RosSource(frames, partial(bus.put, keys.odometry), counts)
+        source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
         # As image_transport names them. What comes says itself what it is.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
         images = _offering(inbox, keys.frame, _IMAGE, source.take_image)

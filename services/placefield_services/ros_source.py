@@ -1,5 +1,6 @@
 """A topic of ROS 2 as the live source of a run's frames."""
 
+import logging
 import uuid
 from collections import Counter
 from collections.abc import Callable
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 from placefield.bus.history import Outbox
 from placefield.bus.messages import FrameMessage, Header, OdometryMessage
 from placefield.errors import MessageError
+from placefield.features.spacing import Spacing
 from placefield.ros.messages import read_image, read_position
+
+log = logging.getLogger(__name__)
 
 _FARTHEST_M = 1e8  # above that the metres of a drive are lost in rounding, or it is not of earth
 
@@ -18,7 +22,8 @@ _FARTHEST_M = 1e8  # above that the metres of a drive are lost in rounding, or i
 class RosSource:
     """One live stream of frames, from a first image until the end, and the vehicle's odometry.
 
-    Counts ``frames``.
+    Counts ``frames``, and as ``left_out`` the images that a spacing does not take, or of which it
+    is not known yet how far the vehicle has come.
     """
 
     def __init__(
@@ -26,10 +31,12 @@ class RosSource:
         frames: Outbox,
         tell_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
+        spacing: Spacing | None = None,
     ) -> None:
         self._frames = frames
         self._tell_odometry = tell_odometry
         self._counts = counts
+        self._spacing = spacing
         self._stream = uuid.uuid4().hex
         self._sent = 0
         self._stamp_ns = 0
@@ -37,15 +44,28 @@ class RosSource:
         self._position: NDArray[np.float64] | None = None
 
     def take_image(self, kind: str, data: bytes) -> None:
-        """Publish an image as the next frame, with the stamp of its header.
+        """Publish an image as the next frame, with the stamp of its header, if it is to be taken.
 
         Raises:
             MessageError: it is none that we read.
         """
-        self._stamp_ns, image = read_image(kind, data)
+        stamp_ns, image = read_image(kind, data)
+        if not self._takes():
+            self._counts["left_out"] += 1
+            return
+        self._stamp_ns = stamp_ns
         self._frames.put(self._header(), FrameMessage(image=image))
         self._sent += 1
         self._counts["frames"] += 1
+
+    def _takes(self) -> bool:
+        if self._spacing is None:
+            return True
+        if self._position is None:
+            if not self._counts["left_out"]:
+                log.warning("images are left out until odometry comes, to space them by")
+            return False
+        return self._spacing.takes(self._metres)
 
     def take_odometry(self, kind: str, data: bytes) -> None:
         """Publish the metres travelled so far, from one position to the next.

@@ -8,6 +8,7 @@ from cdr_by_hand import compressed_image, image, odometry
 from placefield.bus.history import History, Outbox
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.errors import MessageError
+from placefield.features.spacing import Spacing
 from placefield.ros.messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
 from placefield_services.ros_source import RosSource
 
@@ -17,12 +18,12 @@ PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
 class Stage:
     """A source, what it published and what it counted."""
 
-    def __init__(self) -> None:
+    def __init__(self, spacing: Spacing | None = None) -> None:
         self.frames = RecordingPublisher(FrameMessage)
         self.told: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
         frames = Outbox(self.frames, History(1))
-        self.source = RosSource(frames, self.told.append, self.counts)
+        self.source = RosSource(frames, self.told.append, self.counts, spacing)
 
 
 @pytest.fixture
@@ -79,3 +80,23 @@ def test_odometry_that_is_absurd_costs_itself_only(stage: Stage) -> None:
             stage.source.take_odometry(ODOMETRY, odometry(absurd))
     stage.source.take_odometry(ODOMETRY, odometry([3, 4, 0]))
     assert [told.metres for told in stage.told] == [0, 5]
+
+
+def test_spaced_images_are_taken_by_odometry_and_the_others_counted(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    stage = Stage(Spacing(1.0))
+    take = stage.source.take_image
+    for second in (1, 2):
+        take(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))
+    for tenth in range(25):
+        stage.source.take_odometry(ODOMETRY, odometry([tenth / 10, 0, 0]))
+        take(COMPRESSED_IMAGE, compressed_image((3, tenth), str(tenth).encode()))
+    stage.source.end()
+    sent = [(header, message) for header, message in stage.frames.sent if message]
+    assert [message.image for _, message in sent] == [b"0", b"10", b"20"]
+    assert [header.sequence for header, _ in sent] == [0, 1, 2]
+    assert [header.stamp_ns for header, _ in sent] == [3_000_000_000 + n for n in (0, 10, 20)]
+    assert stage.frames.sent[-1][0].stamp_ns == 3_000_000_020
+    assert stage.counts == {"frames": 3, "left_out": 24}
+    assert caplog.text.count("until odometry comes") == 1

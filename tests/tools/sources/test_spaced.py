@@ -1,8 +1,6 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
@@ -27,27 +25,6 @@ class Odometer(Source):
 
     def close(self):
         self.closed = True
-
-
-@given(steps=st.lists(st.integers(0, 30)), spacing=st.integers(1, 50))
-def test_the_first_frame_at_or_behind_each_multiple_of_the_spacing_is_given(steps, spacing):
-    travelled = np.cumsum([1_000_000, *steps])  # millimetres: whole numbers round nothing
-
-    given_frames = [f.index for f in Spaced(Odometer(travelled / 1000), spacing / 1000)]
-
-    multiples = (travelled - travelled[0]) // spacing
-    assert given_frames == np.unique(multiples, return_index=True)[1].tolist()
-
-
-def test_frames_that_come_late_do_not_make_the_next_ones_later():
-    step, spacing = 0.3, 1.0
-    travelled = 17.2 + step * np.arange(1000)
-
-    given = [f.odometry_m - 17.2 for f in Spaced(Odometer(travelled), spacing)]
-
-    late = np.array(given) - spacing * np.arange(len(given))
-    assert late.min() > -1e-5
-    assert late.max() < step
 
 
 def test_a_drive_of_varying_speed_is_aligned_to_the_reference_when_it_is_spaced(tmp_path):

@@ -21,6 +21,7 @@ def _ros(
         str | None,
         typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
     ] = None,
+    spacing: options.Spacing = None,
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS")] = 0,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
@@ -35,14 +36,15 @@ def _ros(
     'placefield up MAP --connect tcp/HOST:7447', or 'placefield router --connect tcp/HOST:7447'.
 
     In: images, as a live stream with the stamps of their headers, old ones dropped for new ones
-    where the services cannot follow; odometry, as the metres travelled.
+    where the services cannot follow; odometry, as the metres travelled. Of a map whose frames were
+    spaced, space these by the same metres.
 
     Out, where the map has poses: matches that the rule filter knows, on /placefield/RUN/pose
     (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Out once a second: how the
     services stand, on /diagnostics (diagnostic_msgs/DiagnosticArray).
 
     Examples:
-      placefield ros street.pfmap --topic /camera/image_raw/compressed --odometry /odom
+      placefield ros day.pfmap --topic /camera/image_raw/compressed --odometry /odom --spacing 0.5
     """
     from placefield_services.process import begin, leave, stop_event
 
@@ -53,6 +55,6 @@ def _ros(
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    topics = Topics(domain, topic, odometry)
+    topics = Topics(domain, topic, odometry, spacing)
     run_ros(open_map(map_path, channels=()), topics, effective, stop_event())
     leave()

@@ -51,6 +51,14 @@ def _up(
         str | None,
         typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
     ] = None,
+    ros_spacing: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="take an image every so many metres, by odometry",
+            show_default="every image",
+        ),
+    ] = None,
     ros_domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS 2")] = 0,
     connect: options.Connect = None,
     metrics_port: options.MetricsPort = None,
@@ -90,6 +98,8 @@ def _up(
     )
     if ros_odometry is not None and ros is None:
         raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
+    if ros_spacing is not None and ros_odometry is None:
+        raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
     channels = read_manifest(map_path).channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "
@@ -115,7 +125,9 @@ def _up(
             _credentials_beside(effective.bus.credentials),
         )
         if ros is not None:
-            commands["gateway to ROS 2"] = _ros_command(common, ros, ros_odometry, ros_domain)
+            commands["gateway to ROS 2"] = _ros_command(
+                common, ros, ros_odometry, ros_spacing, ros_domain
+            )
         run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
 
 
@@ -177,8 +189,12 @@ def _commands(
     return commands
 
 
-def _ros_command(common: Sequence[str], topic: str, odometry: str | None, domain: int) -> list[str]:
+def _ros_command(
+    common: Sequence[str], topic: str, odometry: str | None, spacing_m: float | None, domain: int
+) -> list[str]:
     flags = ["--topic", topic, "--domain", str(domain)]
     if odometry is not None:
         flags += ["--odometry", odometry]
+    if spacing_m is not None:
+        flags += ["--spacing", str(spacing_m)]
     return [*_PLACEFIELD, "ros", *common, *flags]

@@ -1,6 +1,5 @@
 """Guess what kind of source a person means."""
 
-import math
 import re
 import threading
 from collections.abc import Callable
@@ -9,6 +8,7 @@ from pathlib import Path
 
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame
+from placefield.features.spacing import check_spacing
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
 from placefield_tools.sources.located import Located
@@ -73,8 +73,8 @@ def open_source(
         raise SourceError(f"--start {start}: must be 0 or more")
     if stride < 1:
         raise SourceError(f"--stride {stride}: must be 1 or more")
-    if spacing_m is not None and not (math.isfinite(spacing_m) and spacing_m > 0):
-        raise SourceError(f"--spacing {spacing_m:g}: must be a distance above 0 metres")
+    if spacing_m is not None:
+        check_spacing(spacing_m)
     try:
         source = _open(where, start, stride, parts, stop)
     except OSError as error:
