@@ -8,7 +8,7 @@ demo: $(INSTALLED)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
 
 test: $(INSTALLED)
-	$(BIN)/pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
