@@ -57,6 +57,14 @@ def test_one_host_alone_stays_on_loopback_and_a_rate_beyond_it_is_said(map_path:
     assert "too few: 5000 would take more than 70% of a core" in ended.output
 
 
+def test_memory_that_hosts_have_not_is_said(map_path: Path) -> None:
+    little = "--memory", "0.1"
+    ended = run_plan(map_path, *little)
+    assert ended.exit_code == 0, ended.output
+    assert "too little memory: a host would take 0.5 GB" in ended.output
+    assert not json.loads(run_plan(map_path, *little, "--json").output)["suffices"]
+
+
 @pytest.mark.parametrize("hosts", ["0", "", "a,,b", "a,a", "1,2"])
 def test_hosts_are_a_number_or_names_each_once(map_path: Path, hosts: str) -> None:
     ended = run_plan(map_path, f"--hosts={hosts}")

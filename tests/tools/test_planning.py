@@ -1,3 +1,4 @@
+import math
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -159,6 +160,45 @@ def test_what_no_hosts_can_do_is_said() -> None:
     assert not placed.suffices(30)
     assert placed.highest_rate < 30
     assert len(workers_of(placed)) == 2
+
+
+def test_a_channel_is_cut_where_a_host_has_not_the_memory_for_it() -> None:
+    places, rate, ample = 1_000_000, 1.0, 10e9
+    loads = made_loads(places, [1])
+
+    def planned(hosts: int, memory_bytes: float) -> Plan:
+        return plan(
+            loads, SERVICES, places, hosts=hosts, cores=2, rate=rate, memory_bytes=memory_bytes
+        )
+
+    [whole] = workers_of(planned(4, ample))
+    assert whole.mapped_bytes == loads[0].mapped_bytes > 0.6e9
+    cut = planned(4, 0.6e9)
+    assert cut.suffices(rate, 0.6e9)
+    assert len(workers_of(cut)) > 1
+    assert max(cut.memory_bytes) <= 0.6e9
+    too_small = planned(1, 0.6e9)
+    assert too_small.has_time(rate)
+    assert not too_small.suffices(rate, 0.6e9)
+    assert too_small.memory_bytes[0] > 0.6e9
+
+
+@given(any_map, st.integers(1, 4), st.integers(1, 4), st.floats(0.1, 4))
+def test_ample_memory_changes_nothing_and_scarce_memory_makes_no_host_need_more(
+    made: tuple[int, list[int]], hosts: int, cores: int, gigabytes: float
+) -> None:
+    places, channels = made
+    loads, memory_bytes = made_loads(places, channels), gigabytes * 1e9
+
+    def planned(limit: float) -> Plan:
+        return plan(
+            loads, SERVICES, places, hosts=hosts, cores=cores, rate=1e-3, memory_bytes=limit
+        )
+
+    free, bound = planned(math.inf), planned(memory_bytes)
+    assert max(bound.memory_bytes) <= max(*free.memory_bytes, memory_bytes)
+    if max(free.memory_bytes) <= memory_bytes:
+        assert bound == free
 
 
 def test_memory_follows_the_places_that_a_worker_has() -> None:

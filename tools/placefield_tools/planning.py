@@ -7,6 +7,7 @@ that into parts. Channels of one metric stay together, for frames are compared o
 The constants are of the machine of docs/performance.md; rule ``filter``.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,9 +98,18 @@ class Plan:
         """Frames per second that all cores can do."""
         return 1 / self.busiest_s
 
-    def suffices(self, rate: float) -> bool:
+    @property
+    def memory_bytes(self) -> list[int]:
+        """Of each host; no two of its workers have the same part of the map."""
+        return [sum(each.own_bytes + each.mapped_bytes for each in host) for host in self.hosts]
+
+    def has_time(self, rate: float) -> bool:
         """Whether so many frames per second leave room on every core."""
         return self.busiest_s * rate <= ROOM
+
+    def suffices(self, rate: float, memory_bytes: float = math.inf) -> bool:
+        """Whether it has time, and no host needs more memory than this."""
+        return self.has_time(rate) and max(self.memory_bytes) <= memory_bytes
 
 
 def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
@@ -143,12 +153,14 @@ def plan(
     hosts: int,
     cores: int,
     rate: float,
+    memory_bytes: float = math.inf,
 ) -> Plan:
     """Place the channels of a map, with no more than one worker on a core.
 
     Of all ways that are tried and suffice it is the one with the fewest shards of a channel, and of
     those the one with the fewest workers: if one shard fails, the channel has no answer. If none
-    suffices, it is the one that can do the highest rate.
+    suffices, it is the one that needs the least memory beyond what there is, and of those the one
+    that can do the highest rate.
 
     Args:
         loads: of all metrics.
@@ -157,20 +169,22 @@ def plan(
         hosts: how many.
         cores: of each host.
         rate: frames per second that are wanted.
+        memory_bytes: of each host.
     """
     plans: list[Plan] = []
     for lots in range(1, min(len(loads), hosts * cores) + 1):
         for workers in _ways(_lots(loads, places, lots), places, hosts * cores):
             plans.append(_placed(workers, services, hosts, cores))
-            if plans[-1].suffices(rate):
+            if plans[-1].suffices(rate, memory_bytes):
                 break
 
-    def preference(way: Plan) -> tuple[bool, float, int, int, float]:
-        suffices = way.suffices(rate)
+    def preference(way: Plan) -> tuple[bool, float, float, int, int, float]:
+        suffices = way.suffices(rate, memory_bytes)
+        beyond = max(0.0, max(way.memory_bytes) - memory_bytes)
         processes = [process for host in way.hosts for process in host]
         shards = max(process.shards for process in processes)
         to_do = 0.0 if suffices else way.busiest_s
-        return not suffices, to_do, shards, len(processes), way.busiest_s
+        return not suffices, beyond, to_do, shards, len(processes), way.busiest_s
 
     return min(plans, key=preference)
 

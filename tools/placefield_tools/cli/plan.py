@@ -1,6 +1,7 @@
 """``placefield plan``: which process goes to which host, and the commands."""
 
 import json
+import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -30,6 +31,12 @@ def _plan(
     ] = "1",
     cores: Annotated[int, typer.Option(min=1, help="of each host")] = 1,
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second wanted")] = 30.0,
+    memory: Annotated[
+        float | None,
+        typer.Option(
+            metavar="GB", min=0.001, help="of each host", show_default="as much as it takes"
+        ),
+    ] = None,
     json_: options.Json = False,
 ) -> None:
     """Propose where to run what for a map, and print the commands of each host.
@@ -38,17 +45,20 @@ def _plan(
 
     The first host has featurizer and fuser; a core has one channel worker at most.
 
-    Channels are cut into shards only where the rate takes it; those of one metric stay together.
+    Channels are cut into shards only where the rate or the memory takes it; those of one metric
+    stay together.
 
     Each host needs the map at the same path: see 'placefield fetch'.
 
     Examples:
       placefield plan route.pfmap --hosts camera,left,right --cores 4
+      placefield plan city.pfmap --hosts 4 --cores 2 --memory 1.5
     """
     from placefield.maps.manifest import read_manifest
     from placefield_tools.planning import loads_of, plan, services_of
 
     names = _names(hosts)
+    memory_bytes = math.inf if memory is None else memory * 1e9
     manifest = read_manifest(map_path)
     sizes = _sizes(map_path, list(manifest.files))
     proposed = plan(
@@ -58,15 +68,16 @@ def _plan(
         hosts=len(names),
         cores=cores,
         rate=rate,
+        memory_bytes=memory_bytes,
     )
     commands = [
         [_command(process, names, number, map_path) for process in processes]
         for number, processes in enumerate(proposed.hosts)
     ]
     if json_:
-        print(json.dumps(_figures(proposed, names, commands, rate)))
+        print(json.dumps(_figures(proposed, names, commands, rate, memory_bytes)))
     else:
-        _print(proposed, names, commands, rate)
+        _print(proposed, names, commands, rate, memory_bytes)
 
 
 def _names(hosts: str) -> list[str]:
@@ -114,22 +125,21 @@ def _command(process: "Process", names: Sequence[str], host: int, map_path: Path
     return shlex.join(["placefield", process.service, str(map_path), *own, *flags])
 
 
-def _memory(processes: Sequence["Process"]) -> int:
-    """Return the bytes that a host needs; no two of its workers have the same part of the map."""
-    return sum(process.own_bytes + process.mapped_bytes for process in processes)
-
-
 def _figures(
-    proposed: "Plan", names: Sequence[str], commands: Sequence[Sequence[str]], rate: float
+    proposed: "Plan",
+    names: Sequence[str],
+    commands: Sequence[Sequence[str]],
+    rate: float,
+    memory_bytes: float,
 ) -> dict[str, Any]:
     return {
         "rate": rate,
-        "suffices": proposed.suffices(rate),
+        "suffices": proposed.suffices(rate, memory_bytes),
         "highest_rate": proposed.highest_rate,
         "hosts": [
             {
                 "name": name,
-                "memory_bytes": _memory(processes),
+                "memory_bytes": needed,
                 "processes": [
                     {
                         "service": process.service,
@@ -144,13 +154,19 @@ def _figures(
                     for process, command in zip(processes, own, strict=True)
                 ],
             }
-            for name, processes, own in zip(names, proposed.hosts, commands, strict=True)
+            for name, processes, needed, own in zip(
+                names, proposed.hosts, proposed.memory_bytes, commands, strict=True
+            )
         ],
     }
 
 
 def _print(
-    proposed: "Plan", names: Sequence[str], commands: Sequence[Sequence[str]], rate: float
+    proposed: "Plan",
+    names: Sequence[str],
+    commands: Sequence[Sequence[str]],
+    rate: float,
+    memory_bytes: float,
 ) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -175,14 +191,20 @@ def _print(
         table.add_section()
     console.print(table)
     console.print(f"at most about {proposed.highest_rate:.0f} frames/s")
-    if not proposed.suffices(rate):
+    if not proposed.has_time(rate):
         console.print(
             f"too few: {rate:g} would take more than {ROOM:.0%} of a core; "
             "give more hosts or cores, or a lower --rate",
             soft_wrap=True,
         )
-    for name, processes, own in zip(names, proposed.hosts, commands, strict=True):
-        console.print(f"\n{name}, about {_memory(processes) / 1e9:.1f} GB of memory:")
+    if max(proposed.memory_bytes) > memory_bytes:
+        console.print(
+            f"too little memory: a host would take {max(proposed.memory_bytes) / 1e9:.1f} GB; "
+            "give more hosts or cores, or more --memory",
+            soft_wrap=True,
+        )
+    for name, needed, own in zip(names, proposed.memory_bytes, commands, strict=True):
+        console.print(f"\n{name}, about {needed / 1e9:.1f} GB of memory:")
         for command in own:
             console.print(f"  {command}", soft_wrap=True)
 
