@@ -1,5 +1,7 @@
 import base64
 import json
+import math
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +10,7 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 from mcap.writer import Writer
 
 from placefield.errors import SourceError
+from placefield.maps.geography import Origin
 from placefield_tools.sources import Parts, mcap_summary, open_source
 
 SECOND = 1_000_000_000
@@ -106,6 +109,92 @@ def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
     assert len(list(open_source(where, parts=Parts("/right")))) == len(IMAGES)
     with pytest.raises(SourceError, match=r"--odometry-topic /odom: .* poses in no topic"):
         open_source(where, parts=Parts("/right", "/odom"))
+
+
+def fix_schema() -> bytes:
+    """Of flat messages, with numbers of fields that are ours."""
+    file = descriptor_pb2.FileDescriptorProto(name="fix.proto", package="foxglove", syntax="proto3")
+    file.dependency.append("google/protobuf/timestamp.proto")
+    message = file.message_type.add(name="LocationFix")
+    field = descriptor_pb2.FieldDescriptorProto
+    message.field.add(
+        name="timestamp", number=1, type=field.TYPE_MESSAGE, type_name=".google.protobuf.Timestamp"
+    ).label = field.LABEL_OPTIONAL
+    for number, name in ((2, "latitude"), (3, "longitude")):
+        degrees = message.field.add(name=name, number=number, type=field.TYPE_DOUBLE)
+        degrees.label = field.LABEL_OPTIONAL
+    imported = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(imported)
+    return descriptor_pb2.FileDescriptorSet(file=[file, imported]).SerializeToString()
+
+
+def stamped(stamp_ns: int, **fields: object) -> bytes:
+    sec, nsec = divmod(stamp_ns, SECOND)
+    return json.dumps({"timestamp": {"sec": sec, "nsec": nsec}, **fields}).encode()
+
+
+def pose_as_json(stamp_ns: int, east: float, north: float) -> bytes:
+    turned = {"x": 0, "y": 0, "z": 0.5**0.5, "w": 0.5**0.5}
+    pose = {"position": {"x": east, "y": north, "z": 0}, "orientation": turned}
+    return stamped(stamp_ns, frame_id="map", pose=pose)
+
+
+def fix_as_json(stamp_ns: int, east: float, north: float) -> bytes:
+    latitude, longitude = Origin(48.1, 11.5).to_degrees(east, north)
+    return stamped(stamp_ns, latitude=latitude, longitude=longitude, altitude=0)
+
+
+def fix_as_protobuf(stamp_ns: int, east: float, north: float) -> bytes:
+    stamp = timestamp_pb2.Timestamp()
+    stamp.FromNanoseconds(stamp_ns)
+    written = stamp.SerializeToString()
+    degrees = Origin(48.1, 11.5).to_degrees(east, north)
+    doubles = [
+        bytes([8 * number + 1]) + struct.pack("<d", each) for number, each in enumerate(degrees, 2)
+    ]
+    return b"".join([bytes([10, len(written)]), written, *doubles])
+
+
+@pytest.mark.parametrize(
+    ("kind", "form", "schema", "encode"),
+    [
+        ("foxglove.PoseInFrame", "json", b"{}", pose_as_json),
+        ("foxglove.LocationFix", "json", b"{}", fix_as_json),
+        ("foxglove.LocationFix", "protobuf", fix_schema(), fix_as_protobuf),
+    ],
+)
+def test_frames_have_the_poses_of_their_time(
+    tmp_path: Path,
+    kind: str,
+    form: str,
+    schema: bytes,
+    encode: Callable[[int, float, float], bytes],
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        image = writer.register_channel(
+            "/image", "json", writer.register_schema(KIND, "jsonschema", b"{}")
+        )
+        definition = "jsonschema" if form == "json" else "protobuf"
+        where = writer.register_channel(
+            "/where", form, writer.register_schema(kind, definition, schema)
+        )
+        for index, data in enumerate(IMAGES):
+            writer.add_message(image, stamps(index), as_json(stamps(index), data), publish_time=0)
+        for index in range(-1, 2 * len(IMAGES)):  # half a frame apart, 3 m to the north
+            at = stamps(0) + index * SECOND // 10
+            writer.add_message(where, at, encode(at, 5, 3 * index), publish_time=0)
+        writer.finish()
+    frames = list(open_source(str(path)))
+    first = frames[0].pose
+    for index, frame in enumerate(frames):
+        assert frame.pose.y - first.y == pytest.approx(6 * index, abs=1e-3)
+        assert frame.pose.x == pytest.approx(first.x, abs=1e-3)
+        assert frame.pose.yaw == pytest.approx(math.pi / 2, abs=1e-4)
+        assert frame.odometry_m == pytest.approx(6 * index + 3, abs=1e-3)
+    assert [frame.pose for frame in open_source(str(path), parts=Parts(None, "none"))] == [None] * 4
 
 
 def record_both(path: Path) -> str:

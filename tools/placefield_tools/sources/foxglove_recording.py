@@ -1,20 +1,24 @@
-"""An MCAP recording of Foxglove's images as a source of frames."""
+"""An MCAP recording of Foxglove's messages as a source of frames."""
 
 import base64
 import json
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
-from placefield.errors import FrameError, SourceError
+from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES as ROS_IMAGES
+from placefield_tools.sources.located import Located
 from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.protobuf_messages import parse_message
+from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, way_of
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
+from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import image_topic, pose_topic
 
 _IMAGE = "foxglove.CompressedImage"
@@ -27,9 +31,8 @@ class _Topic(NamedTuple):
 
 class _FoxgloveRecording(Recording):
     def _images(self) -> Iterator[Callable[[], Stamped]]:
-        with self._path.open("rb") as file:
-            for schema, channel, message in make_reader(file).iter_messages([self._topic]):
-                yield partial(_image, schema, channel, message)
+        for read in _messages(self._path, self._topic):
+            yield partial(_image, read)
 
 
 def holds_foxglove_images(path: Path, topic: str | None) -> bool:
@@ -50,13 +53,13 @@ def holds_foxglove_images(path: Path, topic: str | None) -> bool:
 
 def open_foxglove_recording(
     path: Path, topic: str | None, odometry_topic: str | None, *, start: int, stride: int
-) -> Recording:
-    """Open an MCAP file with ``foxglove.CompressedImage``, as JSON or protobuf; without poses.
+) -> Source:
+    """Open an MCAP file with ``foxglove.CompressedImage``, as JSON or protobuf.
 
     Args:
         path: of the file.
         topic: of images; None: the only one.
-        odometry_topic: ``none`` or None; of Foxglove's poses none is read.
+        odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
 
@@ -67,8 +70,14 @@ def open_foxglove_recording(
         topics = _topics(path)
     types = {name: held.kind for name, held in topics.items()}
     images = image_topic(str(path), types, (_IMAGE, *ROS_IMAGES), topic)
-    pose_topic(str(path), types, (), odometry_topic)
-    return _FoxgloveRecording(path, images, topics[images].messages, start=start, stride=stride)
+    source = _FoxgloveRecording(path, images, topics[images].messages, start=start, stride=stride)
+    poses = pose_topic(str(path), types, FOXGLOVE_POSES, odometry_topic)
+    if poses is None:
+        return source
+    name = f"{path.name}:{poses}"
+    with known_errors(path):
+        way = way_of(name, types[poses], (read() for read in _messages(path, poses)))
+    return Located(source, way.trajectory, name, origin=way.origin)
 
 
 def _topics(path: Path) -> dict[str, _Topic]:
@@ -88,17 +97,29 @@ def _topics(path: Path) -> dict[str, _Topic]:
     return topics
 
 
-def _image(schema: Schema | None, channel: Channel, message: Message) -> Stamped:
+def _messages(path: Path, topic: str) -> Iterator[Callable[[], tuple[int, Any]]]:
+    """Yield what reads the stamp of a message and itself, for each of a topic."""
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages([topic]):
+            yield partial(_read, schema, channel, message)
+
+
+def _read(schema: Schema | None, channel: Channel, message: Message) -> tuple[int, Any]:
     match channel.message_encoding:
         case "json":
-            fields = json.loads(message.data)
-            stamp = fields["timestamp"]
-            stamp_ns = stamp["sec"] * 1_000_000_000 + stamp["nsec"]
-            data = base64.b64decode(fields["data"], validate=True)
+            fields = json.loads(message.data, object_hook=lambda each: SimpleNamespace(**each))
+            stamp_ns = fields.timestamp.sec * 1_000_000_000 + fields.timestamp.nsec
         case "protobuf" if schema is not None:
             fields = parse_message(schema.name, schema.data, message.data)
             stamp_ns = fields.timestamp.ToNanoseconds()
-            data = fields.data
         case encoding:
-            raise FrameError(f"its encoding is {encoding!r}; give json or protobuf")
-    return stamp_ns or message.log_time, data
+            raise SourceError(
+                f"{channel.topic}: its messages are of encoding {encoding!r}; give json or protobuf"
+            )
+    return stamp_ns or message.log_time, fields
+
+
+def _image(read: Callable[[], tuple[int, Any]]) -> Stamped:
+    stamp_ns, message = read()
+    data = message.data
+    return stamp_ns, base64.b64decode(data, validate=True) if isinstance(data, str) else data

@@ -12,8 +12,8 @@ from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES, image_of, stamp_of
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.mcap_summary import read_summary
+from placefield_tools.sources.recorded_poses import ROS_POSES, way_of
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
-from placefield_tools.sources.ros_poses import POSES, way_of
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import image_topic, pose_topic
 
@@ -53,7 +53,7 @@ def open_ros_recording(
         images = image_topic(str(path), types, IMAGES, topic)
         total = sum(each.msgcount for each in held if each.topic == images)
         source = _RosRecording(path, images, total, start=start, stride=stride)
-        poses = pose_topic(str(path), types, POSES, odometry_topic)
+        poses = pose_topic(str(path), types, ROS_POSES, odometry_topic)
         if poses is None:
             return source
         name = f"{path.name}:{poses}"

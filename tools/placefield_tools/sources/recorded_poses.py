@@ -1,4 +1,4 @@
-"""Poses and positions in a recording of ROS."""
+"""Poses and positions in a recording, of ROS or Foxglove."""
 
 import logging
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ from placefield_tools.sources.pose_files import quaternion_yaws
 
 log = logging.getLogger(__name__)
 
-_FIX = "sensor_msgs/msg/NavSatFix"
+_ROS_FIX, _FOXGLOVE_FIX = "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix"
 
 _Row = tuple[float, ...]
 
@@ -28,7 +28,7 @@ class Way(NamedTuple):
 
 
 def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
-    """Make a trajectory of messages of one of the types ``POSES``, each behind its stamp in ns.
+    """Make a trajectory of messages of one of the types known here, each behind its stamp in ns.
 
     Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
     number that is not finite, or of a receiver that has no fix, is left out; how many is logged.
@@ -48,7 +48,7 @@ def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
     valid.sort(key=lambda row: row[0])
     stamps = np.array([row[0] for row in valid], np.int64)
     values = np.array([row[1:] for row in valid], np.float64)
-    if kind != _FIX:
+    if kind not in (_ROS_FIX, _FOXGLOVE_FIX):
         yaws = quaternion_yaws(values[:, 2:])
         return Way(Trajectory.of(stamps, np.column_stack([values[:, :2], yaws])), None)
     origin, positions = laid_out(values)
@@ -66,12 +66,17 @@ def _of_fix(fix: Any) -> _Row:
     return (fix.latitude, fix.longitude) if has_fix else (np.nan, np.nan)
 
 
-_READ: dict[str, Callable[[Any], _Row]] = {
+_OF_ROS: dict[str, Callable[[Any], _Row]] = {
     ODOMETRY: lambda message: _of_pose(message.pose.pose),
     POSE: lambda message: _of_pose(message.pose.pose),
     "geometry_msgs/msg/PoseStamped": lambda message: _of_pose(message.pose),
-    _FIX: _of_fix,
+    _ROS_FIX: _of_fix,
 }
+_OF_FOXGLOVE: dict[str, Callable[[Any], _Row]] = {
+    "foxglove.PoseInFrame": lambda message: _of_pose(message.pose),
+    _FOXGLOVE_FIX: lambda fix: (fix.latitude, fix.longitude),
+}
+_READ = _OF_ROS | _OF_FOXGLOVE
 
-POSES = tuple(_READ)
+ROS_POSES, FOXGLOVE_POSES = tuple(_OF_ROS), tuple(_OF_FOXGLOVE)
 """The types of messages that tell where the vehicle is."""
