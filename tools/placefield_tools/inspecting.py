@@ -7,35 +7,15 @@ from rich.console import Console
 from rich.table import Table
 
 from placefield.evaluation.plots import ChannelSegments, plot_segments
-from placefield.maps.geography import Origin
 from placefield.maps.map import Map
-
-
-def _poses(frame: str | None) -> str:
-    """Say where the poses of places are."""
-    if frame is None:
-        return "without poses"
-    origin = Origin.of_frame(frame)
-    if origin is None:
-        return "with poses, in metres of its own"
-    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on"
+from placefield_tools.map_facts import map_facts
 
 
 def print_map(opened: Map, path: Path) -> None:
     """Print what a map was made of and what its channels are."""
     console = Console(markup=False)  # a path may hold brackets
-    model, places = opened.model, opened.places
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-    made = "standardised" if model.standardise else "not standardised"
-    facts = {
-        "map": f"{path}, {size / 2**20:.1f} MB",
-        "places": f"{places.count}, {_poses(opened.pose_frame)}",
-        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
-        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
-        "metric": opened.metric.kind,
-        "search": "coarse look first" if opened.metrics[0].coarse else "exact",
-        "seed": str(opened.seed),
-    }
+    facts = {"map": f"{path}, {size / 2**20:.1f} MB", **map_facts(opened)}
     for name, fact in facts.items():
         console.print(f"{name:>10}  {fact}", highlight=False, soft_wrap=True)
     table = Table("channel", "fuzzifier", "clusters", "segments", "active", "metric", "scales")

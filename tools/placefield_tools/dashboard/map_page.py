@@ -10,6 +10,7 @@ from placefield_tools.dashboard.charts import curves_chart, scales_chart
 from placefield_tools.dashboard.drawings import FIELD_HEIGHT, segments_drawing
 from placefield_tools.dashboard.fields import Window, window_around
 from placefield_tools.dashboard.site import Site, card, chart, page, svg
+from placefield_tools.map_facts import map_facts
 
 _PER_PAGE = 48
 _WHOLE_ROUTE = 4000  # places; of a longer one the segments are drawn by the part
@@ -30,20 +31,8 @@ def map_page(site: Site) -> None:
 
 
 def _facts(site: Site) -> None:
-    placemap = site.placemap
-    model = placemap.model
-    poses = f"with poses in {placemap.pose_frame!r}" if placemap.pose_frame else "without poses"
-    facts = {
-        "places": f"{placemap.places.count}, {poses}",
-        "traverses": ", ".join(f"{one.name} ({one.frames})" for one in placemap.traverses),
-        "descriptor": f"{model.kind}, {len(model.components)} dimensions",
-        "standardised": "yes" if model.standardise else "no",
-        "metric": placemap.metric.kind,
-        "search": "coarse look first" if placemap.metrics[0].coarse else "exact",
-        "seed": str(placemap.seed),
-    }
     with card("The map", "half"), ui.element("dl"):
-        for name, fact in facts.items():
+        for name, fact in map_facts(site.placemap).items():
             with ui.element("div"):
                 ui.html(name, sanitize=False, tag="dt")
                 with ui.element("dd"):

@@ -1,0 +1,28 @@
+"""What a person asks of a map first, in words."""
+
+from placefield.maps.geography import Origin
+from placefield.maps.map import Map
+
+
+def map_facts(opened: Map) -> dict[str, str]:
+    """Say what a map was made of, each under a name."""
+    model = opened.model
+    made = "standardised" if model.standardise else "not standardised"
+    return {
+        "places": f"{opened.places.count}, {_poses(opened.pose_frame)}",
+        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
+        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
+        "metric": opened.metric.kind,
+        "search": "coarse look first" if opened.metrics[0].coarse else "exact",
+        "seed": str(opened.seed),
+    }
+
+
+def _poses(frame: str | None) -> str:
+    """Say where the poses of places are."""
+    if frame is None:
+        return "without poses"
+    origin = Origin.of_frame(frame)
+    if origin is None:
+        return "with poses, in metres of its own"
+    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on"
