@@ -265,6 +265,79 @@ def test_at_a_rate_frames_keep_their_distance(services: Services, bus: Bus, conf
     assert time.monotonic() - began >= 10 / 20  # a sleep is never short, however busy the machine
 
 
+class Clock:
+    """Time that passes when told to."""
+
+    sleep = staticmethod(time.sleep)
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def test_at_a_rate_a_camera_gives_its_newest_frames_not_a_queue_of_old_ones(
+    services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(replaying, "time", clock)
+
+    class Camera(LiveMadeUp):
+        def __iter__(self) -> Iterator[Frame]:
+            for frame in super().__iter__():
+                yield frame
+                clock.now += 0.04
+
+    replay(Camera(100), bus, config, threading.Event(), rate=4.9)
+    assert [image[0] for image in services.images[:5]] == [0, 6, 11, 16, 21]
+    assert services.sequences == list(range(len(services.images)))
+
+
+def test_at_a_low_rate_what_is_lost_is_sent_again_before_the_next_frame_is_due(
+    services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 0.1)
+    services.answering = False
+    stop = threading.Event()
+    arguments = {"rate": 0.001}
+    thread = threading.Thread(target=replay, args=(MadeUp(3), bus, config, stop), kwargs=arguments)
+    thread.start()
+    wait_for(services, 3)
+    stop.set()
+    thread.join()
+    assert set(services.sequences) == {0}
+
+
+def test_a_source_that_is_slow_to_give_a_frame_does_not_count_as_silent_services(
+    services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replaying, "_STALLED_S", 1.0)
+    clock = Clock()
+    monkeypatch.setattr(replaying, "time", clock)
+
+    class Slow(MadeUp):
+        def __iter__(self) -> Iterator[Frame]:
+            for frame in super().__iter__():
+                yield frame
+                wait_for(services, frame.index + 1)
+                clock.now += 1000.0
+                services.answering = True
+
+    services.answering = False  # the first is lost
+    assert replay(Slow(3), bus, config, threading.Event()) == 3
+    assert services.sequences.count(0) > 1
+    assert {*services.sequences} == {0, 1, 2}
+
+
+def test_a_source_that_is_cut_short_before_its_first_frame_has_not_failed(
+    services: Services, bus: Bus, config: Config
+) -> None:
+    stop = threading.Event()
+    stop.set()
+    assert replay(MadeUp(0, fails=True), bus, config, stop) == 0
+
+
 @pytest.mark.parametrize(
     ("source", "sent"), [(MadeUp(3 * WINDOW), WINDOW), (MadeUp(5), 5), (LiveMadeUp(40), 40)]
 )

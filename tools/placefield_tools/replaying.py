@@ -5,7 +5,7 @@ import threading
 import time
 import uuid
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
@@ -42,7 +42,7 @@ def replay(
         bus: to publish on.
         config: its run and bus.
         stop: ends the stream early.
-        rate: frames per second at most; None: as fast as credits allow.
+        rate: frames per second at most, of a camera the newest; None: as fast as credits allow.
         loop: begin again at the end, in the same stream.
 
     Raises:
@@ -53,7 +53,9 @@ def replay(
     with bus.sole(keys, "replay", uuid.uuid4().hex[:8]):
         _await_services(bus, keys, config.bus.connect_timeout_s, stop)
         stream = _Stream(bus, keys, live=source.live)
-        frames = _paced(_frames(source, loop), rate, stop)
+        frames = _frames(source, loop)
+        if rate is not None:
+            frames = _newest(frames, rate) if source.live else stream.paced(frames, rate, stop)
         try:
             with tracked(frames, "replaying", None if loop else source.count) as in_turn:
                 for frame in in_turn:
@@ -61,7 +63,8 @@ def replay(
                         break
         except SourceError:
             stream.end(stop)
-            raise
+            if not stop.is_set():  # else it may have been cut short before its first frame
+                raise
         stream.end(stop)
         return stream.sent
 
@@ -78,7 +81,7 @@ class _Stream:
         self._unanswered: deque[tuple[Header, bytes]] = deque()
         self._run = keys.run
         self._publisher = bus.publisher(keys.frame)
-        self._since, self._wait_s = time.monotonic(), _SEND_AGAIN_S
+        self._looked, self._silent_s, self._wait_s = time.monotonic(), 0.0, _SEND_AGAIN_S
         self._gone: set[str] = set()
         self._is_back = threading.Event()  # a service that was gone: what was under way is lost
         bus.subscribe(keys.ack, self._answered, Counter())
@@ -96,6 +99,16 @@ class _Stream:
         elif service in self._gone:
             self._gone.discard(service)
             self._is_back.set()
+
+    def paced(self, frames: Iterable[Frame], rate: float, stop: threading.Event) -> Iterator[Frame]:
+        """Hand frames on at a rate of so many per second; no catching up after a wait."""
+        due = time.monotonic()
+        for frame in frames:
+            while (wait_s := due - time.monotonic()) > 0 and not stop.is_set():
+                stop.wait(min(wait_s, _POLL_S))
+                self._look_after()
+            due = _next_due(due, rate)
+            yield frame
 
     def send(self, frame: Frame, stop: threading.Event) -> bool:
         """Publish a frame when there is a credit for it; False if stopped before."""
@@ -156,14 +169,16 @@ class _Stream:
             BusError: the services have answered nothing for a long time.
         """
         now = time.monotonic()
+        self._silent_s += min(now - self._looked, _SEND_AGAIN_S)  # a slow source is no silence
+        self._looked = now
         oldest = self._unanswered[0][0].sequence if self._unanswered else None
         while self._unanswered and self._unanswered[0][0].sequence < self._credits.answered:
             self._unanswered.popleft()
         if not self._unanswered or self._unanswered[0][0].sequence != oldest:
-            self._since, self._wait_s = now, _SEND_AGAIN_S
-        if now > self._since + _STALLED_S:
+            self._silent_s, self._wait_s = 0.0, _SEND_AGAIN_S
+        if self._silent_s > _STALLED_S:
             raise self._stalled()
-        if now > self._since + self._wait_s:
+        if self._silent_s >= self._wait_s:
             self._wait_s *= 2
             self._send_again()
         elif self._is_back.is_set():
@@ -190,11 +205,14 @@ def _frames(source: Source, loop: bool) -> Iterator[Frame]:
     return itertools.chain.from_iterable(itertools.repeat(source)) if loop else iter(source)
 
 
-def _paced(frames: Iterator[Frame], rate: float | None, stop: threading.Event) -> Iterator[Frame]:
-    """Hand the frames on at a rate of at most so many per second; no catching up after a wait."""
+def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
+    """Hand on so many of a camera's frames per second, none late; those between are left out."""
     due = time.monotonic()
     for frame in frames:
-        if rate is not None:
-            stop.wait(max(0.0, due - time.monotonic()))
-            due = max(due, time.monotonic() - 1 / rate) + 1 / rate
-        yield frame
+        if time.monotonic() >= due:
+            due = _next_due(due, rate)
+            yield frame
+
+
+def _next_due(due: float, rate: float) -> float:
+    return max(due, time.monotonic() - 1 / rate) + 1 / rate

@@ -1,6 +1,7 @@
 """A folder of image files as a source of frames."""
 
 import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from placefield.features.frames import Frame
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
 from placefield_tools.sources.listing import Listing
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Source, until
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
 LISTING = "frames.csv"
@@ -26,7 +27,15 @@ class Folder(Source):
     do not count: some systems put one beside each image.
     """
 
-    def __init__(self, path: Path, *, start: int = 0, stride: int = 1) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        start: int = 0,
+        stride: int = 1,
+        stop: threading.Event | None = None,
+    ) -> None:
+        self._stop = stop
         listing = _listing(path)
         self.origin = listing.origin
         self._path = path
@@ -38,7 +47,7 @@ class Folder(Source):
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames, each read when its turn comes; their bytes are not looked at."""
-        for index in self._chosen:
+        for index in until(self._stop, self._chosen):
             listed = self._frames[index]
             image = self._read(listed.file)
             yield Frame(index, listed.stamp_ns, listed.file, image, listed.pose, listed.odometry_m)

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -52,7 +53,13 @@ def holds_foxglove_images(path: Path, topic: str | None) -> bool:
 
 
 def open_foxglove_recording(
-    path: Path, topic: str | None, odometry_topic: str | None, *, start: int, stride: int
+    path: Path,
+    topic: str | None,
+    odometry_topic: str | None,
+    *,
+    start: int,
+    stride: int,
+    stop: threading.Event | None,
 ) -> Source:
     """Open an MCAP file with ``foxglove.CompressedImage``, as JSON or protobuf.
 
@@ -62,6 +69,7 @@ def open_foxglove_recording(
         odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
+        stop: ends the frames.
 
     Raises:
         SourceError: it cannot be read, holds no such topics, or ends before ``start``.
@@ -70,7 +78,9 @@ def open_foxglove_recording(
         topics = _topics(path)
     types = {name: held.kind for name, held in topics.items()}
     images = image_topic(str(path), types, (_IMAGE, *ROS_IMAGES), topic)
-    source = _FoxgloveRecording(path, images, topics[images].messages, start=start, stride=stride)
+    source = _FoxgloveRecording(
+        path, images, topics[images].messages, start=start, stride=stride, stop=stop
+    )
     poses = pose_topic(str(path), types, FOXGLOVE_POSES, odometry_topic)
     if poses is None:
         return source

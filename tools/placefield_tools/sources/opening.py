@@ -60,8 +60,8 @@ def open_source(
     the network ``rtsp://…`` or ``http://…``.
 
     The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
-    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells. A camera
-    that is away is waited for until ``stop`` is set.
+    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells.
+    ``stop`` ends the frames; a camera that is away is waited for until then.
 
     Raises:
         SourceError: nothing of the kind is there, it cannot be read, or ``start``, ``stride``,
@@ -94,7 +94,7 @@ def _open(
 ) -> Source:
     path = Path(where)
     if _is_recording(path):
-        return _open_recording(path, start, stride, parts)
+        return _open_recording(path, start, stride, parts, stop)
     if parts.topic is not None or parts.odometry_topic is not None:
         shown = without_secrets(where)
         raise SourceError(f"{shown}: has no topics: leave --topic and --odometry-topic out")
@@ -102,7 +102,7 @@ def _open(
         return Camera(int(device[1]), start=start, stride=stride, stop=stop)
     if _URL.fullmatch(where):
         return Camera(where, start=start, stride=stride, stop=stop)
-    return _open_path(path, start, stride)
+    return _open_path(path, start, stride, stop)
 
 
 def _is_recording(path: Path) -> bool:
@@ -111,7 +111,9 @@ def _is_recording(path: Path) -> bool:
     return (path / _BAG_FOLDER).is_file()
 
 
-def _open_recording(path: Path, start: int, stride: int, parts: Parts) -> Source:
+def _open_recording(
+    path: Path, start: int, stride: int, parts: Parts, stop: threading.Event | None
+) -> Source:
     try:
         from placefield_tools.sources.foxglove_recording import (
             holds_foxglove_images,
@@ -122,17 +124,18 @@ def _open_recording(path: Path, start: int, stride: int, parts: Parts) -> Source
         raise ConfigError(f"{path} needs {missing.name}: pip install 'placefield[ros]'") from None
     is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path, parts.topic)
     opened = open_foxglove_recording if is_foxglove else open_ros_recording
-    return opened(path, parts.topic, parts.odometry_topic, start=start, stride=stride)
+    topics = parts.topic, parts.odometry_topic
+    return opened(path, *topics, start=start, stride=stride, stop=stop)
 
 
-def _open_path(path: Path, start: int, stride: int) -> Source:
+def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None) -> Source:
     shown = without_secrets(str(path))  # it may be a URL with a misspelt scheme
     if path.is_dir():
-        return Folder(path, start=start, stride=stride)
+        return Folder(path, start=start, stride=stride, stop=stop)
     if path.suffix.lower() in IMAGE_SUFFIXES:
         raise SourceError(f"{shown}: this would be one image; give the folder that it lies in")
     if path.is_file():
-        return Video(path, start=start, stride=stride)
+        return Video(path, start=start, stride=stride, stop=stop)
     raise SourceError(
         f"{shown}: no such folder or file; give a folder of images, a video, a recording "
         "(.bag, .mcap, a folder of ROS 2), camera:0 or rtsp://…"

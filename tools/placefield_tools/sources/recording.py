@@ -1,5 +1,6 @@
 """What recordings have in common, whoever wrote them."""
 
+import threading
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from placefield.errors import FrameError, PlacefieldError, SourceError
 from placefield.features.frames import Frame
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Source, until
 
 Stamped = tuple[int, bytes | NDArray[np.uint8]]
 """A stamp in nanoseconds and an image."""
@@ -20,8 +21,18 @@ Stamped = tuple[int, bytes | NDArray[np.uint8]]
 class Recording(Source):
     """The images of one topic, by their own stamps, or the recorder's where they have none."""
 
-    def __init__(self, path: Path, topic: str, total: int, *, start: int, stride: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        topic: str,
+        total: int,
+        *,
+        start: int,
+        stride: int,
+        stop: threading.Event | None,
+    ) -> None:
         """Take a recording whose ``topic`` holds ``total`` images."""
+        self._stop = stop
         chosen = range(start, total, stride)
         if not chosen:
             raise SourceError(f"--start {start}: {path}: {topic} holds {total} frames only")
@@ -38,8 +49,8 @@ class Recording(Source):
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; those before ``start`` and between are not decoded."""
         with known_errors(self._path):
-            chosen = islice(enumerate(self._images()), self._start, None, self._stride)
-            for index, decode in chosen:
+            images = enumerate(until(self._stop, self._images()))
+            for index, decode in islice(images, self._start, None, self._stride):
                 name = f"{self._path.name}#{index}"
                 try:
                     stamp_ns, image = decode()

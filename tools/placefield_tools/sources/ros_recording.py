@@ -1,5 +1,6 @@
 """A recording of ROS, 1 or 2, as a source of frames, with no ROS installed."""
 
+import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -28,7 +29,13 @@ class _RosRecording(Recording):
 
 
 def open_ros_recording(
-    path: Path, topic: str | None, odometry_topic: str | None, *, start: int, stride: int
+    path: Path,
+    topic: str | None,
+    odometry_topic: str | None,
+    *,
+    start: int,
+    stride: int,
+    stop: threading.Event | None,
 ) -> Source:
     """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
 
@@ -41,6 +48,7 @@ def open_ros_recording(
         odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
+        stop: ends the frames.
 
     Raises:
         SourceError: it cannot be read, holds no such topics, or ends before ``start``.
@@ -52,7 +60,7 @@ def open_ros_recording(
         types = {each.topic: each.msgtype for each in held}
         images = image_topic(str(path), types, IMAGES, topic)
         total = sum(each.msgcount for each in held if each.topic == images)
-        source = _RosRecording(path, images, total, start=start, stride=stride)
+        source = _RosRecording(path, images, total, start=start, stride=stride, stop=stop)
         poses = pose_topic(str(path), types, ROS_POSES, odometry_topic)
         if poses is None:
             return source

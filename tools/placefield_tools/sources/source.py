@@ -1,12 +1,16 @@
 """What every source of frames offers."""
 
+import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import takewhile
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from placefield.features.frames import Frame
 from placefield.maps.geography import Origin
+
+T = TypeVar("T")
 
 
 class Source(ABC):
@@ -43,3 +47,8 @@ class Source(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def until(stop: threading.Event | None, items: Iterable[T]) -> Iterator[T]:
+    """Yield the items until the event is set, if there is one."""
+    return takewhile(lambda _: stop is None or not stop.is_set(), items)

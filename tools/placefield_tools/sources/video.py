@@ -1,5 +1,6 @@
 """A video file as a source of frames."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -10,7 +11,7 @@ import cv2
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
 from placefield_tools.sources.capture import grab_every, quiet_opencv, retrieve
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Source, until
 
 # FFmpeg would play a text file as an animation.
 _TEXT = cv2.VideoWriter.fourcc(*"ansi")
@@ -22,8 +23,16 @@ class Video(Source):
     Pixels come as stored: a rotation that the container asks for is ignored, as in an image.
     """
 
-    def __init__(self, path: Path, *, start: int = 0, stride: int = 1) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        start: int = 0,
+        stride: int = 1,
+        stop: threading.Event | None = None,
+    ) -> None:
         self._path = path
+        self._stop = stop
         self._start = start
         self._stride = stride
         with self._capture() as capture:
@@ -34,7 +43,8 @@ class Video(Source):
         """Yield the frames, read from the first on: seeking is not exact in every container."""
         index = None
         with self._capture() as capture:
-            for index in grab_every(capture, count(), self._start, self._stride):
+            numbers = until(self._stop, count())
+            for index in grab_every(capture, numbers, self._start, self._stride):
                 pixels = retrieve(capture)
                 if pixels is None:
                     raise SourceError(f"{self._path}: frame {index} does not decode")
