@@ -17,6 +17,7 @@ from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
 from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
+from placefield_tools.sources.source import until
 
 _POLL_S = 0.1
 _SEND_AGAIN_S = 0.5  # after the last answer, and again after twice as long, and so on
@@ -53,7 +54,7 @@ def replay(
     with bus.sole(keys, "replay", uuid.uuid4().hex[:8]):
         _await_services(bus, keys, config.bus.connect_timeout_s, stop)
         stream = _Stream(bus, keys, live=source.live)
-        frames = _frames(source, loop)
+        frames = _frames(source, loop, stop)
         if rate is not None:
             frames = _newest(frames, rate) if source.live else stream.paced(frames, rate, stop)
         try:
@@ -201,8 +202,11 @@ def _await_services(bus: Bus, keys: Keys, timeout: float, stop: threading.Event)
             )
 
 
-def _frames(source: Source, loop: bool) -> Iterator[Frame]:
-    return itertools.chain.from_iterable(itertools.repeat(source)) if loop else iter(source)
+def _frames(source: Source, loop: bool, stop: threading.Event) -> Iterator[Frame]:
+    """Return the frames, once or until stopped."""
+    return itertools.chain.from_iterable(
+        until(stop, itertools.repeat(source)) if loop else (source,)
+    )
 
 
 def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
