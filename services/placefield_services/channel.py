@@ -20,7 +20,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError, MessageError
-from placefield.features.descriptors import DescriptorModel, check_descriptor
+from placefield.features.descriptors import DescriptorModel, checked
 from placefield.maps.map import Map, fingerprint
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
 from placefield_services.metrics import serve_metrics
@@ -219,12 +219,12 @@ class ChannelWorker:
                 f"descriptor of model {feature.model!r}; this channel's map has {self._model}: "
                 "give the featurizer the same map"
             )
-        if feature.descriptor is not None:
-            try:
-                check_descriptor(feature.descriptor, self._dimensions)
-            except FrameError as error:
-                raise MessageError(str(error)) from None
-        return feature.descriptor
+        if feature.descriptor is None:
+            return None
+        try:
+            return checked(feature.descriptor, self._dimensions)
+        except FrameError as error:
+            raise MessageError(str(error)) from None
 
     def match(self, accepted: Sequence[Sequence[_Accepted]]) -> None:
         """Publish the candidates of all channels for each frame, when they are known."""

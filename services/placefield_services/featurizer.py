@@ -185,6 +185,7 @@ class Featurizer:
         descriptor = None
         try:
             descriptor = run.descriptors.push(self._feature.describe(frame.image))
+            run.counts["blank"] += descriptor is None
         except FrameError:
             run.counts["unreadable"] += 1
         except Exception:  # a defect costs what was seen of the frame, and not its turn

@@ -14,6 +14,7 @@ _TROUBLE = (
     "malformed",
     "failed",
     "unreadable",
+    "blank",
     "unknown_channel",
     "dropped_full",
     "dropped_old",

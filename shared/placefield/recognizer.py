@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.errors import FrameError
-from placefield.features.descriptors import DescriptorStream, check_descriptor
+from placefield.features.descriptors import DescriptorStream, checked
 from placefield.features.extract import feature_of_model
 from placefield.features.images import Image, load
 from placefield.fusion.match import Match
@@ -66,13 +66,13 @@ class Recognizer:
         """Match the next frame by its descriptor (N,); None is a frame that was not seen.
 
         Raises:
-            FrameError: the descriptor is of another shape, not finite, or longer than 1; no frame
-                was matched.
+            FrameError: the descriptor is of another shape, or its length neither 1 nor 0, where
+                there was nothing to see; no frame was matched.
         """
         frames: dict[MapMetric, Comparison | None] = dict.fromkeys(self._places)
-        if descriptor is not None:
-            check_descriptor(descriptor, self._dimensions)
+        seen = None if descriptor is None else checked(descriptor, self._dimensions)
+        if seen is not None:
             for metric, places in self._places.items():
-                (frames[metric],) = places.compare(descriptor[None])
+                (frames[metric],) = places.compare(seen[None])
         candidates = [matcher.push(frames[metric]) for metric, matcher in self._matchers]
         return fuse(candidates, self._config)

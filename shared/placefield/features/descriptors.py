@@ -21,7 +21,8 @@ PRIOR_FRAMES = 20
 """Weight of the reference's mean and deviation in a young query's, frames."""
 
 _LEAST_DEVIATION = 1e-6
-_LONGEST = 1.001  # descriptor: their lengths are rounded
+_BLANK = 1e-5  # of the largest value: raw features of an even image differ by rounding
+_ROUNDED = 1e-3  # so far from 1 a descriptor's length may be
 _BLOCK = 512  # frames whose standardised features are held at once
 
 Array = NDArray[np.float32]
@@ -64,17 +65,23 @@ def unit_length(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
 
-def check_descriptor(descriptor: Array, dimensions: int) -> None:
-    """Raise FrameError where it is no descriptor of so many dimensions: what comes from elsewhere.
+def checked(descriptor: Array, dimensions: int) -> Array | None:
+    """Return a descriptor (N,) that comes from elsewhere; None for one of length 0: nothing seen.
 
-    Its shape is (dimensions,) and its length 1, or 0 where there is nothing to see. A longer one
-    would overflow in the matching, and one that is not finite spoil the rest of its stream.
+    A longer one would overflow in the matching, one that is not finite spoil the rest of its
+    stream, and a shorter one be matched by its rounding.
+
+    Raises:
+        FrameError: its shape is another, or its length neither 1 nor 0.
     """
     if descriptor.shape != (dimensions,):
         raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
     length = float(np.linalg.norm(descriptor.astype(np.float64)))
-    if not length <= _LONGEST:  # nor is NaN
+    if length == 0:
+        return None
+    if not abs(length - 1) <= _ROUNDED:  # nor is NaN
         raise FrameError(f"descriptor of length {length:.3g}, not 1")
+    return descriptor
 
 
 def fit_descriptors(
@@ -182,13 +189,18 @@ class DescriptorStream:
         self.moments = moments or _moments_of_reference(model)
         """Of the stream so far."""
 
-    def push(self, raw: Array) -> Array:
+    def push(self, raw: Array) -> Array | None:
         """Take the next frame's raw feature (D,) and return its descriptor (N,) float32.
+
+        None where there was nothing to see, as in the dark or the fog: the raw feature is one and
+        the same value throughout. The stream is as it was.
 
         Raises:
             FrameError: the feature is of another shape, or not finite; the stream is as it was.
         """
         self._check(raw)
+        if np.ptp(raw) <= _BLANK * np.abs(raw).max():
+            return None
         if not self._model.standardise:
             return self._model.of_reference(raw)
         unit = unit_length(raw)

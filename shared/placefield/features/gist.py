@@ -15,6 +15,7 @@ from placefield.features.gabor import GRID, ORIENTATIONS, SCALES, gabor_magnitud
 DIMENSIONS = SCALES * ORIENTATIONS * GRID * GRID
 
 _BORDER = 5  # symmetric padding for the contrast normalisation, pixels
+_EVEN = 0.01  # grey levels: rounding makes as much of an even image, and no object so little
 _CYCLES = 4.0  # cut-off of the contrast normalisation, cycles per image
 
 Array = NDArray[np.float32]
@@ -48,7 +49,7 @@ def gist(images: Array) -> Array:
 def _stretch(image: Array) -> Array:
     """Map the grey levels to 0..255; an even image becomes black."""
     low, high = float(image.min()), float(image.max())
-    return (image - low) * np.float32(255 / (high - low) if high > low else 0)
+    return (image - low) * np.float32(255 / (high - low) if high > low + _EVEN else 0)
 
 
 def _normalise_contrast(image: Array) -> Array:

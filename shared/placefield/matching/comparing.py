@@ -12,7 +12,6 @@ from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
 from placefield.metric.codes import (
     DESCRIPTOR_UNIT,
-    LONGEST,
     CodedProjection,
     Codes,
     codes_of,
@@ -53,14 +52,6 @@ class Comparison:
         distances = np.ascontiguousarray(self.distances[::-1])
         return replace(self, distances=distances, is_turned=not self.is_turned)
 
-    def telling_nothing(self) -> "Comparison":
-        """Return this comparison as of a frame in which there was nothing to see.
-
-        All places are as far, for they have length 1; their codes are rounded.
-        """
-        distances = np.full_like(self.distances, LONGEST**2)
-        return replace(self, distances=distances, deviation=0.0, is_exact=True)
-
     def made_exact(self, places: NDArray[np.int32]) -> "Comparison":
         """Return this comparison with the exact distances to some places."""
         if self.is_turned:
@@ -90,7 +81,7 @@ class MetricPlaces:
             self._look_along = CodedProjection(metric.coarse.axes, DESCRIPTOR_UNIT)
 
     def compare(self, descriptors: NDArray[np.float32]) -> Iterator[Comparison]:
-        """Compare descriptors (B, N), of length 1 at most; one comparison each, in order.
+        """Compare descriptors (B, N), of length 1; one comparison each, in order.
 
         What comes of a descriptor does not depend on the others, to the last bit.
         """
@@ -100,8 +91,7 @@ class MetricPlaces:
         at_once = max(1, _AT_ONCE // len(self._metric.places))
         compare = self._coarsely if self._look_along else self._exactly
         for some in blocks(len(codes), at_once):
-            for frame in compare(codes[some]):
-                yield frame if frame.codes.any() else frame.telling_nothing()
+            yield from compare(codes[some])
 
     def _exactly(self, codes: Codes) -> Iterator[Comparison]:
         metric = self._metric

@@ -85,9 +85,7 @@ class FilterShard(ShardMatcher):
 
     def _beside_all(self, frame: Comparison) -> Comparison:
         """Give a comparison the deviation of the distances to all places of the map."""
-        nothing_to_see = not frame.codes.any()
-        deviation = 0.0 if nothing_to_see else deviation_from(frame.codes, self._spread)
-        return replace(frame, deviation=deviation)
+        return replace(frame, deviation=deviation_from(frame.codes, self._spread))
 
     def finish(self, summaries: Sequence[Summary]) -> Candidate:
         """Bring the beliefs to what they are among all; none before the first frame seen."""

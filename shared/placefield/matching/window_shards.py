@@ -60,10 +60,8 @@ class _WindowShard(ShardMatcher):
         """Move the windows on; frames not seen keep the others aligned."""
         if frame is None:
             self._windows.push_unseen()
-        elif frame.codes.any():
+        else:
             self._windows.push(frame.distances, self._mean_distance(frame.codes))
-        else:  # nothing to see, and all places as far
-            self._windows.push(frame.distances)
         return self._summary()
 
     @abstractmethod

@@ -11,7 +11,7 @@ from placefield.features.descriptors import (
     PRIOR_FRAMES,
     DescriptorModel,
     DescriptorStream,
-    check_descriptor,
+    checked,
     fit_descriptors,
     unit_length,
 )
@@ -88,8 +88,11 @@ def test_a_streams_moments_run_over_its_frames_and_twenty_of_the_reference() -> 
 @given(st.lists(st.lists(st.floats(0, 255, width=32), min_size=20, max_size=20), max_size=5))
 def test_descriptors_are_finite_and_of_unit_length_whatever_comes(query: list[list[float]]) -> None:
     stream = DescriptorStream(fitted())
-    for raw in [np.zeros(20), *query, np.zeros(20)]:
+    for raw in [[0.0] * 20, *query, [0.0] * 20]:
         descriptor = stream.push(np.asarray(raw, np.float32))
+        if descriptor is None:
+            assert max(raw) - min(raw) <= 1e-5 * max(raw)
+            continue
         assert descriptor.dtype == np.float32
         assert np.linalg.norm(descriptor) == pytest.approx(1, abs=1e-5)
 
@@ -100,21 +103,34 @@ def test_a_zero_vector_has_no_direction() -> None:
     np.testing.assert_allclose(unit_length(vectors), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("length", [0, 1, 1 + 1e-5])
-def test_descriptors_of_length_1_or_0_are_taken(length: float) -> None:
-    check_descriptor(np.full(4, length / 2, np.float32), 4)
+@pytest.mark.parametrize("length", [1 - 1e-5, 1, 1 + 1e-5])
+def test_descriptors_of_length_1_are_taken(length: float) -> None:
+    descriptor = np.full(4, length / 2, np.float32)
+    assert checked(descriptor, 4) is descriptor
+
+
+def test_one_of_length_0_is_of_a_frame_that_was_not_seen() -> None:
+    assert checked(np.zeros(4, np.float32), 4) is None
+
+
+def test_where_there_is_nothing_to_see_there_is_no_descriptor_and_the_stream_stays() -> None:
+    disturbed, other = DescriptorStream(fitted()), DescriptorStream(fitted())
+    for raw in raw_features(3, seed=2):
+        for value in (0, 7, 200):
+            assert disturbed.push(np.full(20, value, np.float32)) is None
+        np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))
 
 
 @pytest.mark.parametrize("shape", [(3,), (5,), (1, 4), (4, 1), ()])
 def test_a_descriptor_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(FrameError, match="shape"):
-        check_descriptor(np.zeros(shape, np.float32), 4)
+        checked(np.zeros(shape, np.float32), 4)
 
 
-@pytest.mark.parametrize("value", [0.6, -2, 3e38, np.inf, -np.inf, np.nan])
-def test_a_descriptor_that_is_too_long_or_not_finite_is_refused(value: float) -> None:
+@pytest.mark.parametrize("value", [0, 0.4, 0.6, -2, 3e38, np.inf, -np.inf, np.nan])
+def test_a_descriptor_of_another_length_or_not_finite_is_refused(value: float) -> None:
     with pytest.raises(FrameError, match="length"):
-        check_descriptor(np.array([0.9, value, 0, 0], np.float32), 4)
+        checked(np.array([0.9, value, 0, 0], np.float32), 4)
 
 
 @pytest.mark.parametrize("standardise", [True, False])

@@ -1,23 +1,51 @@
-"""A frame in which there was nothing to see: its descriptor is zero, and tells nothing."""
+"""Frames on which there is nothing to see: they are as frames that were not seen."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from placefield.config import MatchingConfig, Rule
-from placefield.matching.candidate import UNANSWERED
+from placefield.config import FeatureKind, MatchingConfig, Rule
+from placefield.features.extract import feature_of
+from placefield.fusion.match import Match
+from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield_tools.bench.made import made_map
-from placefield_tools.bench.walks import random_walk
+
+UNREADABLE = b"no image"
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("rule", ["filter", "evidence"])
-def test_it_tells_no_place_from_another(rule: Rule, reverse: bool) -> None:
-    recognizer = Recognizer(
-        made_map(random_walk(200, 40, seed=0)), MatchingConfig(rule=rule, reverse=reverse)
-    )
-    match = recognizer.push_descriptor(np.zeros(40, np.float32))
-    if rule == "evidence":
-        assert match.place == UNANSWERED
-    else:
-        assert match.probability == pytest.approx(7 / 200 * 0.5 * 0.2, rel=1e-3)
+def matches(placemap: Map, rule: Rule, frames: list[bytes | np.ndarray]) -> list[Match]:
+    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    return [recognizer.push(frame) for frame in frames]
+
+
+@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+@pytest.mark.parametrize("level", [0, 16, 255])
+def test_an_even_image_is_as_one_that_cannot_be_read(
+    route_map: Map, query_dir: Path, rule: Rule, level: int
+) -> None:
+    frames: list[bytes | np.ndarray] = [file.read_bytes() for file in sorted(query_dir.iterdir())]
+    even = np.full((120, 160, 3), level, np.uint8)
+    covered = [*frames[:20], *[even] * 15, *frames[35:]]
+    unseen = [*frames[:20], *[UNREADABLE] * 15, *frames[35:]]
+    assert matches(route_map, rule, covered) == matches(route_map, rule, unseen)
+
+
+def test_a_descriptor_of_length_0_is_as_none(route_map: Map) -> None:
+    dimensions = len(route_map.model.components)
+    first, second = Recognizer(route_map), Recognizer(route_map)
+    one = np.eye(1, dimensions, dtype=np.float32)[0]
+    for descriptor in (one, np.zeros(dimensions, np.float32), one):
+        shown = descriptor if descriptor.any() else None
+        assert first.push_descriptor(descriptor) == second.push_descriptor(shown)
+
+
+@pytest.mark.parametrize("kind", ["gist", "grayscale"])
+@pytest.mark.parametrize("shape", [(120, 160, 3), (480, 752), (100, 100), (48, 48)])
+def test_of_an_even_image_of_any_level_nothing_is_seen(
+    kind: FeatureKind, shape: tuple[int, ...]
+) -> None:
+    feature = feature_of(kind)
+    for level in range(0, 256, 5):
+        raw = feature.describe(np.full(shape, level, np.uint8))
+        assert np.ptp(raw) <= 1e-6 * np.abs(raw).max()

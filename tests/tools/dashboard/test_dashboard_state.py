@@ -52,7 +52,7 @@ def numbers(state: LiveState) -> list[int]:
 
 def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) -> None:
     descriptor = np.zeros(len(route_map.model.components), np.float32)
-    descriptor[0] = 0.5
+    descriptor[0] = 1
     feature = FeatureMessage(model=fingerprint(route_map.model), descriptor=descriptor)
     state.take_frame(header(7), b"a frame")
     state.take_feature(header(7), feature.encode())

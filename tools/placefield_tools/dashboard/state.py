@@ -16,7 +16,7 @@ from placefield.bus.messages import (
 )
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptors import check_descriptor
+from placefield.features.descriptors import checked
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
@@ -112,7 +112,7 @@ class LiveState:
             self.counts["foreign"] += 1
         elif feature.descriptor is not None:
             try:
-                check_descriptor(feature.descriptor, self._dimensions)
+                checked(feature.descriptor, self._dimensions)
             except FrameError as error:
                 raise MessageError(str(error)) from None
             self._of(header).distances = self.columns.row(feature.descriptor)
