@@ -69,7 +69,7 @@ ENV_PREFIX = "PLACEFIELD_"
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class BusConfig(_Section):
@@ -135,7 +135,10 @@ class MatchingConfig(_Section):
 
     rule: Rule = Field("filter", description="how candidates are made and fused")
     tolerance: int = Field(
-        3, ge=0, description="a match is right within so many places; filter: its score is of that"
+        3,
+        ge=0,
+        le=1_000_000,
+        description="a match is right within so many places; filter: its score is of that",
     )
     precision: float = Field(
         0.99, gt=0, lt=1, description="filter: a match this likely to be right is known"

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.extract import Feature, feature_of
@@ -28,7 +30,9 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     Raises:
         SourceError: a file or an image cannot be read, or is something else.
         FrameError: pixels are of another shape or dtype.
-        MapError: the frames do not make a map: too few, or traverses that differ in length.
+        MapError: the frames do not make a map: too few, traverses that differ in length, or a pose
+            that is not finite.
+        ConfigError: the features' network cannot be read.
     """
     if not traverses:
         raise MapError("build_map() needs the frames of a traverse")
@@ -37,7 +41,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         _described(f"traverse {number}", traverse, feature)
         for number, traverse in enumerate(traverses)
     ]
-    return build.build_map(described, config, network=feature.network)
+    with threadpool_limits(1):  # how many there are shows in the bits
+        return build.build_map(described, config, network=feature.network)
 
 
 def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> Traverse:

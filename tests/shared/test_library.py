@@ -9,6 +9,7 @@ import pytest
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import Normalizer
+from threadpoolctl import threadpool_limits
 
 import placefield
 from placefield import Config, Describer, Frame, Pose, Recognizer, build_map, open_map, save_map
@@ -46,6 +47,25 @@ def test_it_is_the_map_that_the_command_builds(
     for ours, other in zip(built.channels, route_map.channels, strict=True):
         np.testing.assert_array_equal(ours.segments, other.segments)
         np.testing.assert_array_equal(ours.metric.places, other.metric.places)
+
+
+def test_a_map_does_not_depend_on_how_many_threads_there_are(files: list[Path]) -> None:
+    config = Config.model_validate({"features": {"kind": "grayscale"}})
+
+    def built(threads: int) -> Map:
+        with threadpool_limits(threads):
+            return build_map(files, config=config)
+
+    one, two = built(1), built(2)
+    np.testing.assert_array_equal(one.model.components, two.model.components)
+    np.testing.assert_array_equal(one.metrics[0].places, two.metrics[0].places)
+
+
+def test_a_pose_that_is_not_finite_is_refused(files: list[Path]) -> None:
+    poses = [Pose(5.0, 0.0, 0.0)] * 7 + [Pose(np.nan, 0.0, 0.0)]
+    frames = [Frame(0, at, "", decode(files[at].read_bytes()), poses[at]) for at in range(8)]
+    with pytest.raises(MapError, match="traverse 0: the pose of frame 7 is not finite"):
+        build_map(frames)
 
 
 def test_files_bytes_and_pixels_are_alike(files: list[Path]) -> None:

@@ -206,7 +206,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("build", "{ref}", "-o", "x.pfmap", "--feature", "onnx:no.onnx"), "no.onnx: no such"),
         (("build", "{empty}", "-o", "x.pfmap"), "{empty}: no image files"),
         (("build", "no-folder", "-o", "x.pfmap"), "no-folder: no such folder or file"),
-        (("build", "{short}", "-o", "x.pfmap"), "too short for 4 channels"),
+        (("build", "{short}", "-o", "x.pfmap"), "frames is too short"),
         (("build", "{damaged}", "-o", "x.pfmap"), "0007.jpg"),
         (("build", "{ref}", "-o", "x.pfmap", "--spacing", "1"), "0000.jpg: has no odometry"),
         (("evaluate", "{map}", "{query}", "--spacing", "1"), "0000.jpg: has no odometry"),

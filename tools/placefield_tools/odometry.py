@@ -10,8 +10,9 @@ class Odometry:
     """Metres travelled, as the vehicle last said; never going down."""
 
     def __init__(self) -> None:
-        self._before_m = 0.0  # the last restart of the vehicle's own count
-        self._last_m: float | None = None
+        # What was travelled before the last restart of the vehicle's own count, and that count: one
+        # value, for the bus's thread writes while another reads.
+        self._travelled: tuple[float, float] | None = None
 
     def listen(self, bus: Bus, keys: Keys) -> None:
         """Take what comes on a run's key from now on."""
@@ -25,10 +26,11 @@ class Odometry:
         bus.subscribe_raw(keys.odometry, receive)
 
     def _take(self, metres: float) -> None:
-        if self._last_m is not None and metres < self._last_m:
-            self._before_m += self._last_m
-        self._last_m = metres
+        before_m, last_m = self._travelled or (0.0, 0.0)
+        if metres < last_m:
+            before_m += last_m
+        self._travelled = before_m, metres
 
     def metres(self) -> float | None:
         """Return the metres travelled so far; None while the vehicle has said nothing."""
-        return None if self._last_m is None else self._before_m + self._last_m
+        return None if self._travelled is None else sum(self._travelled)

@@ -71,11 +71,12 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     return np.asarray(pixels, np.uint8)
 
 
-def small_jpeg(pixels: NDArray[np.uint8], most_width: int) -> bytes:
-    """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, shrunk to so many columns at most."""
+def small_jpeg(pixels: NDArray[np.uint8], longest: int) -> bytes:
+    """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, shrunk to sides of so many pixels at most."""
     height, width = pixels.shape[:2]
-    if width > most_width:
-        size = (most_width, max(1, round(height * most_width / width)))
+    scale = longest / max(height, width)
+    if scale < 1:
+        size = max(1, round(width * scale)), max(1, round(height * scale))
         pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
     return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
 

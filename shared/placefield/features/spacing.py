@@ -40,6 +40,6 @@ def check_spacing(metres: float) -> float:
     Raises:
         SourceError: it is no distance above 0.
     """
-    if not (math.isfinite(metres) and metres > 0):
+    if not (math.isfinite(metres) and metres > _ROUNDING_M):
         raise SourceError(f"--spacing {metres:g}: must be a distance above 0 metres")
     return metres

@@ -157,6 +157,9 @@ class _Channels(Sequence[MapChannel]):
         record, folder = self._manifest.metrics[number], f"metrics/{number}"
         sizes = dict(self._sizes)
         projection, places, squares, steps = self._files.load(folder, METRIC_FILES, sizes)
+        if not (np.isfinite(projection).all() and np.isfinite(steps).all()):
+            raise MapError(f"{self._files.path / folder}: not all is finite; {REBUILD}")
+        sizes["V"] = sizes["M"] + 1
         coarse = None
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)

@@ -100,6 +100,9 @@ def _poses(
         return np.empty((0, 3))
     poses = np.full((len(given), 3), np.nan)
     poses[has_pose] = rows
+    astray = np.flatnonzero(has_pose & ~np.isfinite(poses).all(axis=1))
+    if len(astray):
+        raise MapError(f"{name}: the pose of frame {astray[0]} is not finite")
     if has_pose.all():
         return poses
     if (np.diff(stamps) <= 0).any():

@@ -70,7 +70,7 @@ def _fit(points: NDArray[np.float64], labels: Labels, config: MetricConfig, seed
     learner = {
         "rca": RCA(),
         "lfda": LFDA(k=min(config.neighbours, points.shape[1] - 1)),
-        "nca": NCA(init="identity", max_iter=config.steps, random_state=seed),
+        "nca": NCA(init="identity", max_iter=config.steps, random_state=seed % 2**32),
     }[config.kind]
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")

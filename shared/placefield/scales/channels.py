@@ -94,17 +94,19 @@ def make_channels(
         labels = cluster(placed, clusters, spread[number], seed + number, swept).labels
         progress(number, 1)
         encoding = encode(labels, min_scale, travelled)
-        _refuse_too_few(encoding, number, channels, min_scale)
+        least = f"{min_scale:g} {'frames' if travelled is None else 'm'}"
+        _refuse_too_few(encoding, number, least)
         return Channel(spread[number], labels, encoding)
 
     return tuple(run(make, range(channels)))
 
 
-def _refuse_too_few(encoding: Encoding, number: int, channels: int, min_scale: float) -> None:
+def _refuse_too_few(encoding: Encoding, number: int, least: str) -> None:
     segments, frames = len(encoding.segments), len(encoding.labels)
     if segments < _MIN_SEGMENTS:
         raise MapError(
-            f"the reference of {frames} frames is too short for {channels} channels: channel "
-            f"{number} has {segments} active segments and needs {_MIN_SEGMENTS}: "
-            f"ask for fewer channels, lower min_scale ({min_scale:g}), or give more frames"
+            f"the reference of {frames} frames is too short, or its frames are too alike: channel "
+            f"{number} has {segments} active segments of {least} or more and needs "
+            f"{_MIN_SEGMENTS}: give more frames, lower --min-scale"
+            + (", or ask for fewer channels" if number else "")
         )

@@ -36,7 +36,7 @@ def test_frames_that_come_late_do_not_make_the_next_ones_later() -> None:
     assert max(late) < step
 
 
-@pytest.mark.parametrize("metres", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("metres", [0.0, 1e-310, -1.0, math.nan, math.inf])
 def test_what_is_no_distance_is_refused(metres: float) -> None:
     with pytest.raises(SourceError, match=r"^--spacing .*: must be a distance above 0 metres$"):
         check_spacing(metres)

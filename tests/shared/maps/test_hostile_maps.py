@@ -7,6 +7,7 @@ import shutil
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import MANIFEST, SEAL, seal_of
+from placefield.maps.map import Map
+from placefield.maps.metrics import identity_metric
 from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
+from placefield.metric.codes import DESCRIPTOR_UNIT
 
 LEAVES: st.SearchStrategy[Any] = (
     st.none()
@@ -286,3 +292,24 @@ def test_an_array_that_lies_in_fortran_order_is_the_same(saved: Path) -> None:
     file.write_bytes(written.getvalue())
     seal(saved)
     np.testing.assert_array_equal(open_map(saved).metrics[0].projection, whole)
+
+
+@pytest.mark.parametrize(
+    ("file", "array", "complaint"),
+    [
+        ("metrics/0/coarse/spread.npy", np.eye(5), "does not fit the other files"),
+        ("metrics/0/steps.npy", None, "not all is finite"),
+    ],
+)
+def test_a_part_of_a_metric_that_would_fail_at_the_first_frame_is_refused(
+    small_map: Map, tmp_path: Path, file: str, array: NDArray[np.float64] | None, complaint: str
+) -> None:
+    path = tmp_path / "coarse.pfmap"
+    codes = small_map.metrics[0].places
+    metric = identity_metric((codes * DESCRIPTOR_UNIT).astype(np.float32), coarse=True)
+    channels = tuple(replace(channel, metric=metric) for channel in small_map.channels)
+    save_map(replace(small_map, channels=channels), path)
+    open_map(path)
+    np.save(path / file, np.full_like(np.load(path / file), np.nan) if array is None else array)
+    seal(path)
+    assert complaint in refusal(path)

@@ -37,6 +37,15 @@ def test_it_is_metric_learns_on_the_active_frames_first_dimensions(kind, learner
     assert projection.dtype == np.float32
 
 
+def test_any_seed_is_taken():
+    points, labels = made_points()
+    config = MetricConfig(kind="nca")
+    np.testing.assert_array_equal(
+        fit_reference_learner(points, labels, config, 2**32 + 7),
+        fit_reference_learner(points, labels, config, 7),
+    )
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_segment_of_one_frame_changes_nothing(kind):
     points, labels = made_points()

@@ -56,7 +56,9 @@ def test_metres_make_the_lower_limit_one_of_distance() -> None:
 
 
 def test_refuses_a_reference_too_short_for_segments() -> None:
-    with pytest.raises(MapError, match=r"reference of 6 frames is too short.*min_scale \(4\)"):
+    with pytest.raises(
+        MapError, match=r"of 6 frames is too short.*of 4 frames or more.*--min-scale"
+    ):
         make_channels(drive(6), channels=2, min_scale=4, seed=0)
 
 

@@ -152,3 +152,16 @@ def test_without_being_asked_for_no_frame_is_even_received(bus: StillBus, kept: 
     recording = Recording(cast(Bus, bus), KEYS, kept.recorder, frames=False)
     bus.deliver_frame(stream_of([KNOWN])[0][0])
     assert drain(recording) == {}
+
+
+def test_a_frame_that_gave_way_is_not_counted_as_lost_too(
+    bus: StillBus, recording: Recording
+) -> None:
+    first, *others = [header for header, _ in stream_of([KNOWN] * 40)[:-1]]
+    bus.deliver_frame(first.model_copy(update={"live": True}))
+    recording.take(0)
+    for header in others:
+        bus.deliver_frame(header.model_copy(update={"live": True}))
+    counts = drain(recording)
+    assert counts["frames too late for a picture"] > 0
+    assert "lost frames" not in counts

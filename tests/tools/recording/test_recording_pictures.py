@@ -9,9 +9,14 @@ from placefield_tools.recording.pictures import small_jpeg
 
 @pytest.mark.parametrize(
     ("size", "small"),
-    [((480, 1280), (240, 640)), ((72, 96), (72, 96)), ((100, 30_000), (2, 640))],
+    [
+        ((480, 1280), (240, 640)),
+        ((72, 96), (72, 96)),
+        ((100, 30_000), (2, 640)),
+        ((70_000, 8), (640, 1)),
+    ],
 )
-def test_a_picture_is_jpeg_and_no_wider_than_640(
+def test_a_picture_is_jpeg_and_no_side_is_longer_than_640(
     size: tuple[int, int], small: tuple[int, int]
 ) -> None:
     height, width = size

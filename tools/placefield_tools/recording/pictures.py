@@ -5,15 +5,15 @@ from numpy.typing import NDArray
 
 from placefield.features import images
 
-_WIDTH = 640  # pixels
+_LONGEST = 640  # pixels of a side
 
 
 def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:
-    """Return a frame's image as JPEG, at most 640 pixels wide.
+    """Return a frame's image as JPEG, at most 640 pixels wide and high.
 
     Raises:
         FrameError: it cannot be read.
     """
     pixels = images.decode(image) if isinstance(image, bytes) else image
     images.check_pixels(pixels)
-    return images.small_jpeg(pixels, _WIDTH)
+    return images.small_jpeg(pixels, _LONGEST)

@@ -77,12 +77,14 @@ class Recording:
     @property
     def counts(self) -> Counter[str]:
         """What was written; matches and frames that were not, by the reason."""
+        too_late = self._frame_counts["dropped_old"]
         lost = {
             "lost matches": self._matches.counts["gaps"],
             "malformed matches": self._matches.counts["malformed"],
             "matches of a stream that was left": self._matches.counts["stale"],
-            "lost frames": self._frame_counts["gaps"],
-            "frames too late for a picture": self._frame_counts["dropped_old"],
+            "lost frames": max(0, self._frame_counts["gaps"] - too_late),  # which are gaps, too
+            "frames too late for a picture": too_late,
+            "frames for which there was no room": self._frame_counts["dropped_full"],
             "malformed frames": self._frame_counts["malformed"],
             "unreadable frames": self._frame_counts["unreadable"],
         }
