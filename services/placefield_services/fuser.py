@@ -35,7 +35,9 @@ from placefield_services.process import ServiceProcess, counting_failure
 
 SERVICE = "fuser"
 
-_EARLY = 256  # candidates of a stream that is not on yet
+# Candidates of a stream that is not on yet, at most.
+_EARLY = 256
+_EARLY_BYTES = 2**28
 
 
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
@@ -114,7 +116,7 @@ class Fuser:
         self._acks = acks
         self._counts = counts
         self._switch = StreamSwitch(counts)
-        self._early: deque[Received] = deque(maxlen=_EARLY)
+        self._early: deque[Received] = deque()
         self._begin(0, live=False)
 
     def _begin(self, first: int, *, live: bool) -> None:
@@ -143,7 +145,7 @@ class Fuser:
             self._counts["stale"] += 1
             return
         if header.stream != self._switch.stream:
-            self._early.append(received)
+            self._keep_early(received)
             return
         if not header.live:
             self._joiner.skip_to(header.oldest)
@@ -172,7 +174,7 @@ class Fuser:
             if header.sequence > 0:  # others may forget what they know of it
                 for memory in self._memories:
                     memory.fill(header)
-            early, self._early = self._early, deque(maxlen=_EARLY)
+            early, self._early = self._early, deque()
             for candidates in early:
                 try:
                     self.handle(candidates)
@@ -184,6 +186,13 @@ class Fuser:
         if came_again and self._joiner.is_released(header.sequence) and not header.live:
             self._answer_again(header)
         return True
+
+    def _keep_early(self, received: Received) -> None:
+        self._early.append(received)
+        held = sum(len(each.payload) for each in self._early)
+        while len(self._early) > _EARLY or held > _EARLY_BYTES:
+            held -= len(self._early.popleft().payload)
+            self._counts["dropped_full"] += 1
 
     def _add(self, sequence: int, message: CandidatesMessage, now: float) -> None:
         whole = []
@@ -214,15 +223,21 @@ class Fuser:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        if message.shards == 1:  # a message is taken as a whole or not at all
-            for each in message.candidates:
+        for each in message.candidates:  # a message is taken as a whole or not at all
+            if message.shards == 1:
                 self._check(each.candidate)
+            elif len(each.candidate.evidence) > self._map.places.count:
+                raise self._of_another_map()
         return message
 
     def _check(self, candidate: Candidate) -> None:
         rule, places = self._config.matching.rule, self._map.places.count
         if not _fits(candidate, rule, places):
-            raise MessageError(f"candidate of another map: this fuser's has {places} places")
+            raise self._of_another_map()
+
+    def _of_another_map(self) -> MessageError:
+        places = self._map.places.count
+        return MessageError(f"candidate of another map: this fuser's has {places} places")
 
     def release(self) -> None:
         """Publish the matches of frames that are complete or due, and the last one's credit."""

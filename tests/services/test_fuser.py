@@ -234,6 +234,35 @@ def test_a_candidate_of_a_channel_that_the_map_has_not_is_counted(stage: Stage) 
     assert stage.counts["unknown_channel"] == 1
 
 
+def test_of_a_stream_that_does_not_begin_the_newest_candidates_are_kept_and_the_others_counted(
+    stage: Stage,
+) -> None:
+    for sequence in range(300):
+        stage.answer(0, header(sequence, stream="late"))
+    assert stage.counts["dropped_full"] == 300 - 256
+    stage.answer((1, 2), header(299, stream="late"))
+    stage.announce(header(299, stream="late", oldest=299))
+    assert stage.published == [(299, stage.expected(299))]
+
+
+def test_nor_do_they_take_more_than_so_many_bytes(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fuser_module, "_EARLY_BYTES", 1000)
+    for sequence in range(100):
+        stage.answer(0, header(sequence, stream="late"))
+    assert stage.counts["dropped_full"] > 90
+
+
+def test_a_shard_that_tells_of_more_places_than_there_are_is_of_another_map(stage: Stage) -> None:
+    places = np.arange(stage.places + 1, dtype=np.int32)
+    evidence = np.ones(len(places), np.float32)
+    written = stage.written(0, 0, places=places, evidence=evidence)
+    message = stage.message(written).model_copy(update={"shard": 0, "shards": 2})
+    with pytest.raises(MessageError, match="another map"):
+        stage.handle(CANDIDATES, header(0), message)
+
+
 def belief(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(2, 5, dtype=np.int32), np.full(3, 0.3, np.float32)
 
