@@ -1,30 +1,31 @@
-"""The model of ``PlaceFilter`` in float64, written out state by state, for tests."""
+"""The model of ``PlaceFilter`` in float64, written out state by state, for tests.
+
+Its constants are those of docs/method.md.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.place_filter import (
-    _FIND,
-    _LOSE,
-    _LOST_EVIDENCE,
-    _NOISE,
-    _SAMPLE,
-    _SHEETS,
-    _SLIP,
-    _SPEED_PRIOR,
-    _STEP_DEVIATION,
-    _STOP,
-    SPEEDS,
-    STEPS,
-)
-
 Points = NDArray[np.float64]
 Weights = dict[tuple[int, float], NDArray[np.float64]]
 """By sheet (0 the map, 1 the decoy) and speed, of every place, (K,)."""
 
-PRIOR: dict[float, float] = dict(zip(SPEEDS.tolist(), _SPEED_PRIOR.tolist(), strict=True))
+PRIOR = {0.0: 0.1, 0.5: 0.1, 0.75: 0.1, 1.0: 0.4, 1.25: 0.1, 1.5: 0.1, 2.0: 0.1}
+"""Chance of each speed after a change, places per frame."""
+
+STEPS = (0, 1, 2)
+SLIP = 0.05
+STOP = 5  # frames
+STEP_DEVIATION = 0.3
+STANDING = 0.05  # of the median step
+LOSE = 0.003
+FIND = 0.2
+LOST_AT_FIRST = 0.5
+LOST_EVIDENCE = 0.75
+SHEETS = (0.2, 0.8)
+SAMPLE = 1000
 
 
 class LiteralFilter:
@@ -38,7 +39,7 @@ class LiteralFilter:
         self.sheets = (places, places[::-1])
         self.places = places
         self.count = len(places)
-        self.some = range(0, self.count, math.ceil(self.count / _SAMPLE))
+        self.some = range(0, self.count, math.ceil(self.count / SAMPLE))
         self.lengths = {
             (sheet, step): step_lengths(self.sheets[sheet], step)
             for sheet in range(2)
@@ -46,14 +47,14 @@ class LiteralFilter:
         }
         self.typical_step = float(np.median(self.lengths[0, 1])) or 1.0
         self.persistence = persistence
-        self.lost, self.weights = 0.5, self.anywhere(0.5)
+        self.lost, self.weights = LOST_AT_FIRST, self.anywhere(1 - LOST_AT_FIRST)
         self.last: Points | None = None
         self.begun = False
 
     def anywhere(self, weight: float) -> Weights:
         return {
             (sheet, speed): np.full(self.count, weight * share * PRIOR[speed] / self.count)
-            for sheet, share in enumerate(_SHEETS)
+            for sheet, share in enumerate(SHEETS)
             for speed in PRIOR
         }
 
@@ -76,26 +77,26 @@ class LiteralFilter:
     def move(self, frame: Points | None) -> None:
         was_lost = self.lost * self.step_likelihood_anywhere(frame)
         on_a_sheet = sum(float(of_places.sum()) for of_places in self.weights.values())
-        moved = self.anywhere(_FIND * was_lost)
+        moved = self.anywhere(FIND * was_lost)
         for (sheet, speed), of_places in self.weights.items():
             for step in STEPS:
                 likelihood = self.step_likelihood(frame, sheet, step)[step:]
-                arrived = (1 - _LOSE) * of_places[: max(self.count - step, 0)] * likelihood
+                arrived = (1 - LOSE) * of_places[: max(self.count - step, 0)] * likelihood
                 for new_speed in PRIOR:
                     chance = self.change_chance(speed, new_speed) * step_chance(new_speed, step)
                     moved[sheet, new_speed][step:] += chance * arrived
-        self.lost = (1 - _FIND) * was_lost + _LOSE * on_a_sheet * self.jump_likelihood(frame)
+        self.lost = (1 - FIND) * was_lost + LOSE * on_a_sheet * self.jump_likelihood(frame)
         self.weights = moved
 
     def change_chance(self, speed: float, new_speed: float) -> float:
-        change = 1 / max(self.persistence if speed > 0 else _STOP, 1)
+        change = 1 / max(self.persistence if speed > 0 else STOP, 1)
         return change * PRIOR[new_speed] + (1 - change) * (speed == new_speed)
 
     def step_likelihood(self, frame: Points | None, sheet: int, step: int) -> Points:
         """Of the step that leads to each place, (K,)."""
         if frame is None or self.last is None:
             return np.ones(self.count)
-        floor = _NOISE * self.typical_step
+        floor = STANDING * self.typical_step
         expected = np.maximum(self.lengths[sheet, step], floor)
         return student(max(math.dist(frame, self.last), floor) - expected)
 
@@ -123,7 +124,7 @@ class LiteralFilter:
         novelty = self.novelty(frame)
         # Likelihoods are up to a factor; relative to the mean distance none is 0.
         likelihoods = np.exp(-novelty * (distances - distances.mean()) / distances.std())
-        self.lost *= math.exp(novelty * _LOST_EVIDENCE) * likelihoods.mean()
+        self.lost *= math.exp(novelty * LOST_EVIDENCE) * likelihoods.mean()
         for (sheet, _), of_places in self.weights.items():
             of_places *= likelihoods if sheet == 0 else likelihoods[::-1]
 
@@ -151,8 +152,8 @@ def step_lengths(places: Points, step: int) -> Points:
 
 
 def student(difference: Points) -> Points:
-    return np.asarray((1 + (difference / _STEP_DEVIATION) ** 2 / 2) ** -1.5)
+    return np.asarray((1 + (difference / STEP_DEVIATION) ** 2 / 2) ** -1.5)
 
 
 def step_chance(speed: float, step: int) -> float:
-    return (1 - _SLIP) * max(1 - abs(speed - step), 0) + _SLIP / len(STEPS)
+    return (1 - SLIP) * max(1 - abs(speed - step), 0) + SLIP / len(STEPS)
