@@ -1,5 +1,6 @@
 import math
 from collections.abc import Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -106,7 +107,9 @@ def test_the_costliest_worker_is_within_a_third_of_the_best_there_is(
     best = min(
         max(
             cost_s(
-                [load for load, own in zip(loads, dealt, strict=True) if own == lot], places, cut
+                tuple(load for load, own in zip(loads, dealt, strict=True) if own == lot),
+                places,
+                cut,
             )
             for lot, cut in enumerate(cuts)
         )
@@ -118,7 +121,8 @@ def test_the_costliest_worker_is_within_a_third_of_the_best_there_is(
     assert max(worker.frame_s for worker in workers_of(placed)) <= 4 / 3 * best + 1e-12
 
 
-def cost_s(lot: Sequence[MetricLoad], places: int, shards: int) -> float:
+@cache
+def cost_s(lot: tuple[MetricLoad, ...], places: int, shards: int) -> float:
     """Return what a worker of this lot costs, as a plan says that has nothing to choose."""
     if not lot:
         return 0.0
@@ -199,6 +203,82 @@ def test_ample_memory_changes_nothing_and_scarce_memory_makes_no_host_need_more(
     assert max(bound.memory_bytes) <= max(*free.memory_bytes, memory_bytes)
     if max(free.memory_bytes) <= memory_bytes:
         assert bound == free
+
+
+def test_two_large_workers_go_to_two_hosts_where_one_has_not_the_memory_for_both() -> None:
+    loads = [MetricLoad((channel,), 900_000_000, 1000, 1_000_000_000) for channel in range(2)]
+    placed = plan(loads, SERVICES, 15_000, hosts=2, cores=2, rate=5, memory_bytes=1.7e9)
+    assert placed.suffices(5, 1.7e9)
+    assert sorted(channel for worker in workers_of(placed) for channel in worker.channels) == [0, 1]
+
+
+def test_what_takes_most_memory_is_cut_though_another_takes_most_time() -> None:
+    places, memory_bytes = 20_000, 1.5e9
+    large = MetricLoad((0,), 10_000_000, 0, 2_000_000_000)
+    slow = MetricLoad((1,), 100_000_000, 0, 100_000_000)
+    placed = plan(
+        [large, slow], SERVICES, places, hosts=2, cores=2, rate=5, memory_bytes=memory_bytes
+    )
+    assert placed.suffices(5, memory_bytes)
+    assert [(worker.channels, worker.shards) for worker in workers_of(placed)].count(((0,), 2)) == 2
+
+
+def least_bytes(loads: Sequence[MetricLoad], hosts: int, cores: int, rate: float) -> int | None:
+    """Return the memory that hosts need for a worker of each metric, of all ways to place them.
+
+    With more than one core the rate has to be one that a core could do with all of them.
+    """
+    [*beside] = plan(loads[:1], SERVICES, 60, hosts=hosts, cores=cores, rate=rate).hosts
+    others = [[each for each in host if each.service != "channel"] for host in beside]
+    workers = [workers_of(plan([load], [], 60, hosts=1, cores=1, rate=rate))[0] for load in loads]
+    ways = []
+    for way in product(range(hosts), repeat=len(workers)):
+        on = [list(processes) for processes in others]
+        for worker, host in zip(workers, way, strict=True):
+            on[host].append(worker)
+        has_time = max(sum(each.frame_s for each in host) for host in on) * rate <= ROOM
+        if has_time and max(way.count(host) for host in way) <= cores:
+            ways.append(max(sum(each.own_bytes + each.mapped_bytes for each in h) for h in on))
+    return min(ways, default=None)
+
+
+any_bytes = st.integers(1, 20).map(lambda count: count * 100_000_000)
+
+
+@given(
+    st.integers(1, 4),
+    st.lists(st.tuples(any_bytes, any_bytes), min_size=1, max_size=4),
+    st.sampled_from([0.1, 5.0, 10.0, 20.0, 50.0]),
+)
+def test_with_a_core_a_host_it_suffices_where_any_placement_of_whole_workers_does(
+    hosts: int, takes: list[tuple[int, int]], rate: float
+) -> None:
+    loads = [
+        MetricLoad((number,), read, 0, mapped)
+        for number, (read, mapped) in enumerate(takes[:hosts])
+    ]
+    memory_bytes = least_bytes(loads, hosts, 1, rate)
+    if memory_bytes is not None:
+        placed = plan(
+            loads, SERVICES, 60, hosts=hosts, cores=1, rate=rate, memory_bytes=memory_bytes
+        )
+        assert placed.suffices(rate, memory_bytes)
+
+
+@given(st.integers(1, 3), st.integers(2, 3), st.lists(any_bytes, min_size=1, max_size=5))
+def test_with_more_cores_it_suffices_where_a_placement_takes_three_quarters_of_the_memory(
+    hosts: int, cores: int, sizes: list[int]
+) -> None:
+    loads = [
+        MetricLoad((number,), 0, 0, size) for number, size in enumerate(sizes[: hosts * cores])
+    ]
+    rate = 0.1
+    least = least_bytes(loads, hosts, cores, rate)
+    assert least is not None
+    placed = plan(
+        loads, SERVICES, 60, hosts=hosts, cores=cores, rate=rate, memory_bytes=4 / 3 * least
+    )
+    assert placed.suffices(rate, 4 / 3 * least)
 
 
 def test_memory_follows_the_places_that_a_worker_has() -> None:

@@ -8,14 +8,16 @@ The constants are of the machine of docs/performance.md; rule ``filter``.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 from placefield.errors import MapError
 from placefield.maps.layout import COARSE_FILES, METRIC_FILES
 from placefield.maps.manifest import REBUILD, Manifest
+from placefield_tools.placing import Core, Hosts, Limit, Placement, placements
 
 ROOM = 0.7
 """Share of a core that is given away: the estimate is rough, and other work goes on."""
@@ -80,6 +82,14 @@ class Process:
     shard: int = 0
     shards: int = 1
 
+    @property
+    def memory_bytes(self) -> int:
+        """Of its own and of the map."""
+        return self.own_bytes + self.mapped_bytes
+
+
+_ROUTER = Process("router", _ROUTER_S)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -101,11 +111,11 @@ class Plan:
     @property
     def memory_bytes(self) -> list[int]:
         """Of each host; no two of its workers have the same part of the map."""
-        return [sum(each.own_bytes + each.mapped_bytes for each in host) for host in self.hosts]
+        return [sum(each.memory_bytes for each in host) for host in self.hosts]
 
     def has_time(self, rate: float) -> bool:
         """Whether so many frames per second leave room on every core."""
-        return self.busiest_s * rate <= ROOM
+        return self.busiest_s <= ROOM / rate
 
     def suffices(self, rate: float, memory_bytes: float = math.inf) -> bool:
         """Whether it has time, and no host needs more memory than this."""
@@ -171,22 +181,58 @@ def plan(
         rate: frames per second that are wanted.
         memory_bytes: of each host.
     """
-    plans: list[Plan] = []
-    for lots in range(1, min(len(loads), hosts * cores) + 1):
-        for workers in _ways(_lots(loads, places, lots), places, hosts * cores):
-            plans.append(_placed(workers, services, hosts, cores))
-            if plans[-1].suffices(rate, memory_bytes):
-                break
+    beside = [[*(services if host == 0 else ()), _ROUTER] for host in range(hosts)]
+    limit = Limit(ROOM / rate, memory_bytes)
 
-    def preference(way: Plan) -> tuple[bool, float, float, int, int, float]:
-        suffices = way.suffices(rate, memory_bytes)
-        beyond = max(0.0, max(way.memory_bytes) - memory_bytes)
-        processes = [process for host in way.hosts for process in host]
-        shards = max(process.shards for process in processes)
+    def preference(way: Placement[Process]) -> tuple[bool, float, float, int, int, float]:
+        suffices = way.keeps_to(limit)
+        beyond = max(0.0, way.most_bytes - memory_bytes)
+        shards = max(worker.shards for worker, _ in way.workers)
         to_do = 0.0 if suffices else way.busiest_s
-        return not suffices, beyond, to_do, shards, len(processes), way.busiest_s
+        return not suffices, beyond, to_do, shards, len(way.workers), way.busiest_s
 
-    return min(plans, key=preference)
+    best = min(_tried(loads, places, _without_workers(beside, cores), limit), key=preference)
+    return Plan(_processes(beside, best), best.busiest_s)
+
+
+def _without_workers(beside: Sequence[Sequence[Process]], cores: int) -> Hosts:
+    """Give each process to the core of its host that has least to do."""
+    free = []
+    for host, processes in enumerate(beside):
+        busy_s = [0.0] * cores
+        for process in processes:
+            busy_s[busy_s.index(min(busy_s))] += process.frame_s
+        free += [Core(busy, number, host) for number, busy in enumerate(busy_s)]
+    held = [sum(process.memory_bytes for process in processes) for processes in beside]
+    return Hosts(sorted(free, key=lambda core: (core.busy_s, core.number, core.host)), held)
+
+
+def _tried(
+    loads: Sequence[MetricLoad], places: int, hosts: Hosts, limit: Limit
+) -> Iterator[Placement[Process]]:
+    """Yield placements of uncut lots, and of those with a shard more of the largest, and so on.
+
+    The largest is that which takes most of what is short, time or memory. It ends where one
+    suffices, where there are no more cores, or where that lot cannot be cut further.
+    """
+    for count in range(1, min(len(loads), len(hosts.cores)) + 1):
+        lots = _lots(loads, places, count)
+        workers = [_worker(lot, 1, places) for lot in lots]
+        while True:
+            ways = placements(workers, hosts, limit)
+            yield from ways
+            enough = any(way.keeps_to(limit) for way in ways)
+            if enough or sum(worker.shards for worker in workers) == len(hosts.cores):
+                break
+            if ways[0].busiest_s > limit.frame_s:
+                takes = [worker.frame_s for worker in workers]
+            else:
+                takes = [float(worker.memory_bytes) for worker in workers]
+            largest = takes.index(max(takes))
+            shards = workers[largest].shards + 1
+            if places // shards < LEAST_SHARD:
+                break
+            workers[largest] = _worker(lots[largest], shards, places)
 
 
 Lot = list[MetricLoad]
@@ -200,31 +246,8 @@ def _lots(loads: Sequence[MetricLoad], places: int, count: int) -> list[Lot]:
     return lots
 
 
-def _ways(lots: Sequence[Lot], places: int, cores: int) -> Iterator[list[Process]]:
-    """Yield the workers of uncut lots, and of those with a shard more of the costliest, and so on.
-
-    It ends where there are no more cores, or that lot cannot be cut further.
-    """
-    shards = [1] * len(lots)
-    yield _workers(lots, shards, places)
-    while sum(shards) < cores:
-        costs = [_frame_s(lot, places, cut) for lot, cut in zip(lots, shards, strict=True)]
-        costliest = costs.index(max(costs))
-        shards[costliest] += 1
-        if places // shards[costliest] < LEAST_SHARD:
-            break
-        yield _workers(lots, shards, places)
-
-
-def _workers(lots: Sequence[Lot], shards: Sequence[int], places: int) -> list[Process]:
-    return [
-        _worker(lot, shard, cut, places)
-        for lot, cut in zip(lots, shards, strict=True)
-        for shard in range(cut)
-    ]
-
-
-def _worker(lot: Lot, shard: int, shards: int, places: int) -> Process:
+def _worker(lot: Lot, shards: int, places: int) -> Process:
+    """Return the first of the workers of a lot, which take the same."""
     channels = tuple(sorted(channel for load in lot for channel in load.channels))
     beliefs = _BELIEFS_BYTES * len(channels) * places // shards
     return Process(
@@ -233,8 +256,7 @@ def _worker(lot: Lot, shard: int, shards: int, places: int) -> Process:
         _PROCESS_BYTES + beliefs,
         sum(load.mapped_bytes for load in lot) // shards,
         channels,
-        shard,
-        shards,
+        shards=shards,
     )
 
 
@@ -247,29 +269,16 @@ def _frame_s(lot: Lot, places: int, shards: int) -> float:
     return _WORKER_S + (_SHARD_S if shards > 1 else 0.0) + alone + shared / shards
 
 
-def _placed(
-    workers: Sequence[Process], services: Sequence[Process], hosts: int, cores: int
-) -> Plan:
-    """Give the costliest worker to the core that has least to do, and so on.
-
-    Cores that have as much to do take turns by host, and so memory is as even as can be.
-    """
-    core_s = {(core, host): 0.0 for core in range(cores) for host in range(hosts)}
-    on: list[list[Process]] = [[] for _ in range(hosts)]
-
-    def put(process: Process, core: tuple[int, int]) -> None:
-        core_s[core] += process.frame_s
-        on[core[1]].append(process)
-
-    for host in range(hosts):
-        own_cores = [(core, host) for core in range(cores)]
-        for process in [*(services if host == 0 else ()), Process("router", _ROUTER_S)]:
-            put(process, min(own_cores, key=lambda core: core_s[core]))
-    free = sorted(core_s, key=lambda core: (core_s[core], core))
-    for worker, core in zip(sorted(workers, key=lambda w: -w.frame_s), free, strict=False):
-        put(worker, core)
-    in_order = (tuple(sorted(processes, key=_turn)) for processes in on)
-    return Plan(tuple(in_order), max(core_s.values()))
+def _processes(
+    beside: Sequence[Sequence[Process]], placement: Placement[Process]
+) -> tuple[tuple[Process, ...], ...]:
+    """Return the processes of each host in order, the shards of each lot numbered."""
+    on = [list(processes) for processes in beside]
+    shards: Counter[tuple[int, ...]] = Counter()
+    for worker, core in placement.workers:
+        on[core.host].append(replace(worker, shard=shards[worker.channels]))
+        shards[worker.channels] += 1
+    return tuple(tuple(sorted(processes, key=_turn)) for processes in on)
 
 
 def _turn(process: Process) -> tuple[int, int, tuple[int, ...]]:
