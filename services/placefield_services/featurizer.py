@@ -75,6 +75,8 @@ class _Run:
     counts: Counter[str]
     follower: StreamFollower
     descriptors: DescriptorStream
+    complained_of: str = ""
+    """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
 
 
@@ -174,20 +176,28 @@ class Featurizer:
         return made, Moments(moments.frames, moments.sums) if fits else None
 
     def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
-        feature = None if frame is None else self._describe(run, frame)
+        feature = None if frame is None else self._describe(run, header, frame)
         if self._model.standardise and feature is not None:  # before what was made with them
             moments = run.descriptors.moments
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outlet.moments.put(header, message)
         run.outlet.features.put(header, feature)
 
-    def _describe(self, run: _Run, frame: FrameMessage) -> FeatureMessage:
+    def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
             descriptor = run.descriptors.push(self._feature.describe(frame.image))
             run.counts["blank"] += descriptor is None
-        except FrameError:
+        except FrameError as error:
             run.counts["unreadable"] += 1
+            if run.complained_of != header.stream:
+                run.complained_of = header.stream
+                log.warning(
+                    "frame %d is answered as one that was not seen: %s; others like it in its "
+                    "stream are only counted",
+                    header.sequence,
+                    error,
+                )
         except Exception:  # a defect costs what was seen of the frame, and not its turn
             run.counts["failed"] += 1
             log.exception("a defect; the frame goes on as one that was not seen")

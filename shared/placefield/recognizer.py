@@ -7,7 +7,7 @@ from placefield.config import MatchingConfig
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream, checked
 from placefield.features.extract import feature_of_model
-from placefield.features.images import Image, load
+from placefield.features.images import Image, check_pixels, load
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map, MapMetric
@@ -46,9 +46,13 @@ class Recognizer:
 
         Raises:
             SourceError: the file cannot be read, or this is no image at all; nothing was matched.
+            FrameError: pixels are of another shape or dtype; nothing was matched.
         """
+        shown = load(image)
+        if not isinstance(shown, bytes):
+            check_pixels(shown)
         try:
-            raw = self._feature.describe(load(image))
+            raw = self._feature.describe(shown)
         except FrameError:
             raw = None
         return self.push_raw(raw)

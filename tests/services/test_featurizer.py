@@ -1,6 +1,7 @@
 from collections import Counter
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from bus_doubles import Memory, RecordingPublisher, header, received
@@ -111,6 +112,24 @@ def test_an_unreadable_frame_goes_on_without_a_descriptor_and_touches_no_other(
     assert damaged.publisher.sequences == list(range(len(images) + 1))
     assert damaged.descriptors[3] is None
     assert damaged.descriptors[:3] + damaged.descriptors[4:] == whole.descriptors
+
+
+def test_of_the_unreadable_frames_of_a_stream_the_first_is_told_of(
+    stage: Stage, caplog: pytest.LogCaptureFixture
+) -> None:
+    for stream in ("first", "second"):
+        for sequence in range(3):
+            stage.send(header(sequence, stream=stream), b"no image")
+    told = [message for message in caplog.messages if "was not seen" in message]
+    assert [message[:8] for message in told] == ["frame 0 ", "frame 0 "]
+
+
+def test_an_even_image_has_no_descriptor_and_is_counted(stage: Stage, images: list[bytes]) -> None:
+    even = cv2.imencode(".png", np.full((48, 64), 99, np.uint8))[1].tobytes()
+    for sequence, image in enumerate([images[0], even, images[1]]):
+        stage.send(header(sequence), image)
+    assert [one is None for one in stage.descriptors] == [False, True, False]
+    assert stage.counts["blank"] == 1
 
 
 def test_pixels_are_as_good_as_a_file_and_odd_ones_are_unreadable(stage: Stage) -> None:

@@ -155,5 +155,7 @@ def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
     for view in dusk:
         raw = feature.describe(view)
         assert by_pixels.push(view) == by_feature.push_raw(raw)
-    empty = np.empty((0, 96), np.uint8)
-    assert by_pixels.push(empty) == by_feature.push_raw(None)
+    for wrong in (np.empty((0, 96), np.uint8), dusk[0].astype(np.float32), dusk[0][:, :, None]):
+        with pytest.raises(FrameError, match="pixels"):
+            by_pixels.push(wrong)
+    assert by_pixels.push(dusk[0]) == by_feature.push_raw(feature.describe(dusk[0]))

@@ -1,5 +1,19 @@
-"""Run the command line as ``python -m placefield_tools``."""
+"""The command line, as ``placefield`` or ``python -m placefield_tools``."""
 
-from placefield_tools.cli.main import main
+import signal
 
-main()
+
+def main() -> None:
+    """Run it. Ctrl-C ends it silently until there is a command to undo what was begun."""
+    waits = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not in the background
+    if waits:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from placefield_tools.cli.main import main as run
+
+    if waits:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    run()
+
+
+if __name__ == "__main__":
+    main()

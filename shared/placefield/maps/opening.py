@@ -27,7 +27,7 @@ from placefield.maps.reading import ArrayFile, open_inside
 from placefield.metric.coarse import Coarse
 
 
-def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
+def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
     """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
@@ -39,6 +39,7 @@ def open_map(path: Path, channels: Collection[int] | None = None) -> Map:
         MapError: there is no map, it is of another format, or a file's checksum, dtype or shape is
             wrong.
     """
+    path = Path(path)
     manifest = read_manifest(path)
     files = _Files(path, manifest)
     count = manifest.places

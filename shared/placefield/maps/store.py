@@ -40,12 +40,13 @@ def check_map_path(path: Path) -> None:
         raise MapError(f"{path}: exists and is no map; remove it or choose another name")
 
 
-def save_map(built: Map, path: Path) -> None:
+def save_map(built: Map, path: Path | str) -> None:
     """Write a map; one that is already there is replaced at the end.
 
     Raises:
         MapError: see ``check_map_path``, or the map cannot be written.
     """
+    path = Path(path)
     check_map_path(path)
     try:
         with _written_beside(path) as folder:

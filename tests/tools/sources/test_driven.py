@@ -59,7 +59,7 @@ def test_files_come_as_they_lie_on_the_disk(query_dir: Path) -> None:
         driven = Driven(source, "reverse", seed=0)
     files = sorted(query_dir.iterdir(), reverse=True)
     assert [frame.image for frame in driven] == [file.read_bytes() for file in files]
-    assert [frame.name for frame in driven] == [file.name for file in files]
+    assert [frame.name for frame in driven] == [f"{query_dir.name}/{file.name}" for file in files]
 
 
 def test_a_camera_cannot_be_driven_again() -> None:

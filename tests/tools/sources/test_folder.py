@@ -26,7 +26,7 @@ def fill(folder, *names):
 
 
 def names(source):
-    return [frame.name for frame in source]
+    return [frame.name.partition("/")[2] for frame in source]
 
 
 def test_frames_come_in_natural_order_and_nothing_else_comes(tmp_path):
@@ -91,7 +91,12 @@ def test_frames_csv_gives_order_stamps_poses_and_odometry(tmp_path):
     )
     source = open_source(str(tmp_path))
     frames = list(source)
-    assert [frame.name for frame in frames] == ["c.png", "a.png", "left/b.png"]
+    folder = tmp_path.name
+    assert [f.name for f in frames] == [
+        f"{folder}/c.png",
+        f"{folder}/a.png",
+        f"{folder}/left/b.png",
+    ]
     assert [frame.index for frame in frames] == [0, 1, 2]
     assert frames[0].stamp_ns == 1_700_000_000_123_456_789
     assert [frame.pose for frame in frames] == [Pose(1, 2, 0.5), None, Pose(3, -4, -1)]
@@ -103,7 +108,33 @@ def test_frames_csv_may_give_the_order_alone(tmp_path):
     fill(tmp_path, "a.png", "b.png")
     (tmp_path / "frames.csv").write_text("file\nb.png\na.png\n")
     frames = list(open_source(str(tmp_path)))
-    assert [(frame.name, frame.stamp_ns) for frame in frames] == [("b.png", 0), ("a.png", 10**8)]
+    named = [(frame.name.rpartition("/")[2], frame.stamp_ns) for frame in frames]
+    assert named == [("b.png", 0), ("a.png", 10**8)]
+
+
+def test_images_that_frames_csv_leaves_out_are_counted(tmp_path, caplog):
+    fill(tmp_path, "a.png", "b.png", "c.png")
+    (tmp_path / "frames.csv").write_text("file\nb.png\n")
+    assert len(list(open_source(str(tmp_path)))) == 1
+    assert caplog.messages == [f"{tmp_path / 'frames.csv'}: leaves out 2 of 3 images"]
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [("x,y", "3,{metres}"), ("latitude,longitude", "{north:.9f},11")],
+)
+def test_frames_are_spaced_by_their_poses_where_nothing_else_says_how_far_they_are(
+    tmp_path, header, row
+):
+    files = [f"{number}.png" for number in range(9)]
+    fill(tmp_path, *files)
+    rows = [
+        f"{file}," + row.format(metres=2 * at, north=48 + 2 * at / 111_200)
+        for at, file in enumerate(files)
+    ]
+    (tmp_path / "frames.csv").write_text("\n".join([f"file,{header}", *rows]))
+    spaced = open_source(str(tmp_path), spacing_m=3.99)
+    assert [frame.index for frame in spaced] == [0, 2, 4, 6, 8]
 
 
 def test_frames_csv_may_leave_out_the_yaw(tmp_path):

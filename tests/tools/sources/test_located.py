@@ -105,7 +105,9 @@ def test_in_a_gap_of_the_poses_frames_are_not_spaced_and_the_advice_is_to_fill_i
     lines = poses.read_text().splitlines()
     poses.write_text("\n".join(lines[:5] + lines[30:]))
     source = open_source(str(folder), parts=Parts(poses=poses), spacing_m=1)
-    with pytest.raises(SourceError, match=r"^05\.png: .* poses that are at most 2 s apart there$"):
+    with pytest.raises(
+        SourceError, match=r"^drive/05\.png: .* poses that are at most 2 s apart there$"
+    ):
         list(source)
 
 

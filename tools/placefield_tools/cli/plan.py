@@ -50,6 +50,8 @@ def _plan(
 
     Each host needs the map at the same path: see 'placefield fetch'.
 
+    Ends with 1 if hosts, cores or memory do not suffice.
+
     Examples:
       placefield plan route.pfmap --hosts camera,left,right --cores 4
       placefield plan city.pfmap --hosts 4 --cores 2 --memory 1.5
@@ -78,6 +80,8 @@ def _plan(
         print(json.dumps(_figures(proposed, names, commands, rate, memory_bytes)))
     else:
         _print(proposed, names, commands, rate, memory_bytes)
+    if not proposed.suffices(rate, memory_bytes):
+        raise typer.Exit(1)
 
 
 def _names(hosts: str) -> list[str]:
@@ -193,8 +197,8 @@ def _print(
     console.print(f"at most about {proposed.highest_rate:.0f} frames/s")
     if not proposed.has_time(rate):
         console.print(
-            f"too few: {rate:g} would take more than {ROOM:.0%} of a core; "
-            "give more hosts or cores, or a lower --rate",
+            f"too few hosts or cores: at {rate:g} frames/s a core would be busy for more than "
+            f"{ROOM:.0%} of the time; give more of them, or a lower --rate",
             soft_wrap=True,
         )
     if max(proposed.memory_bytes) > memory_bytes:

@@ -1,5 +1,6 @@
 """A folder of image files as a source of frames."""
 
+import logging
 import re
 import threading
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
 from placefield_tools.sources.listing import Listing
 from placefield_tools.sources.source import Source, until
+
+log = logging.getLogger(__name__)
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
 LISTING = "frames.csv"
@@ -50,7 +53,8 @@ class Folder(Source):
         for index in until(self._stop, self._chosen):
             listed = self._frames[index]
             image = self._read(listed.file)
-            yield Frame(index, listed.stamp_ns, listed.file, image, listed.pose, listed.odometry_m)
+            name = f"{self._path.name}/{listed.file}"
+            yield Frame(index, listed.stamp_ns, name, image, listed.pose, listed.odometry_m)
 
     def _read(self, file: str) -> bytes:
         try:
@@ -61,8 +65,6 @@ class Folder(Source):
 
 def _listing(folder: Path) -> Listing:
     table = folder / LISTING
-    if table.exists():
-        return read_frames_csv(table, _nominal_stamp_ns)
     files = sorted(
         (
             file.name
@@ -73,6 +75,11 @@ def _listing(folder: Path) -> Listing:
         ),
         key=_natural_key,
     )
+    if table.exists():
+        listing = read_frames_csv(table, _nominal_stamp_ns)
+        if left_out := {*files} - {frame.file for frame in listing.frames}:
+            log.warning("%s: leaves out %d of %d images", table, len(left_out), len(files))
+        return listing
     if not files:
         raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
     return list_photographs(folder, files, _nominal_stamp_ns)

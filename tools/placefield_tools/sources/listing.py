@@ -43,6 +43,8 @@ def with_positions(
 ) -> Listing:
     """Give frames the poses at their positions; those of None stay without.
 
+    Where all are known, the metres along them are the odometry of frames that have no other.
+
     Args:
         frames: K frames.
         positions: of each: x and y, or latitude and longitude, where known.
@@ -60,7 +62,13 @@ def with_positions(
     if in_degrees:
         origin, places = laid_out(places)
     turned = directions(places) if yaws is None else np.array(yaws)[known]
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    metres = np.concatenate([[0.0], np.cumsum(steps)])
     located = list(frames)
     for number, (x, y), yaw in zip(known, places.tolist(), turned.tolist(), strict=True):
-        located[number] = replace(frames[number], pose=Pose(x, y, yaw))
+        frame = frames[number]
+        travelled_m = frame.odometry_m
+        if len(known) == len(frames) and travelled_m is None:
+            travelled_m = float(metres[number])
+        located[number] = replace(frame, pose=Pose(x, y, yaw), odometry_m=travelled_m)
     return Listing(located, origin)
