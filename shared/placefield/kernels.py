@@ -1,7 +1,11 @@
 """Compiled loops: what numpy can only do in many passes over memory."""
 
+import hashlib
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -15,12 +19,33 @@ _SUMS = 64  # that a compiler adds to side by side
 
 
 class _Cache(FunctionCache):
-    """Keeps machine code where there is room for it."""
+    """Keeps machine code where there is room for it, for the sources that it was made of.
+
+    numba looks at a function's own file alone. What it calls may be compiled into it, too.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        self.sources = {_digest(__file__)}
+        for name in function.__code__.co_names:
+            called = getattr(function.__globals__.get(name), "_cache", None)
+            if isinstance(called, _Cache):
+                self.sources |= {_digest(called.file), *called.sources}
+        self.file: str = function.__code__.co_filename
+
+    def _index_key(self, sig: object, codegen: object) -> tuple[object, ...]:
+        key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
+        return (*key, tuple(sorted(self.sources)))
 
     def save_overload(self, sig: object, data: object) -> None:
         """Keep what was compiled; on a full disk it is compiled again next time."""
         with suppress(OSError):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+
+@cache
+def _digest(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def kernel(function: Function) -> Function:
@@ -31,7 +56,7 @@ def kernel(function: Function) -> Function:
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
     with suppress(RuntimeError):  # there is no folder that it could be kept in
-        compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]
+        compiled._cache = _Cache(cast(FunctionType, function))
     return cast(Function, compiled)
 
 

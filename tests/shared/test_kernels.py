@@ -43,3 +43,27 @@ def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cac
     ended = sum_in_another_process(tmp_path / cache, leave_no_room)
     assert (ended.returncode, ended.stdout) == (0, "3.0\n"), ended.stderr
     assert not list(tmp_path.rglob("*.nbc"))
+
+
+def test_machine_code_is_made_anew_where_what_it_calls_has_changed(tmp_path: Path) -> None:
+    (tmp_path / "outer.py").write_text(
+        "from inner import inner\nfrom placefield.kernels import kernel\n"
+        "@kernel\ndef outer(x):\n    return inner(x) + 1\n"
+    )
+
+    def outer_of_ten(factor: int) -> str:
+        (tmp_path / "inner.py").write_text(
+            "from placefield.kernels import kernel\n"
+            f"@kernel\ndef inner(x):\n    return {factor} * x\n"
+        )
+        path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+        return subprocess.run(
+            [sys.executable, "-B", "-c", "from outer import outer; print(outer(10))"],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        ).stdout
+
+    assert [outer_of_ten(2), outer_of_ten(3), outer_of_ten(2)] == ["21\n", "31\n", "21\n"]
