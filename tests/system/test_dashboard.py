@@ -14,6 +14,8 @@ from placefield_tools.hosting import free_endpoint
 pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
+_PICTURES = ("query", "reference", "matrix")
+
 _NAMELESS = """() => [...document.querySelectorAll(
         'button, input, [role=slider], [role=checkbox], svg, img')]
     .filter(one => !one.closest('[aria-hidden=true]'))
@@ -122,7 +124,7 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
     assert_shows(shown, replayed[-1])
     shown.await_text("moment", "frame 59 · the stream is over")
     shown.await_text("missing", "no channel")
-    for picture in ("query", "reference", "matrix"):
+    for picture in _PICTURES:
         image = shown.page.locator(f"img[data-shown={picture}]")
         wait_until(lambda one=image: one.evaluate("img => img.naturalWidth") > 1, picture)
     for channel in range(3):
@@ -230,6 +232,31 @@ def test_a_dashboard_that_is_stopped_holds_nothing_up(
     assert len(answers) == 60
     assert not any(match.missing for _, match in answers)
     assert_shows(shown, answers[-1])
+
+
+def test_a_page_with_nothing_to_show_says_so_and_one_whose_host_is_gone_turns_grey(
+    browser: "playwright.Browser", logs: Path, map_path: Path, query_dir: Path
+) -> None:
+    with Host(logs, map_path) as host, Dashboard(logs, map_path, host) as dashboard:
+        wait_until(lambda: "\n" in dashboard.out or not dashboard.runs, "the dashboard is ready")
+        shown = Shown(browser.new_page(), dashboard.url)
+        try:
+            shown.await_text("services", "all services are there")
+            assert [shown.text(f"channel-{number}") for number in range(3)] == ["no frame yet"] * 3
+            pictures = [shown.page.locator(f"img[data-shown={name}]") for name in _PICTURES]
+            assert not any(picture.is_visible() for picture in pictures)
+            assert not shown.page.locator("[data-shown=lacking]").is_visible()
+            host.replay(query_dir)
+            shown.await_text("frames", "60")
+            wait_until(lambda: all(one.is_visible() for one in pictures), "there are pictures")
+            stale = shown.page.locator(".stale")
+            assert stale.count() == 0
+            host.stop()
+            shown.await_text("lacking", "not current; missing: featurizer; fuser; channel")
+            assert stale.count() == 1
+            assert shown.text("place") == "59"
+        finally:
+            shown.page.close()
 
 
 def test_a_port_in_use_is_refused(dashboard: Dashboard, host: Host, map_path: Path) -> None:

@@ -72,4 +72,5 @@ def test_a_recording_that_cannot_begin_leaves_no_file(
     assert "no router at" in refusal(placefield("record", drive, "--endpoint", endpoint, *soon))
     asked = refusal(placefield("record", drive, "--map", map_path, "--endpoint", host.endpoint))
     assert "latitude and longitude" in asked
+    assert asked.endswith("or leave --map out")
     assert not drive.exists()

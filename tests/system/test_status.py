@@ -1,11 +1,12 @@
 import json
+import signal
 import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from hosting import Host, placefield
+from hosting import Host, Process, placefield, wait_until
 
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import StatsMessage
@@ -54,6 +55,22 @@ def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
     assert "matches 7" in half.stdout
     lacking = "featurizer; channel 0, shard 0/2; channel 1"
     assert complaint(half) == f"placefield: run 'half' lacks {lacking}"
+
+
+def test_watching_prints_to_a_file_and_ends_by_a_signal_that_the_parent_ignored(
+    host: Host, logs: Path
+) -> None:
+    watching = Process(logs, "status", "--watch", "--endpoint", host.endpoint)
+    with ExitStack() as stack:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a script does for `command &`
+        try:
+            stack.enter_context(watching)
+        finally:
+            signal.signal(signal.SIGINT, before)
+        wait_until(lambda: watching.out.count("complete") > 1, "two rounds are printed")
+        assert watching.stop(signal.SIGINT) == 0
+    assert "run default" in watching.out
+    assert not watching.err
 
 
 @contextmanager

@@ -2,7 +2,14 @@ import pytest
 
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import Header, StatsMessage
-from placefield_tools.standing import SILENT_S, RunRecord, RunStanding, ServiceStanding, missing
+from placefield_tools.standing import (
+    SILENT_S,
+    RunRecord,
+    RunStanding,
+    ServiceStanding,
+    missing,
+    other_runs,
+)
 
 KEYS = Keys("day")
 WHOLE = ["featurizer/f1", "fuser/u1", "channel/0-c1", "channel/1-c1"]
@@ -126,3 +133,10 @@ def test_what_is_missing_for_whole_answers_is_named(
 ) -> None:
     pairs = [(service, name) for service, _, name in (each.partition("/") for each in alive)]
     assert missing(pairs, channels) == lacking
+
+
+def test_other_runs_are_named_in_the_order_of_their_numbers_where_this_one_is_not_there() -> None:
+    runs = {"car-10", "car-2", "car-1"}
+    assert other_runs("cars", runs) == "there is car-1, car-2, car-10: name one with --run"
+    assert other_runs("car-2", runs) is None
+    assert other_runs("car-2", set()) is None

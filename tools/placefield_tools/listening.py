@@ -1,5 +1,6 @@
 """Matches off the bus."""
 
+import logging
 import queue
 import time
 from collections import Counter, deque
@@ -11,10 +12,19 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
+from placefield_tools.standing import other_runs
+
+log = logging.getLogger(__name__)
 
 _QUIET_S = 2.0
 
 Taken = tuple[Header, MatchMessage | None]
+
+
+def warn_of_other_runs(bus: Bus, run: str) -> None:
+    """Log which runs there are if this one has no service: its name may be wrong."""
+    if others := other_runs(run, bus.runs()):
+        log.warning("run %r has no service yet; %s", run, others)
 
 
 class MatchQueue:

@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from placefield.evaluation.reliability import Reliability
 from placefield_tools.evaluating import Evaluation, Judged
 
 
@@ -26,32 +27,45 @@ def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
 
 
 def certainty_figures(judged: Judged) -> dict[str, Any]:
-    """Return how far a method's probabilities can be believed; nothing where it has none."""
+    """Return how far a method's probabilities can be believed; nothing where it has none.
+
+    A figure over no match at all is None.
+    """
     if judged.reliability is None or judged.claims is None:
         return {}
-    return {
-        "expected_calibration_error": judged.reliability.expected_calibration_error,
-        "known": asdict(judged.claims),
-    }
+    known = asdict(judged.claims)
+    if not judged.claims.count:
+        known["precision"] = None
+    return {"expected_calibration_error": _calibration_error(judged.reliability), "known": known}
 
 
 def certainty_line(name: str, judged: Judged) -> str | None:
     """Say the same in a line for a person."""
     if judged.reliability is None or judged.claims is None:
         return None
-    return (
-        f"{name}: {judged.claims.count} known, {judged.claims.precision:.3f} of them right; "
-        f"recall of these {judged.claims.recall:.3f}; expected calibration error "
-        f"{judged.reliability.expected_calibration_error:.3f}"
+    known = judged.claims
+    right = (
+        f"{known.precision:.3f} of them right, which is {known.recall:.3f} of the frames on the "
+        "route"
+        if known.count
+        else "– of them right"
     )
+    error = _calibration_error(judged.reliability)
+    told = "–" if error is None else f"{error:.3f}"
+    return f"{name}: {known.count} known, {right}; expected calibration error {told}"
+
+
+def _calibration_error(found: Reliability) -> float | None:
+    return found.expected_calibration_error if found.count.any() else None
 
 
 def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     """Print the figures and the pictures' paths."""
-    frames, places = len(evaluation.raws), evaluation.placemap.places.count
+    frames = _counted(len(evaluation.raws), "frame")
+    places = _counted(evaluation.placemap.places.count, "place")
     table = Table(
         "rule",
-        title=f"{evaluation.query.where}: {frames} frames, {places} places",
+        title=f"{evaluation.query.where}: {frames}, {places}",
         caption="recall: of all query frames that are on the route; best match per frame",
     )
     for column in ("AUC", "recall at 100 % precision", "recall@1"):
@@ -67,3 +81,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     for picture in pictures:
         console.print(str(picture), highlight=False, soft_wrap=True)
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from placefield.bus.keys import Part, part_of, service_and_identity
 from placefield.bus.messages import Header, StatsMessage
+from placefield_tools.natural import natural_key
 
 SILENT_S = 3.0
 """Every service tells of itself once a second; one that has not for so long is silent."""
@@ -50,7 +51,7 @@ class RunStanding:
 
     Attributes:
         stream: that is on, as far as anyone has told.
-        newest: sequence of the newest frame of it that was announced.
+        newest: sequence of the newest frame of it that was announced; at its end, how many it had.
         channels: of the map; none where no fuser tells.
         services: by name and identity.
         missing: what must be started for whole answers, in words.
@@ -147,6 +148,13 @@ class RunRecord:
             silent,
             stats.counts,
         )
+
+
+def other_runs(run: str, runs: Collection[str]) -> str | None:
+    """Say which runs there are where one of this name has no service; None if there is no other."""
+    if not runs or run in runs:
+        return None
+    return f"there is {', '.join(sorted(runs, key=natural_key))}: name one with --run"
 
 
 def missing(alive: Collection[tuple[str, str]], channels: int | None) -> list[str]:

@@ -5,6 +5,7 @@ import socket
 
 import pytest
 
+from placefield.bus.keys import Keys
 from placefield.bus.session import open_router
 from placefield.config import BusConfig
 from placefield_tools.cli.main import main
@@ -21,6 +22,13 @@ def test_a_router_without_services_is_good_and_they_are_missed(endpoint: str) ->
         router, services = looked_at(endpoint)
     assert router.verdict is Verdict.GOOD
     assert services.found == "no channel, no featurizer, no fuser"
+
+
+def test_where_another_run_has_services_its_name_is_told(endpoint: str) -> None:
+    with open_router(BusConfig(endpoint=endpoint)) as bus:
+        bus.declare_alive(Keys("night").alive("fuser", "ab"))
+        _, services = looked_at(endpoint)
+    assert services.advice.startswith("there is night: name one with --run, or start them")
 
 
 def test_a_port_that_nobody_listens_at_is_no_fault_yet(endpoint: str) -> None:
@@ -41,7 +49,7 @@ def test_what_is_no_endpoint_is_told_how_to_write_one() -> None:
 
 
 def test_services_that_are_alive_are_good() -> None:
-    assert of_services("day", {"featurizer", "channel", "fuser"}).verdict is Verdict.GOOD
+    assert of_services("day", {"featurizer", "channel", "fuser"}, {"day"}).verdict is Verdict.GOOD
 
 
 def test_the_command_tells_all_as_json_and_fails_on_what_is_bad(

@@ -110,9 +110,11 @@ def test_of_several_streams_one_is_to_be_named(earth_map: Path, tmp_path: Path) 
     drive = recorded(tmp_path / "drive.jsonl", DRIVE, [match(9), match(10)])
     out = tmp_path / "out.tum"
     asked = refusal(RecordingError, drive, out, "--map", earth_map)
-    assert "--stream" in asked
-    assert "first, second" in asked
-    assert "--stream" in refusal(RecordingError, drive, out, "--map", earth_map, "--stream", "x")
+    named = "name one of its streams with --stream: first (5 matches), second (2 matches)"
+    assert asked == f"{drive}: {named}"
+    for stream, what in (("x", "no stream begins with 'x'"), ("", "2 streams begin with ''")):
+        asked = refusal(RecordingError, drive, out, "--map", earth_map, "--stream", stream)
+        assert asked == f"{drive}: {what}; {named}"
     assert run_export(drive, out, "--map", earth_map, "--stream", "sec").exit_code == 0
     assert len(out.read_text().splitlines()) == 2
 

@@ -57,7 +57,7 @@ def test_without_its_library_the_extra_is_named(
 
 def test_the_origin_of_a_map_that_is_not_on_earth_is_refused_with_what_to_do() -> None:
     path = Path("route.pfmap")
-    assert origin_of(ORIGIN.frame, path) == ORIGIN
-    for frame, what in (("route", "has poses in 'route'"), (None, "has no poses")):
-        with pytest.raises(MapError, match=f"route.pfmap: {what}.* latitude and longitude"):
-            origin_of(frame, path)
+    assert origin_of(ORIGIN.frame, path, "leave it") == ORIGIN
+    for frame, what in (("route", "its poses are in 'route'"), (None, "it has no poses")):
+        with pytest.raises(MapError, match=f"route.pfmap: .*{what}; .*longitude.*, or leave it$"):
+            origin_of(frame, path, "leave it")

@@ -12,7 +12,7 @@ from placefield.features.frames import Pose
 from placefield.features.images import decode
 from placefield.maps.geography import Origin
 from placefield_tools.sources import open_source
-from placefield_tools.sources.folder import _natural_key
+from placefield_tools.sources.folder import natural_key
 from placefield_tools.sources.frames_csv import COLUMNS, read_frames_csv
 
 CELLS = st.sampled_from([*COLUMNS, "a.png", "0", "1", "-91", "1e99999", "nan", '"', "", " "])
@@ -42,13 +42,13 @@ def test_frames_come_in_natural_order_and_nothing_else_comes(tmp_path):
 
 @given(st.lists(st.integers(0, 10**12), unique=True))
 def test_natural_order_is_the_order_of_the_numbers(numbers):
-    files = sorted((f"frame{number}.jpg" for number in numbers), key=_natural_key)
+    files = sorted((f"frame{number}.jpg" for number in numbers), key=natural_key)
     assert files == [f"frame{number}.jpg" for number in sorted(numbers)]
 
 
 def test_natural_order_takes_any_names():
     ordered = ["02.png", "2.png", "12.png", "a1b2.png", "a1b10.png", "b1.png", "b.png", "²3.png"]
-    assert sorted(set(ordered), key=_natural_key) == ordered
+    assert sorted(set(ordered), key=natural_key) == ordered
 
 
 def test_bytes_are_passed_on_as_they_lie_on_the_disk(tmp_path):

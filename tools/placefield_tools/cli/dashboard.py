@@ -41,6 +41,7 @@ def _dashboard(
     from placefield_tools.dashboard.feed import Feed
     from placefield_tools.dashboard.replaying import ReplayChild, replay_flags
     from placefield_tools.dashboard.state import LiveState
+    from placefield_tools.listening import warn_of_other_runs
 
     try:
         from placefield_tools.dashboard.serving import serve
@@ -62,6 +63,7 @@ def _dashboard(
         print(f"ready: run {name!r} at http://{host}:{port}", flush=True)
 
     with open_bus(effective.bus, stop, watches=True) as bus:
+        warn_of_other_runs(bus, name)
         feed = Feed(bus, Keys(name), state)
         try:
             serve(Site(name, map_path.stem, placemap, state, feed, replay), host, port, ready)

@@ -33,7 +33,7 @@ def _listen(
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError
     from placefield_services.process import stop_event
-    from placefield_tools.listening import MatchQueue
+    from placefield_tools.listening import MatchQueue, warn_of_other_runs
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
@@ -42,6 +42,7 @@ def _listen(
     stop = stop_event()
     with open_bus(effective.bus, stop, watches=True) as bus:
         matches = MatchQueue(bus, keys)
+        warn_of_other_runs(bus, effective.run)
         while not stop.is_set():
             try:
                 taken = matches.take(0.1)

@@ -31,7 +31,7 @@ def _record(
         typer.Option(
             "--map",
             metavar="MAP",
-            help="of the run, for latitude and longitude: .mcap or .rrd",
+            help="of the run, if built of frames with GPS, for positions on earth: .mcap or .rrd",
             show_default=False,
         ),
     ] = None,
@@ -49,7 +49,7 @@ def _record(
 
     Examples:
       placefield record drive.jsonl
-      placefield record drive.mcap --frames --map route.pfmap
+      placefield record drive.mcap --frames
     """
     from placefield.maps.manifest import read_manifest
     from placefield_services.process import stop_event
@@ -60,7 +60,9 @@ def _record(
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
-    origin = origin_of(read_manifest(map_path).pose_frame, map_path) if map_path else None
+    origin = None
+    if map_path:
+        origin = origin_of(read_manifest(map_path).pose_frame, map_path, "leave --map out")
     into = recorder_of(file, origin=origin, frames=frames)
     counts = record(
         effective,

@@ -1,8 +1,10 @@
 """``placefield status``: the services of a run, how far each is, and what is missing."""
 
 import json
+import threading
 import time
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,7 +51,10 @@ def _status(
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError
+    from placefield_services.process import stop_event
+    from placefield_tools.listening import warn_of_other_runs
     from placefield_tools.overhearing import RunListener
+    from placefield_tools.standing import other_runs
 
     if watch and json_:
         raise ConfigError("--watch and --json: give one of them")
@@ -57,26 +62,28 @@ def _status(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
     name = effective.run
-    with open_bus(effective.bus) as bus:
+    stop = stop_event() if watch else None
+    with open_bus(effective.bus, stop) as bus:
         listener = RunListener(bus, Keys(name), lambda key, error: None)
         bus.subscribe(Keys(name).feature, listener.announce, Counter())
-        if watch:
-            _watch(listener, name)
+        if stop:
+            warn_of_other_runs(bus, name)
+            _watch(listener, name, stop)
             return
         time.sleep(_LISTEN_S)
         standing = listener.standing()
-        runs = sorted(bus.runs())
+        others = other_runs(name, bus.runs())
     if json_:
         print(json.dumps({"run": name, **asdict(standing)}))
     else:
         Console(markup=False, highlight=False).print(_table(standing, name))
     if standing.missing:
-        is_unheard_of = runs and name not in runs
-        hint = f"; there is {', '.join(runs)}: name one with --run" if is_unheard_of else ""
+        hint = f"; {others}" if others else ""
         raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")
 
 
-def _watch(listener: "RunListener", run: str) -> None:
+def _watch(listener: "RunListener", run: str, stop: threading.Event) -> None:
+    """Show how the run stands: in place at a terminal, else one table below the other."""
     from rich.console import Console, Group
     from rich.live import Live
 
@@ -86,13 +93,13 @@ def _watch(listener: "RunListener", run: str) -> None:
         return Group(_table(standing, run), f"missing: {lacking}" if lacking else "complete")
 
     console = Console(markup=False, highlight=False)
-    with Live(console=console, auto_refresh=False) as live:
-        try:
-            while True:
+    can_redraw = console.is_terminal and not console.is_dumb_terminal
+    with Live(console=console, auto_refresh=False) if can_redraw else nullcontext() as live:
+        while not stop.wait(_REFRESH_S):
+            if live:
                 live.update(shown(), refresh=True)
-                time.sleep(_REFRESH_S)
-        except KeyboardInterrupt:
-            return
+            else:
+                console.print(shown())
 
 
 def _table(standing: "RunStanding", run: str) -> "RenderableType":

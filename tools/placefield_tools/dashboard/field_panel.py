@@ -51,7 +51,7 @@ class _Row:
             with ui.element("div").classes("layers"):
                 self._segments = ui.html("", sanitize=False)
                 self._firing = ui.html("", sanitize=False)
-            self._words = ui.label("silent").props(f"data-shown=channel-{number}")
+            self._words = ui.label("no frame yet").props(f"data-shown=channel-{number}")
 
     def show(self, answer: Answer, window: Window) -> None:
         if window != self._window:
@@ -61,8 +61,10 @@ class _Row:
             self._segments.content = svg(bars, window.size, FIELD_HEIGHT, words, stretch=True)
         candidate = answer.candidates.get(self._number)
         drawn = match_drawing(answer.match.place, window)
-        if candidate is None or candidate.place < 0:
+        if candidate is None:
             self._words.text = "silent"
+        elif candidate.place < 0:
+            self._words.text = "no candidate"
         else:
             drawn += firing_drawing(self._channel, candidate, answer.rule, window)
             certain = "belief" if answer.rule == "filter" else "score"

@@ -6,6 +6,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from placefield_tools.dashboard.field_panel import FieldsPanel
+from placefield_tools.dashboard.lacking import can_answer, lacking_words
 from placefield_tools.dashboard.panels import (
     AnswerPanel,
     CertaintyPanel,
@@ -19,27 +20,30 @@ from placefield_tools.dashboard.site import Site, page
 from placefield_tools.dashboard.state import Answer
 
 _DRAW_EVERY_S = 0.1
+_STAND_EVERY_S = 1.0  # the services tell of themselves as often
 _WHEN_DRAWN = "return new Promise(drawn => requestAnimationFrame(() => drawn(true)))"
 _PATIENCE_S = 10.0
 
 
 def live_page(site: Site) -> None:
     """Lay out the page for one who looks."""
-    with page(site, "Live"):
-        LivePage(site)
+    with page(site, "Live") as board:
+        LivePage(site, board)
 
 
 class LivePage:
     """One browser's view of the run: it follows, or is paused at an answer."""
 
-    def __init__(self, site: Site) -> None:
-        self._state = site.state
+    def __init__(self, site: Site, board: ui.element) -> None:
+        """Fill the page's main part; it is ``stale`` while no match can come."""
+        self._state, self._feed, self._board = site.state, site.feed, board
         self._paused_at: Answer | None = None
         self._shown: Answer | None = None
         self._lay_out_controls()
+        frames, self._match = FramesPanel(site), MatchPanel(site)
         self._panels: list[AnswerPanel] = [
-            FramesPanel(site),
-            MatchPanel(site),
+            frames,
+            self._match,
             FieldsPanel(site),
             MatrixPanel(site),
             CertaintyPanel(site),
@@ -48,6 +52,7 @@ class LivePage:
         HealthPanel(site)
         ReplayPanel(site)
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
+        ui.timer(_STAND_EVERY_S, self._draw_standing)
 
     def _lay_out_controls(self) -> None:
         section = ui.element("section").classes("card").props('aria-label="Time"')
@@ -110,6 +115,13 @@ class LivePage:
             for panel in self._panels:
                 panel.show(answer)
         self._draw_controls(answer)
+
+    def _draw_standing(self) -> None:
+        """Say beside the match what is missing, and grey it when no newer one can come."""
+        standing = self._feed.standing()
+        stale = bool(self._state.answers) and not can_answer(standing)
+        self._board.classes(**({"add": "stale"} if stale else {"remove": "stale"}))
+        self._match.warn(("not current; " if stale else "") + lacking_words(standing))
 
     def _draw_controls(self, answer: Answer) -> None:
         answers, paused = self._state.answers, self._paused_at is not None

@@ -16,7 +16,6 @@ LOOK_BACK = 200
 
 _TRAIL = 40  # frames
 _STARTED = f"{time.time_ns():x}"  # so that a browser takes no picture of another dashboard's
-_BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
 class AnswerPanel(Protocol):
@@ -57,15 +56,18 @@ class FramesPanel:
 
 def _figure(name: str) -> tuple[ui.element, ui.label]:
     with ui.element("figure"):
-        image = ui.element("img").props(f'alt="no {name} yet" data-shown={name}')
-        image.classes("blank")
+        with ui.element("div").classes("frame"):
+            image = ui.element("img").props(f'alt="no {name} yet" data-shown={name}')
         caption = ui.label(f"no {name} yet")
     return image, caption
 
 
 def _set_image(image: ui.element, source: str | None, words: str) -> None:
-    image.props["src"], image.props["alt"] = source or _BLANK, words if source else "nothing"
-    image.classes(**({"remove": "blank"} if source else {"add": "blank"}))
+    if source is None:
+        image.props.pop("src", None)
+    else:
+        image.props["src"] = source
+    image.props["alt"] = words if source else "nothing"
 
 
 class MatchPanel:
@@ -74,6 +76,7 @@ class MatchPanel:
     def __init__(self, site: Site) -> None:
         self._origin = Origin.of_frame(site.placemap.pose_frame)
         with card("Match", "third"):
+            self._warning = ui.label("").classes("warning").props("role=status data-shown=lacking")
             self._verdict = ui.label("waiting").classes("verdict")
             self._verdict.props("role=status data-shown=verdict")
             with ui.element("dl"):
@@ -98,6 +101,10 @@ class MatchPanel:
         self._pose.text = self._where(answer)
         channels = ", ".join(map(str, match.missing))
         self._missing.text = f"channels {channels}" if channels else "no channel"
+
+    def warn(self, words: str) -> None:
+        """Say what is wrong with the run; nothing where all is well."""
+        self._warning.text = words
 
     def _where(self, answer: Answer) -> str:
         if answer.match.pose is None:
@@ -150,7 +157,6 @@ class MatrixPanel:
         with card("Distances and matches", "third"):
             with ui.element("div").classes("matrix"):
                 self._picture = ui.element("img").props('alt="no distances yet" data-shown=matrix')
-                self._picture.props["src"] = _BLANK
                 self._path = ui.html("", sanitize=False)
             ui.label(
                 f"last {LOOK_BACK} frames to the right, {self._count} places upwards; "

@@ -4,6 +4,7 @@ import math
 
 from nicegui import ui
 
+from placefield_tools.dashboard.lacking import lacking_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.standing import RunStanding, ServiceStanding
 
@@ -46,8 +47,8 @@ class HealthPanel:
 
     def _draw(self) -> None:
         standing = self._site.feed.standing()
-        lacking = "; ".join(standing.missing)
-        self._verdict.text = f"missing: {lacking}" if lacking else "all services are there"
+        lacking = lacking_words(standing)
+        self._verdict.text = lacking or "all services are there"
         self._verdict.classes(**({"add": "warning"} if lacking else {"remove": "warning"}))
         for name, value in _whole(standing).items():
             self._tiles[name].text = value

@@ -45,8 +45,8 @@ class Site:
 
 
 @contextmanager
-def page(site: Site, current: str) -> Iterator[None]:
-    """Lay out a page: a header, and what the block puts into its main part."""
+def page(site: Site, current: str) -> Iterator[ui.element]:
+    """Lay out a page: a header, and a main part, which the block is given and fills."""
     ui.add_css(_STYLE)
     with ui.header(fixed=False).classes("top"):
         ui.html("Placefield", sanitize=False, tag="h1")
@@ -60,7 +60,7 @@ def page(site: Site, current: str) -> Iterator[None]:
     board = ui.element("div").classes("board")
     ui.skip_link(target=board)
     with board:
-        yield
+        yield board
 
 
 def _colour_button() -> None:

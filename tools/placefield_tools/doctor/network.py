@@ -2,13 +2,14 @@
 
 import re
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.errors import BusError, PlacefieldError
 from placefield_tools.doctor.finding import Finding, bad, good, warning
+from placefield_tools.standing import other_runs
 
 _TIMEOUT_S = 1.0
 _ADDRESS = re.compile(r"(?P<protocol>\w+)/\[?(?P<host>[^\]]+?)\]?:(?P<port>\d+)")
@@ -19,20 +20,24 @@ def network(bus: BusConfig, runs: Sequence[str]) -> Iterator[Finding]:
     try:
         with open_bus(bus.model_copy(update={"connect_timeout_s": _TIMEOUT_S})) as opened:
             yield good("router", f"answers at {bus.endpoint}")
+            all_runs = opened.runs()
             for run in runs:
                 tokens = opened.alive(Keys(run).all_alive())
-                yield of_services(run, {service_and_identity(token)[0] for token in tokens})
+                alive = {service_and_identity(token)[0] for token in tokens}
+                yield of_services(run, alive, all_runs)
     except BusError:
         yield of_endpoint(bus.endpoint)
     except PlacefieldError as error:
         yield bad("router", str(error), "see above")
 
 
-def of_services(run: str, alive: set[str]) -> Finding:
-    """Look at the services of a run that are alive."""
+def of_services(run: str, alive: set[str], all_runs: Collection[str]) -> Finding:
+    """Look at the services of a run that are alive, among all runs that have any."""
     missing = sorted({"featurizer", "channel", "fuser"} - alive)
     if missing:
         advice = "start them with 'placefield up MAP'; see 'placefield status'"
+        if others := other_runs(run, all_runs):
+            advice = f"{others}, or {advice}"
         return warning(f"run {run!r}", f"no {', no '.join(missing)}", advice)
     return good(f"run {run!r}", "featurizer, channels and fuser are alive")
 

@@ -1,5 +1,6 @@
 """The query traverse that is exported: its matches, and where their places are."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +48,7 @@ class QueryTraverse:
         Raises:
             MapError: the map is nowhere on earth.
         """
-        origin = origin_of(self.pose_frame, self.map_path)
+        origin = origin_of(self.pose_frame, self.map_path, "export to .tum or .g2o")
         return [origin.to_degrees(x, y) for x, y, _ in (match.pose for match in self.matches)]
 
 
@@ -90,13 +91,15 @@ def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> 
     Raises:
         RecordingError: there is none, or more than one.
     """
-    names = dict.fromkeys(record.header.stream for record in records)
-    chosen = [name for name in names if stream is None or name.startswith(stream)]
-    if stream in names:
+    counts = Counter(record.header.stream for record in records)
+    chosen = [name for name in counts if stream is None or name.startswith(stream)]
+    if stream is not None and stream in counts:
         chosen = [stream]
-    if not names:
+    if not counts:
         raise RecordingError(f"{path}: holds no matches")
     if len(chosen) != 1:
-        listed = ", ".join(name[:8] for name in names)
-        raise RecordingError(f"{path}: name one of its streams with --stream: {listed}")
+        begin = f"{len(chosen)} streams begin" if chosen else "no stream begins"
+        what = "" if stream is None else f"{begin} with {stream!r}; "
+        listed = ", ".join(f"{name[:8]} ({count} matches)" for name, count in counts.items())
+        raise RecordingError(f"{path}: {what}name one of its streams with --stream: {listed}")
     return [record for record in records if record.header.stream == chosen[0]]

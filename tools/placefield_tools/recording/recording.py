@@ -12,7 +12,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
-from placefield_tools.listening import MatchQueue
+from placefield_tools.listening import MatchQueue, warn_of_other_runs
 from placefield_tools.recording.pictures import small_jpeg
 from placefield_tools.recording.recorder import Recorder
 
@@ -48,6 +48,7 @@ def record(
     """
     with ExitStack() as stack:
         with open_bus(config.bus, stop, watches=True) as bus:
+            warn_of_other_runs(bus, config.run)
             recorder = stack.enter_context(into)
             recording = Recording(bus, Keys(config.run), recorder, frames=frames)
             ready()

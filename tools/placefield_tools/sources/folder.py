@@ -1,13 +1,13 @@
 """A folder of image files as a source of frames."""
 
 import logging
-import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
+from placefield_tools.natural import natural_key
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
 from placefield_tools.sources.listing import Listing
@@ -73,7 +73,7 @@ def _listing(folder: Path) -> Listing:
             and not file.name.startswith(".")
             and file.is_file()
         ),
-        key=_natural_key,
+        key=natural_key,
     )
     if table.exists():
         listing = read_frames_csv(table, _nominal_stamp_ns)
@@ -87,9 +87,3 @@ def _listing(folder: Path) -> Listing:
 
 def _nominal_stamp_ns(index: int) -> int:
     return index * 1_000_000_000 // NOMINAL_RATE
-
-
-def _natural_key(name: str) -> tuple[list[str | int], str]:
-    """Order numbers in a name by value; the name itself settles 1.png and 01.png."""
-    parts = re.split(r"([0-9]+)", name)
-    return [int(part) if at % 2 else part for at, part in enumerate(parts)], name

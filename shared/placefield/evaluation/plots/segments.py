@@ -109,7 +109,7 @@ def _bins(scales: list[NDArray[np.intp]]) -> NDArray[np.float64]:
 def _summary(channel: ChannelSegments, run: _Runs) -> str:
     scales = f", scales {run.scales.min()} to {run.scales.max()}" if run.scales.size else ""
     return (
-        f"{channel.name}   m = {channel.fuzzifier:g}   {run.scales.size} active segments, "
+        f"{channel.name}   m = {channel.fuzzifier:.2f}   {run.scales.size} active segments, "
         f"{np.mean(channel.active):.0%} of places{scales}"
     )
 
