@@ -5,6 +5,7 @@ import os
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copytree
 from typing import get_args
@@ -62,6 +63,11 @@ def placefield(
 
 def is_picture(path: Path) -> bool:
     return cv2.imread(str(path)) is not None
+
+
+def test_it_tells_its_version(placefield: Run) -> None:
+    ended = placefield("--version")
+    assert (ended.code, ended.out) == (0, f"placefield {version('placefield')}\n")
 
 
 def test_build_inspect_and_evaluate_go_together(

@@ -1,11 +1,13 @@
 """The command ``placefield``."""
 
 import sys
+from typing import Annotated
 
 import numpy as np  # noqa: F401 - its BLAS must be there to be limited
 import typer
 from threadpoolctl import threadpool_limits
 
+from placefield import __version__
 from placefield.errors import PlacefieldError
 from placefield_tools.cli import (
     alive,
@@ -43,6 +45,24 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        print(f"placefield {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    asked: Annotated[
+        bool,
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    pass
+
+
 _PANELS = {
     "Maps": (build, inspect, serve, fetch),
     "Services": (up, services, router, plan, status, alive),

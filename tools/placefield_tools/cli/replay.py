@@ -18,7 +18,7 @@ def _replay(
         typer.Argument(
             metavar="SOURCE",
             help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), or a "
-            "camera as camera:0 or rtsp://HOST/PATH",
+            "camera as camera:0, rtsp://HOST/PATH or http://HOST/PATH",
         ),
     ],
     rate: Annotated[
