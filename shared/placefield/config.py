@@ -137,7 +137,7 @@ class MatchingConfig(_Section):
     tolerance: int = Field(
         3,
         ge=0,
-        le=1_000_000,
+        le=10**12,
         description="a match is right within so many places; filter: its score is of that",
     )
     precision: float = Field(
