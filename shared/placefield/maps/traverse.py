@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 ROUTE = "route"
 """The frame of poses that are in metres of the user's own."""
 
-_THUMBNAIL_WIDTH = 160  # pixels
+_THUMBNAIL = 160  # pixels of a side, at most
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """
     pixels = _pixels(frame)
     raw = feature.describe(pixels)
-    return DescribedFrame(raw, frame.stamp_ns, frame.pose, small_jpeg(pixels, _THUMBNAIL_WIDTH))
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, small_jpeg(pixels, _THUMBNAIL))
 
 
 def traverse_of(

@@ -49,7 +49,7 @@ class LivePage:
             CertaintyPanel(site),
             RoutePanel(site),
         ]
-        HealthPanel(site)
+        self._health = HealthPanel(site)
         ReplayPanel(site)
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
         ui.timer(_STAND_EVERY_S, self._draw_standing)
@@ -117,8 +117,9 @@ class LivePage:
         self._draw_controls(answer)
 
     def _draw_standing(self) -> None:
-        """Say beside the match what is missing, and grey it when no newer one can come."""
+        """Say how the services are, and grey the match when no newer one can come."""
         standing = self._feed.standing()
+        self._health.show(standing)
         stale = bool(self._state.answers) and not can_answer(standing)
         self._board.classes(**({"add": "stale"} if stale else {"remove": "stale"}))
         self._match.warn(("not current; " if stale else "") + lacking_words(standing))

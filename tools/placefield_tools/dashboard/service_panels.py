@@ -8,8 +8,6 @@ from placefield_tools.dashboard.lacking import lacking_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.standing import RunStanding, ServiceStanding
 
-_EVERY_S = 1.0  # the services tell of themselves as often
-
 _COLUMNS = {
     "service": "service",
     "identity": "identity",
@@ -43,10 +41,9 @@ class HealthPanel:
                 ],
             ).props("dense flat")
             self._unseen = ui.label("").classes("quiet").props("data-shown=unseen")
-        ui.timer(_EVERY_S, self._draw)
 
-    def _draw(self) -> None:
-        standing = self._site.feed.standing()
+    def show(self, standing: RunStanding) -> None:
+        """Draw how the run stands now."""
         lacking = lacking_words(standing)
         self._verdict.text = lacking or "all services are there"
         self._verdict.classes(**({"add": "warning"} if lacking else {"remove": "warning"}))

@@ -14,13 +14,12 @@ from mcap.records import Channel, Message, Schema
 
 from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES as ROS_IMAGES
-from placefield_tools.sources.located import Located
 from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.protobuf_messages import parse_message
-from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, way_of
+from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, with_poses
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.source import Source
-from placefield_tools.sources.topics import image_topic, pose_topic
+from placefield_tools.sources.topics import image_topic
 
 _IMAGE = "foxglove.CompressedImage"
 
@@ -81,13 +80,12 @@ def open_foxglove_recording(
     source = _FoxgloveRecording(
         path, images, topics[images].messages, start=start, stride=stride, stop=stop
     )
-    poses = pose_topic(str(path), types, FOXGLOVE_POSES, odometry_topic)
-    if poses is None:
-        return source
-    name = f"{path.name}:{poses}"
+
+    def messages(of: str) -> Iterator[tuple[int, Any]]:
+        return (read() for read in _messages(path, of))
+
     with known_errors(path):
-        way = way_of(name, types[poses], (read() for read in _messages(path, poses)))
-    return Located(source, way.trajectory, name, origin=way.origin)
+        return with_poses(source, path, types, FOXGLOVE_POSES, odometry_topic, messages)
 
 
 def _topics(path: Path) -> dict[str, _Topic]:

@@ -1,7 +1,8 @@
 """Poses and positions in a recording, of ROS or Foxglove."""
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,10 @@ from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
 from placefield.ros.messages import ODOMETRY, POSE
 from placefield_tools.sources.degrees import laid_out
+from placefield_tools.sources.located import Located
 from placefield_tools.sources.pose_files import quaternion_yaws
+from placefield_tools.sources.source import Source
+from placefield_tools.sources.topics import Types, pose_topic
 
 log = logging.getLogger(__name__)
 
@@ -80,3 +84,32 @@ _READ = _OF_ROS | _OF_FOXGLOVE
 
 ROS_POSES, FOXGLOVE_POSES = tuple(_OF_ROS), tuple(_OF_FOXGLOVE)
 """The types of messages that tell where the vehicle is."""
+
+
+def with_poses(
+    source: Source,
+    path: Path,
+    types: Types,
+    kinds: Collection[str],
+    asked: str | None,
+    messages: Callable[[str], Iterable[tuple[int, Any]]],
+) -> Source:
+    """Give a recording's frames the poses of its topic of them, if one is meant.
+
+    Args:
+        source: of the frames.
+        path: of the recording.
+        types: its topics.
+        kinds: the types that are poses.
+        asked: ``--odometry-topic``, see ``pose_topic``.
+        messages: yields those of a topic, each behind its stamp in ns.
+
+    Raises:
+        SourceError: there is no such topic, or it does not say where.
+    """
+    topic = pose_topic(str(path), types, kinds, asked)
+    if topic is None:
+        return source
+    name = f"{path.name}:{topic}"
+    way = way_of(name, types[topic], messages(topic))
+    return Located(source, way.trajectory, name, origin=way.origin)

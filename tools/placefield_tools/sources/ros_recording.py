@@ -11,12 +11,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES, image_of, stamp_of
-from placefield_tools.sources.located import Located
 from placefield_tools.sources.mcap_summary import read_summary
-from placefield_tools.sources.recorded_poses import ROS_POSES, way_of
+from placefield_tools.sources.recorded_poses import ROS_POSES, with_poses
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.source import Source
-from placefield_tools.sources.topics import image_topic, pose_topic
+from placefield_tools.sources.topics import image_topic
 
 _DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # how rosbags knows MCAP to define messages
 
@@ -61,12 +60,11 @@ def open_ros_recording(
         images = image_topic(str(path), types, IMAGES, topic)
         total = sum(each.msgcount for each in held if each.topic == images)
         source = _RosRecording(path, images, total, start=start, stride=stride, stop=stop)
-        poses = pose_topic(str(path), types, ROS_POSES, odometry_topic)
-        if poses is None:
-            return source
-        name = f"{path.name}:{poses}"
-        way = way_of(name, types[poses], (read() for _, read in _messages(reader, poses)))
-        return Located(source, way.trajectory, name, origin=way.origin)
+
+        def messages(of: str) -> Iterator[tuple[int, Any]]:
+            return (read() for _, read in _messages(reader, of))
+
+        return with_poses(source, path, types, ROS_POSES, odometry_topic, messages)
 
 
 def _check_files(path: Path) -> None:
