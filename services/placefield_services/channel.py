@@ -25,7 +25,7 @@ from placefield.maps.map import Map, fingerprint
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
-from placefield_services.served_channels import ServedChannels, ShardedChannels, WholeChannels
+from placefield_services.served_channels import ServedChannels
 
 SERVICE = "channel"
 
@@ -55,11 +55,7 @@ def run_channels(
             raise ConfigError(
                 f"--channel {channel}: the map has channels 0 to {len(placemap.channels) - 1}"
             )
-    served = (
-        WholeChannels(placemap, channels, config.matching)
-        if shards == 1
-        else ShardedChannels(placemap, channels, config.matching, shard, shards)
-    )
+    served = ServedChannels(placemap, channels, config.matching, shard, shards)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.tell)
@@ -104,7 +100,7 @@ class _Run:
     early: deque[tuple[Header, BordersMessage]] = field(
         default_factory=lambda: deque(maxlen=_EARLY)
     )
-    """What shards have told of a stream that is not on yet."""
+    """Partial results of a stream that is not on yet."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +143,7 @@ class ChannelWorker:
         """Take a descriptor; return what is to be matched, with what was missed before it."""
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
-            self._hear(run, header, BordersMessage.decode(received.payload))
+            self._receive(run, header, BordersMessage.decode(received.payload))
             return []
         descriptor = None if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
@@ -179,12 +175,12 @@ class ChannelWorker:
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
         return frames
 
-    def _hear(self, run: _Run, header: Header, told: BordersMessage) -> None:
-        """Take what another worker tells of its shards."""
+    def _receive(self, run: _Run, header: Header, partials: BordersMessage) -> None:
+        """Take the partial results of another worker's shards."""
         if run.stream is not None and header.stream == run.follower.stream:
-            run.stream.hear(header, told)
+            run.stream.receive(header, partials)
         else:
-            run.early.append((header, told))
+            run.early.append((header, partials))
 
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream; if it is on already, with what others remember of it."""
@@ -194,8 +190,8 @@ class ChannelWorker:
         run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
         early = list(run.early)
         run.early.clear()
-        for about, told in early:
-            self._hear(run, about, told)
+        for about, partials in early:
+            self._receive(run, about, partials)
         return first
 
     def _recall(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
@@ -229,10 +225,10 @@ class ChannelWorker:
     def match(self, accepted: Sequence[Sequence[_Accepted]]) -> None:
         """Publish the candidates of all channels for each frame, when they are known."""
         frames = list(chain.from_iterable(accepted))
-        sights = self._channels.sights([frame.descriptor for frame in frames])
-        for frame, see in zip(frames, sights, strict=True):
+        comparing = self._channels.comparing([frame.descriptor for frame in frames])
+        for frame, compare in zip(frames, comparing, strict=True):
             with counting_failure([frame.run.counts]):
-                frame.stream.take(Frame(frame.header, see, frame.is_awaited))
+                frame.stream.take(Frame(frame.header, compare, frame.is_awaited))
 
     def settle(self, run: str) -> None:
         """Do what is due in a run."""

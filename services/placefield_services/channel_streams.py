@@ -1,24 +1,34 @@
-"""One stream in all channels of a worker: compared frames in, candidates out."""
+"""One stream in the channels of a worker, whole or one shard of each: frames in, candidates out.
 
-from abc import ABC, abstractmethod
+Every frame takes two steps. In the local step a worker finds what its shard has of the frame, its
+partial result. Given those of all shards, the reduce step makes the candidates. A worker of whole
+channels has the only shard, and does both at once. Of several, each publishes its partial results,
+and the shards of a channel go from frame to frame together. While one is away the others wait, and
+the fuser goes on without the channel. One that comes back asks for the descriptors and for the
+partial results since, and all go on where they were.
+"""
+
+import time
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
-from placefield.bus.history import Outbox, Recall
+from placefield.bus.history import LENGTH, Outbox, Recall
 from placefield.bus.messages import (
     BordersMessage,
     CandidatesMessage,
     ChannelCandidate,
+    ChannelSummary,
     Header,
 )
 from placefield.config import Rule
-from placefield.maps.map import MapMetric
+from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import ChannelMatcher
-from placefield.matching.comparing import Comparison
+from placefield.matching.matcher import Partial
+from placefield.matching.stage import ChannelStage, Compared
 
-Seen = Mapping[MapMetric, Comparison]
-"""How a frame compares with the places under each metric; empty: it was not seen."""
+_ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 
 
 @dataclass(frozen=True)
@@ -28,8 +38,8 @@ class Outlet:
     Attributes:
         candidates: where they are published.
         recall: returns descriptors that others remember.
-        borders: where its shards tell the others what they found.
-        recall_borders: yields what all shards have told of frames from one up to another.
+        borders: where the partial results of its shards are published.
+        recall_borders: yields the partial results of all shards, of frames from one up to another.
     """
 
     candidates: Outbox
@@ -44,68 +54,167 @@ class Frame:
 
     Attributes:
         header: of it.
-        see: called once, when it is its turn.
+        compare: returns how it compares with the places, None for a missing observation; called
+            once, when it is the next to be answered.
         is_awaited: whether it is to be answered; else it was long ago, and is only to be known of.
     """
 
     header: Header
-    see: Callable[[], Seen]
+    compare: Callable[[], Compared | None]
     is_awaited: bool
 
-
-class ChannelStream(ABC):
-    """Answers frames in their order; what did not come is matched as frames that were not seen."""
-
-    @abstractmethod
-    def take(self, frame: Frame) -> None:
-        """Take the next frame that came."""
-
-    def hear(self, header: Header, told: BordersMessage) -> None:  # noqa: B027
-        """Take what another worker tells of its shards."""
-
-    def settle(self) -> None:  # noqa: B027
-        """Do what is due."""
+    @cached_property
+    def compared(self) -> Compared | None:
+        """How it compares with the places; None is a missing observation."""
+        return self.compare()
 
 
-class WholeStream(ChannelStream):
-    """A stream in whole channels: each frame is answered at once."""
+class ChannelStream:
+    """Answers the frames of a stream in order; those that did not come are missing observations.
 
-    def __init__(
-        self,
-        matchers: Mapping[int, tuple[MapMetric, ChannelMatcher]],
-        rule: Rule,
-        first: int,
-        candidates: Outbox,
-    ) -> None:
-        """Take each channel's metric and new matcher, and the number of the first frame."""
-        self._matchers = matchers
+    A frame that is lost to a defect is as one that did not come, in the channels that had none of
+    it.
+    """
+
+    def __init__(self, stage: ChannelStage, rule: Rule, first: int, outlet: Outlet) -> None:
+        """Begin a stream.
+
+        Args:
+            stage: of the channels.
+            rule: how it makes candidates.
+            first: number of the first frame.
+            outlet: of its run.
+        """
+        self._stage = stage
         self._rule: Rule = rule
-        self._next = dict.fromkeys(matchers, first)  # by channel: a defect may cost one a frame
-        self._candidates = candidates
+        self._outlet = outlet
+        self._waiting: deque[Frame] = deque()
+        self._partials: defaultdict[int, dict[tuple[int, int], Partial]] = defaultdict(dict)
+        """Of each frame, by channel and shard."""
+        self._begin(first)
+
+    def _begin(self, first: int) -> None:
+        """Begin anew, with the frame of this number."""
+        self._stream = self._stage.new_stream(first)
+        self._own: Mapping[int, Partial] | None = None
+        """The partial results of the frame that is next, once its local step is done."""
+        self._ask_at = time.monotonic() + _ASK_AFTER_S
 
     def take(self, frame: Frame) -> None:
-        """Publish the candidates of all channels for a frame."""
-        if frame.header.end:
-            self._candidates.put(frame.header)
+        """Take the next frame that came; it is answered in its turn."""
+        self._waiting.append(frame)
+        if len(self._waiting) > 2 * LENGTH:  # none of the others will remember so many
+            self._waiting.popleft()
+            self._begin(self._waiting[0].header.sequence)
+        self._go_on()
+
+    def receive(self, header: Header, message: BordersMessage) -> None:
+        """Take the partial results of another worker's shards."""
+        self._keep(header.sequence, message)
+        self._go_on()
+
+    def settle(self) -> None:
+        """Ask again for what the next frame waits for, once in a while."""
+        if self._waiting and time.monotonic() >= self._ask_at:
+            self._ask()
+            self._ask_at = time.monotonic() + _ASK_AFTER_S
+            self._go_on()
+
+    def _ask(self) -> None:
+        began: dict[int, int] = {}  # by shard
+        stream, first = self._waiting[0].header.stream, self._stream.next
+        for header, payload in self._outlet.recall_borders(stream, first, first + LENGTH):
+            try:
+                message = BordersMessage.decode(payload)
+            except MessageError:
+                continue
+            self._keep(header.sequence, message)
+            began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)
+        begin = max(began.values(), default=first)
+        if begin > first:  # another has begun anew, too late for the frame that is next
+            while self._waiting and self._waiting[0].header.sequence < begin:
+                self._waiting.popleft()
+            self._begin(begin)
+
+    def _keep(self, sequence: int, message: BordersMessage) -> None:
+        """Keep the partial results of a shard until it is their frame's turn."""
+        if message.shards == self._stage.shards:
+            for each in message.summaries:
+                self._keep_one(sequence, each.channel, message.shard, each.summary)
+
+    def _keep_one(self, sequence: int, channel: int, shard: int, partial: Partial) -> None:
+        is_near = self._stream.next <= sequence < self._stream.next + 2 * LENGTH
+        if is_near and channel in self._stage.channels:
+            self._partials[sequence].setdefault((channel, shard), partial)
+
+    def _go_on(self) -> None:
+        """Answer the frames of which the partial results of all shards are there."""
+        while self._waiting:
+            frame = self._waiting[0]
+            if frame.header.end:
+                self._waiting.popleft()
+                self._outlet.candidates.put(frame.header)
+                continue
+            try:
+                if self._own is None:
+                    self._local(frame)
+                partials = self._all_partials()
+                if partials is None:
+                    return
+                self._reduce(frame, partials)
+            except Exception:
+                if self._waiting and self._waiting[0] is frame:  # it must not cost the next ones
+                    self._waiting.popleft()
+                raise
+
+    def _local(self, frame: Frame) -> None:
+        """Do the local step of the frame, or of one before it that was missed, and publish it."""
+        self._own = self._stream.local(frame.compared, frame.header.sequence)
+        sequence, shard, shards = self._stream.next, self._stage.shard, self._stage.shards
+        for old in [old for old in self._partials if old < sequence]:
+            del self._partials[old]
+        for channel, partial in self._own.items():
+            self._keep_one(sequence, channel, shard, partial)
+        if shards > 1:
+            summaries = tuple(
+                ChannelSummary(channel=channel, summary=partial)
+                for channel, partial in self._own.items()
+            )
+            message = BordersMessage(shard=shard, shards=shards, summaries=summaries)
+            self._outlet.borders.put(
+                frame.header.model_copy(update={"sequence": sequence}), message
+            )
+
+    def _all_partials(self) -> dict[int, list[Partial]] | None:
+        """Return the partial results of all shards by channel, for the frame that is next.
+
+        None while some are missing.
+        """
+        assert self._own is not None
+        there = self._partials[self._stream.next]
+        for channel, shard in list(there):
+            if len(there[channel, shard]) != len(self._own[channel]):
+                del there[channel, shard]  # it is of another map, or rule
+        shards = range(self._stage.shards)
+        if any((channel, shard) not in there for channel in self._own for shard in shards):
+            return None
+        return {channel: [there[channel, shard] for shard in shards] for channel in self._own}
+
+    def _reduce(self, frame: Frame, partials: Mapping[int, list[Partial]]) -> None:
+        """Finish the frame whose local step was done, and answer it unless it was missed."""
+        del self._partials[self._stream.next]
+        self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
+        candidates = self._stream.reduce(partials)
+        if self._stream.next <= frame.header.sequence:
             return
-        candidates = self._push(frame.header.sequence, frame.see())
+        self._waiting.popleft()
         if frame.is_awaited:
-            self._candidates.put(frame.header, candidates_message(self._rule, candidates))
+            self._outlet.candidates.put(frame.header, self._message(candidates))
 
-    def _push(self, sequence: int, seen: Seen) -> dict[int, Candidate]:
-        candidates = {}
-        for number, (metric, matcher) in self._matchers.items():
-            for _ in range(min(sequence - self._next[number], matcher.memory)):
-                matcher.push(None)
-            self._next[number] = sequence
-            candidates[number] = matcher.push(seen.get(metric))
-            self._next[number] = sequence + 1
-        return candidates
-
-
-def candidates_message(
-    rule: Rule, candidates: Mapping[int, Candidate], shard: int = 0, shards: int = 1
-) -> CandidatesMessage:
-    """Return what a worker says of a frame: the candidate of each channel, or of a shard of it."""
-    written = tuple(ChannelCandidate.of(*each) for each in candidates.items())
-    return CandidatesMessage(rule=rule, shard=shard, shards=shards, candidates=written)
+    def _message(self, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
+        return CandidatesMessage(
+            rule=self._rule,
+            shard=self._stage.shard,
+            shards=self._stage.shards,
+            candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
+        )

@@ -18,8 +18,8 @@ from placefield.bus.session import open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
-from placefield.features.extract import feature_of_model
+from placefield.features.descriptors import DescriptorModel, Moments
+from placefield.features.stage import DescriptorStage, ImageStream
 from placefield.maps.map import Map, fingerprint
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
@@ -74,7 +74,7 @@ class _Run:
     outlet: Outlet
     counts: Counter[str]
     follower: StreamFollower
-    descriptors: DescriptorStream
+    images: ImageStream
     complained_of: str = ""
     """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
@@ -95,15 +95,15 @@ class Featurizer:
         counts: Mapping[str, Counter[str]],
     ) -> None:
         """Publish and count by run."""
-        self._model = model
-        self._feature = feature_of_model(model)
+        self._standardises = model.standardise
+        self._stage = DescriptorStage(model)
         self._fingerprint = fingerprint(model)
         self._runs = {
             run: _Run(
                 outlet,
                 counts[run],
                 StreamFollower(counts[run], partial(self._join, run)),
-                DescriptorStream(model),
+                self._stage.new_stream(),
             )
             for run, outlet in outlets.items()
         }
@@ -115,9 +115,9 @@ class Featurizer:
         for the next frame rather than to return. Else each would be paid for anew, page by page.
         """
         frame = np.zeros(_LARGE, np.uint8)
-        self._feature.describe(frame)
+        self._stage.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
-        self._feature.describe(frame)
+        self._stage.describe(frame)
 
     def handle(self, received: Received) -> None:
         """Take a frame, publish its descriptor."""
@@ -137,7 +137,7 @@ class Featurizer:
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream, or go on with one where the featurizer before this one was ended."""
         run = self._runs[name]
-        run.descriptors = DescriptorStream(self._model)
+        run.images = self._stage.new_stream()
         if header.sequence == 0:
             return 0
         made, moments = self._recall(run, header)
@@ -149,12 +149,12 @@ class Featurizer:
         if not self._goes_on(header, made, moments):
             run.counts["forgotten"] += 1
             run.patient_from = time.monotonic() + _IMPATIENT_S
-        run.descriptors = DescriptorStream(self._model, moments)
+        run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
     def _goes_on(self, header: Header, made: int, moments: Moments | None) -> bool:
         """Whether enough is known of a stream to go on with it as the one before would have."""
-        return made >= header.oldest - 1 and (moments is not None or not self._model.standardise)
+        return made >= header.oldest - 1 and (moments is not None or not self._standardises)
 
     def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
         """Return the last frame of a stream that was described, and its moments, if known."""
@@ -172,13 +172,13 @@ class Featurizer:
             moments = MomentsMessage.decode(recalled[last][1])
         except MessageError:
             return made, None
-        fits = moments.sums.shape == run.descriptors.moments.sums.shape
+        fits = moments.sums.shape == run.images.moments.sums.shape
         return made, Moments(moments.frames, moments.sums) if fits else None
 
     def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
-        if self._model.standardise and feature is not None:  # before what was made with them
-            moments = run.descriptors.moments
+        if self._standardises and feature is not None:  # before what was made with them
+            moments = run.images.moments
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outlet.moments.put(header, message)
         run.outlet.features.put(header, feature)
@@ -186,7 +186,7 @@ class Featurizer:
     def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.descriptors.push(self._feature.describe(frame.image))
+            descriptor = run.images.push(frame.image)
             run.counts["blank"] += descriptor is None
         except FrameError as error:
             run.counts["unreadable"] += 1

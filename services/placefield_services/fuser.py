@@ -6,8 +6,6 @@ import time
 from collections import Counter, deque
 from functools import partial
 
-import numpy as np
-
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import MOMENTS, History, Memory, Outbox, remembering, share
 from placefield.bus.inbox import Inbox, Received
@@ -21,12 +19,11 @@ from placefield.bus.messages import (
 )
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
-from placefield.config import Config, MatchingConfig, Rule
+from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.match import Match
-from placefield.fusion.rules import fuse
-from placefield.fusion.shards import ShardJoiner
+from placefield.fusion.stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels
@@ -63,7 +60,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             fusers[run] = Fuser(
                 placemap, config, keys, channels, (features, moments), *outlets, process.counts[run]
             )
-        rehearse(placemap.places.count, config.matching)
+        FusionStage(placemap.places.count, config.matching).rehearse()
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
@@ -81,13 +78,6 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
 def _remember(history: History, received: Received) -> None:
     MomentsMessage.decode(received.payload)
     history.remember(received.header, received.payload)
-
-
-def rehearse(count: int, matching: MatchingConfig) -> None:
-    """Fuse a candidate of no frame, so that what is made at its first use is made."""
-    places = np.arange(count, dtype=np.int32)
-    belief = np.full(count, 1 / count, np.float32)
-    fuse([Candidate(0, float(belief[0]), places, belief)], matching)
 
 
 class Fuser:
@@ -109,6 +99,7 @@ class Fuser:
     ) -> None:
         self._map = placemap
         self._config = config
+        self._stage = FusionStage(placemap.places.count, config.matching)
         self._feature_key = keys.feature
         self.channels = channels
         self._memories = memories
@@ -127,7 +118,7 @@ class Fuser:
             first=first,
             gaps_expected=live,
         )
-        self._shards = ShardJoiner(self._config.matching.rule)
+        self._shards = self._stage.new_joiner()
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
 
@@ -204,7 +195,7 @@ class Fuser:
             joined = self._shards.add(sequence, each.channel, *part, each.candidate)
             if joined is not None:
                 if message.shards > 1:  # a whole channel's was checked as it came
-                    self._check(joined)
+                    self._check(joined, 1)
                 whole.append((each.channel, joined))
         for channel, candidate in whole:
             self._joiner.add(sequence, channel, candidate, now)
@@ -224,20 +215,13 @@ class Fuser:
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
         for each in message.candidates:  # a message is taken as a whole or not at all
-            if message.shards == 1:
-                self._check(each.candidate)
-            elif len(each.candidate.evidence) > self._map.places.count:
-                raise self._of_another_map()
+            self._check(each.candidate, message.shards)
         return message
 
-    def _check(self, candidate: Candidate) -> None:
-        rule, places = self._config.matching.rule, self._map.places.count
-        if not _fits(candidate, rule, places):
-            raise self._of_another_map()
-
-    def _of_another_map(self) -> MessageError:
-        places = self._map.places.count
-        return MessageError(f"candidate of another map: this fuser's has {places} places")
+    def _check(self, candidate: Candidate, shards: int) -> None:
+        if not self._stage.fits(candidate, shards):
+            places = self._map.places.count
+            raise MessageError(f"candidate of another map: this fuser's has {places} places")
 
     def release(self) -> None:
         """Publish the matches of frames that are complete or due, and the last one's credit."""
@@ -284,19 +268,5 @@ class Fuser:
         """Make one match of a frame's candidates; a defect costs its answer, and no other's."""
         with counting_failure([self._counts]):
             candidates = list(joined.candidates.values())
-            return fuse(candidates, self._config.matching, missing=joined.missing)
+            return self._stage.fuse(candidates, joined.missing)
         return Match(UNANSWERED, 0.0, tuple(self.channels.all))
-
-
-def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:
-    """Whether place and evidence are what the rule has, of a map of so many places."""
-    places, evidence = candidate.places, candidate.evidence
-    if candidate.place >= count:
-        return False
-    if rule == "lowest-score" or candidate.place == UNANSWERED:
-        return len(places) == len(evidence) == 0
-    if rule == "evidence":
-        return len(places) == 0 and len(evidence) == count
-    if not len(places) == len(evidence) > 0:
-        return False
-    return bool(places[0] >= 0 and places[-1] < count and (places[:-1] < places[1:]).all())

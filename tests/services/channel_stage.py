@@ -13,11 +13,11 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import BordersMessage, CandidatesMessage, FeatureMessage, Header
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, fingerprint
-from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.sharding import ChannelShard
 from placefield_services.channel import ChannelWorker
 from placefield_services.channel_streams import Outlet
-from placefield_services.served_channels import WholeChannels
+from placefield_services.served_channels import ServedChannels
 
 RUNS = ("day", "night")
 
@@ -46,7 +46,7 @@ class Stage:
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
         outlets = {run: self._outlet(run) for run in RUNS}
-        served = WholeChannels(placemap, channels, matching)
+        served = ServedChannels(placemap, channels, matching)
         served.rehearse()
         self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
 
@@ -95,7 +95,8 @@ def offline(
     *,
     reverse: bool = False,
 ) -> list[Told]:
-    matcher = matcher_of(placemap.channels[channel], rule, reverse=reverse)
+    matching = MatchingConfig(rule=rule, reverse=reverse)
+    matcher = ChannelShard(placemap.channels[channel], matching).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=False)
     candidates = [
         matcher.push(None if descriptor is None else next(iter(places.compare(descriptor[None]))))

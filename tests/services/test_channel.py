@@ -13,9 +13,9 @@ from placefield.bus.messages import CandidatesMessage, FeatureMessage
 from placefield.config import Config, Rule
 from placefield.errors import ConfigError, MessageError
 from placefield.maps.map import Map
-from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import FilterMatcher
 from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.filter_matcher import FilterMatcher
+from placefield.matching.matcher import Partial
 from placefield_services.channel import run_channels
 
 
@@ -205,14 +205,14 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
         for sequence, descriptor in enumerate(descriptors[:8])
         for run in RUNS
     ]
-    pushed, real = iter(range(1000)), FilterMatcher.push
+    pushed, real = iter(range(1000)), FilterMatcher.local
 
-    def push(self: FilterMatcher, seen: Comparison | None) -> Candidate:
+    def local(self: FilterMatcher, seen: Comparison | None) -> Partial:
         if next(pushed) == 9:  # two runs and two channels: the second channel, in the third frame
             raise ZeroDivisionError
         return real(self, seen)
 
-    monkeypatch.setattr(FilterMatcher, "push", push)
+    monkeypatch.setattr(FilterMatcher, "local", local)
     stage.handle(*batch)
     assert stage.counts[RUNS[0]]["failed"] == 1
     seen = [None if s == 2 else d for s, d in enumerate(descriptors[:8])]

@@ -10,6 +10,7 @@ from placefield.bus.messages import (
     Header,
     HistoryQuery,
 )
+from placefield.fusion.stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_PLACES, Candidate
 from placefield_services import fuser as fuser_module
@@ -85,7 +86,7 @@ def test_a_defect_in_one_frame_is_answered_by_nothing_and_costs_no_other(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(fuser_module, "fuse", lambda *_, **__: 1 // 0)
+        patch.setattr(FusionStage, "fuse", lambda *_, **__: 1 // 0)
         stage.announce(header(0))
         stage.answer((0, 1, 2), header(0))
     stage.announce(header(1))

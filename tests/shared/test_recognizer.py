@@ -20,8 +20,8 @@ from placefield.maps.map import Map
 from placefield.maps.metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.sharding import ChannelShard
 from placefield.recognizer import Recognizer
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -56,7 +56,7 @@ def test_every_channel_is_matched_under_its_own_metric(
     config = MatchingConfig(rule=rule, reverse=reverse)
     recognizer = Recognizer(replace(small_map, channels=channels), config)
 
-    matchers = [matcher_of(channel, rule, reverse=reverse) for channel in channels]
+    matchers = [ChannelShard(channel, config).new_matcher() for channel in channels]
     places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
     for frame, descriptor in enumerate(small_map.model.of_reference(make_traverse(noise=0.3).raw)):
         seen = frame not in (0, 30, 31)

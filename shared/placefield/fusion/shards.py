@@ -6,7 +6,7 @@ import numpy as np
 
 from placefield.config import Rule
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.channel_matcher import NEXT_TO_NOTHING
+from placefield.matching.filter_matcher import NEXT_TO_NOTHING
 
 
 class ShardJoiner:

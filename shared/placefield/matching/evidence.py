@@ -1,64 +1,115 @@
-"""The rule ``evidence``: what all window lengths say of every place, on one scale."""
+"""The rule ``evidence``: what all window lengths say of every place, on one scale.
+
+For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean
+distance in the window that ends at place j, and mean and deviation are over all places. The
+evidence of place j is the mean of z_s(j) over s: the lower the better, in deviations below an
+average place. The sums give the same z_s as the means. A window in which all places are alike, as
+after some missing observations, says nothing and is left out.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
-from placefield.matching.windows import Sums, WindowSums
+from placefield.matching.matcher import Partial
+from placefield.matching.window_matcher import WindowMatcher
+from placefield.matching.windows import Sums
 
 
-def evidence(windows: WindowSums) -> Candidate:
-    """Average the windows' z-normalised mean distances.
+class EvidenceMatcher(WindowMatcher):
+    """Averages the windows' sums, normalised over all places.
 
-    For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean
-    distance in the window that ends at place j, and mean and deviation are over all places. The
-    evidence of place j is the mean of z_s(j) over s: the lower the better, in deviations below an
-    average place. The sums give the same z_s as the means. A window in which all places are alike,
-    as after some frames that were not seen, says nothing and is left out.
-
-    Returns:
-        The candidate of lowest evidence; ``NO_CANDIDATE`` where no window tells places apart, as
-        before the first frame that was seen.
+    A partial result is how many places the shard has, the sum of each window's sums over them, and
+    the sum of their squared differences from their mean.
     """
-    scores = np.zeros(windows.places)
-    if not _mean_of_normalised(windows.columns, windows.first_column, scores):
-        return NO_CANDIDATE
-    place = int(np.argmin(scores))
-    return Candidate(place, float(scores[place]), NO_PLACES, scores.astype(np.float32))
+
+    def _partial(self) -> Partial:
+        windows = self._windows
+        places, lengths = windows.places - self._reached_back, len(windows.row_lengths)
+        partial = np.empty(1 + 2 * lengths)
+        partial[0] = places
+        totals, squares = partial[1 : 1 + lengths], partial[1 + lengths :]
+        _sum_up(windows.columns, windows.column(self._reached_back), places, totals, squares)
+        return partial
+
+    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate of lowest evidence.
+
+        ``NO_CANDIDATE`` where no window tells places apart, as before the first observation.
+        """
+        windows = self._windows
+        means, deviations = _moments(np.stack(partials))
+        scores = np.zeros(windows.places - self._reached_back)
+        first = windows.column(self._reached_back)
+        if not _average_normalised(windows.columns, first, means, deviations, scores):
+            return NO_CANDIDATE
+        place = int(np.argmin(scores))
+        evidence = scores.astype(np.float32)
+        return Candidate(self._first + place, float(scores[place]), NO_PLACES, evidence)
 
 
 @kernel
-def _mean_of_normalised(columns: Sums, first: int, scores: NDArray[np.float64]) -> int:
-    """Add up the normalised sums over the windows that tell places apart; return how many do."""
+def _moments(partials: Sums) -> tuple[Sums, Sums]:
+    """Return mean and standard deviation of each window's sums over all shards' places.
+
+    Partial results (S, 1 + 2 n) are added up in the order of the shards.
+    """
+    lengths = (partials.shape[1] - 1) // 2
+    means, deviations = np.zeros(lengths), np.zeros(lengths)
+    every = 0.0
+    for shard in range(len(partials)):
+        every += partials[shard, 0]
+        for row in range(lengths):
+            means[row] += partials[shard, 1 + row]
+    for row in range(lengths):
+        means[row] /= every
+        for shard in range(len(partials)):
+            places, total = partials[shard, 0], partials[shard, 1 + row]
+            apart = total / places - means[row]
+            deviations[row] += partials[shard, 1 + lengths + row] + places * (apart * apart)
+        deviations[row] = np.sqrt(deviations[row] / every)
+    return means, deviations
+
+
+@kernel
+def _sum_up(columns: Sums, first: int, places: int, totals: Sums, squares: Sums) -> None:
+    """Write the sum of each window's sums, and of their squared differences from their mean."""
+    sums = np.empty(places)
+    for row in range(len(columns)):
+        _gather(columns[row], first, sums)
+        totals[row] = sum_of(sums)
+        mean = totals[row] / places
+        for place in range(places):
+            sums[place] = (sums[place] - mean) * (sums[place] - mean)
+        squares[row] = sum_of(sums)
+
+
+@kernel
+def _average_normalised(
+    columns: Sums, first: int, means: Sums, deviations: Sums, scores: NDArray[np.float64]
+) -> int:
+    """Average the normalised sums over the windows that tell places apart; return how many do."""
     places = len(scores)
-    before_wrap = min(columns.shape[1] - first, places)
-    sums = np.empty(places)  # in the order of the map, so that they are added up in one order
+    sums = np.empty(places)
     telling = 0
     for row in range(len(columns)):
-        sums[:before_wrap] = columns[row, first : first + before_wrap]
-        sums[before_wrap:] = columns[row, : places - before_wrap]
-        mean = sum_of(sums) / places
-        squares = squares_of(sums, mean)
-        if squares > 0:
+        if deviations[row] > 0:
             telling += 1
-            add_normalised(sums, mean, 1 / np.sqrt(squares / places), scores)
+            _gather(columns[row], first, sums)
+            scale = 1 / deviations[row]
+            for place in range(places):
+                scores[place] += (sums[place] - means[row]) * scale
     for place in range(places):
         scores[place] /= max(telling, 1)
     return telling
 
 
 @kernel
-def squares_of(sums: Sums, mean: float) -> float:
-    """Sum the squared differences of sums (K,) from a mean."""
-    squares = np.empty_like(sums)
-    for column in range(len(sums)):
-        squares[column] = (sums[column] - mean) * (sums[column] - mean)
-    return sum_of(squares)
-
-
-@kernel
-def add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.float64]) -> None:
-    """Add to scores (K,) by how much sums are above a mean, times a scale."""
-    for column in range(len(sums)):
-        scores[column] += (sums[column] - mean) * scale
+def _gather(columns: Sums, first: int, sums: Sums) -> None:
+    """Copy sums in the order of the map, from a column on and around: one order to add them in."""
+    before_wrap = min(len(columns) - first, len(sums))
+    sums[:before_wrap] = columns[first : first + before_wrap]
+    sums[before_wrap:] = columns[: len(sums) - before_wrap]

@@ -4,17 +4,16 @@ Causal: windows end at the newest query frame and at the place that is its answe
 paper's begin there.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
-from placefield.matching.candidate import (
-    NO_CANDIDATE,
-    NO_EVIDENCE,
-    NO_PLACES,
-    Candidate,
-)
-from placefield.matching.windows import Sums, WindowSums
+from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, NO_PLACES, Candidate
+from placefield.matching.matcher import Partial
+from placefield.matching.window_matcher import WindowMatcher
+from placefield.matching.windows import Sums
 
 Hypotheses = NDArray[np.float64]
 """Of each coarse scale, (n, 3): its lowest sum, the hypothesis, and the sum at the smallest scale.
@@ -23,47 +22,41 @@ All are infinite where the stream is shorter than the scale yet, or the map is.
 """
 
 
-def lowest_score(windows: WindowSums) -> Candidate:
-    """Return the hypothesis of the lowest fine score over all coarse scales that have a window yet.
+class LowestScoreMatcher(WindowMatcher):
+    """Finds the best hypothesis of all coarse scales that have a window yet.
 
-    Args:
-        windows: their first length is the smallest scale s_min, the others are the coarse scales
-            s_c, ascending.
-
-    Returns:
-        The candidate (Y_o, F(Y_o)); ``NO_CANDIDATE`` while the stream is shorter than the
-        smallest coarse scale, or the map is.
+    Of the windows, the first length is the smallest scale s_min, the others are the coarse scales
+    s_c, ascending. A partial result is each coarse scale's hypothesis.
     """
-    found = hypotheses(windows)
-    return best_of(found, windows.unit)
 
+    def _partial(self) -> Partial:
+        windows = self._windows
+        found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
+        _find_hypotheses(
+            windows.columns,
+            windows.column(0),
+            self._reached_back,
+            windows.places,
+            windows.row_lengths,
+            windows.frames,
+            found,
+        )
+        found[:, 1] += self._first_observed
+        return found.ravel()
 
-def hypotheses(windows: WindowSums, own: int = 0) -> Hypotheses:
-    """Return the hypothesis of each coarse scale, (n, 3).
+    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate (Y_o, F(Y_o)), each scale's of the shard that it finds best.
 
-    Args:
-        windows: see ``lowest_score``.
-        own: the first place at which a window may end that is considered.
-    """
-    found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
-    _find_hypotheses(
-        windows.columns,
-        windows.first_column,
-        own,
-        windows.places,
-        windows.row_lengths,
-        windows.frames,
-        found,
-    )
-    return found
-
-
-def best_of(found: Hypotheses, unit: float) -> Candidate:
-    """Return the best of the hypotheses, whose scores are in squared units."""
-    _, place, score = found[np.argmin(found[:, 2])]
-    if score == np.inf:
-        return NO_CANDIDATE
-    return Candidate(int(place), float(score) * unit**2, NO_PLACES, NO_EVIDENCE)
+        ``NO_CANDIDATE`` while the stream is shorter than the smallest coarse scale, or the map is.
+        """
+        found: Hypotheses = np.stack(partials).reshape(len(partials), -1, 3)
+        best = found[:, :, 0].argmin(axis=0)
+        of_scales = found[best, np.arange(len(best))]
+        _, place, score = of_scales[of_scales[:, 2].argmin()].tolist()
+        if score == np.inf:
+            return NO_CANDIDATE
+        unit = self._windows.unit
+        return Candidate(int(place), score * unit**2, NO_PLACES, NO_EVIDENCE)
 
 
 @kernel

@@ -52,6 +52,7 @@ _STEP_DEVIATION = 0.3  # between the lengths of a step in two traverses; descrip
 _NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
 _LOST_EVIDENCE = 0.75  # that chance gives a frame for the best of places over an average one, nats
 _UNSEEN = -1.0  # length of a step of which nothing is known
+_NO_BORDERS = np.zeros((2, len(SPEEDS), 0), np.float32)
 _SAMPLE = 1000  # places that stand for all where only a mean is wanted
 
 
@@ -63,7 +64,7 @@ class Share(NamedTuple):
         believed: sum of the beliefs in the places of map and decoy, in a unit of the shard's own.
         likelihood: sum of the places' likelihoods, in that unit.
         borders: (2, S, 2) float32, beliefs in it of the last two places in the map and of the first
-            two in the decoy, from where the vehicle may leave the shard.
+            two in the decoy, from where the vehicle may leave the shard; (2, S, 0) of the only one.
     """
 
     nearest: int
@@ -91,13 +92,11 @@ class _Sight(NamedTuple):
 class PlaceFilter:
     """The belief in every place, given the frames so far; ``begun`` once one was seen.
 
-    Or in the places of one shard, consecutive ones. A frame then takes two halves: ``take`` it, and
-    ``settle`` with what the others have of it. All replicate the belief that the vehicle is lost.
+    These are the places of one shard, consecutive ones. A frame takes two halves: ``take`` it, and
+    ``settle`` with what all shards have of it. All replicate the belief that the vehicle is lost.
     """
 
-    def __init__(
-        self, steps: Array, jumps: Array, persistence: float, shard: slice | None = None
-    ) -> None:
+    def __init__(self, steps: Array, jumps: Array, persistence: float, own: slice) -> None:
         """Prepare for a new stream.
 
         Args:
@@ -105,14 +104,13 @@ class PlaceFilter:
                 before that.
             jumps: (J,) float32, how far places are from others that have nothing to do with them.
             persistence: how many frames a speed lasts, on average.
-            shard: whose places of these K to filter; at least two, if not all.
+            own: the shard's places of these K; at least two, if not all.
         """
         typical = float(np.median(steps[0]))
         self._typical_step = typical if typical > 0 else 1.0
         standing = _NOISE * self._typical_step
         self._all_places = steps.shape[1]
         self._motion = _motion(persistence, self._all_places)
-        own = slice(0, self._all_places) if shard is None else shard
         some = np.maximum(evenly_spaced(steps.T).T.copy(), np.float32(standing))
         arriving = np.maximum(steps[:, own.start : own.stop + REACH], np.float32(standing))
         self._steps = Steps(arriving, some, jumps, standing, _STEP_DEVIATION)
@@ -127,14 +125,6 @@ class PlaceFilter:
         self._sight = _Sight(0, 0.0, self._of_place, 1.0)
         self._last: Codes | None = None
         self.begun = False
-
-    def push(self, frame: Comparison) -> None:
-        """Take the next frame, where there are no other shards."""
-        self._weigh(*self._move(frame))
-
-    def push_unseen(self) -> None:
-        """Take a frame that was not seen, likewise: the vehicle has moved on all the same."""
-        self._weigh(*self._move_unseen())
 
     def take(self, frame: Comparison) -> Share:
         """Take the next frame as far as it can be taken with no word of the other shards."""
@@ -153,11 +143,11 @@ class PlaceFilter:
         """
         nearest = min(share.nearest for share in shares)
         units = [math.exp((nearest - share.nearest) * self._sight.sharpness) for share in shares]
-        both = list(zip(units, shares, strict=True))
-        self._weigh(
-            sum(unit * share.believed for unit, share in both),
-            sum(unit * share.likelihood for unit, share in both),
-        )
+        believed = likelihood = 0.0
+        for unit, share in zip(units, shares, strict=True):
+            believed += unit * share.believed
+            likelihood += unit * share.likelihood
+        self._weigh(believed, likelihood)
         self._unit = units[own]
         for sheet, neighbour in enumerate((own - 1, own + 1)):
             if 0 <= neighbour < len(shares):
@@ -212,6 +202,8 @@ class PlaceFilter:
             self._total = believed + self._lost
 
     def _share(self, believed: float, likelihood: float) -> Share:
+        if self._belief.shape[2] == self._all_places:
+            return Share(self._sight.nearest, believed, likelihood, _NO_BORDERS)
         borders = np.zeros_like(self._outside)
         if self.begun:
             borders[0] = self._belief[0, :, -REACH:]

@@ -9,8 +9,7 @@ import numpy as np
 from placefield.config import MatchingConfig
 from placefield.maps.layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
 from placefield.maps.map import MapChannel
-from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import MetricPlaces
+from placefield.matching.stage import ChannelStage
 
 _PLACES = 100  # compiled code is the same for any number of them
 
@@ -18,14 +17,15 @@ Part = TypeVar("Part", bound=Any)
 
 
 def rehearse(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
-    """Match frames of no stream along the first places of each channel."""
-    for channel in map(beginning_of, channels):
-        frame = np.eye(1, channel.metric.projection.shape[1], dtype=np.float32)
-        places = MetricPlaces(channel.metric, exact=matching.compares_exactly)
-        matcher = matcher_of(channel, matching.rule, reverse=matching.reverse)
-        for compared in places.compare(np.concatenate([frame, -frame, frame])):
-            matcher.push(compared)
-            matcher.push(None)
+    """Match frames of no stream along the first places of each channel.
+
+    What is made at the first use of whole channels is all that shards use.
+    """
+    stage = ChannelStage(dict(enumerate(map(beginning_of, channels))), matching)
+    stream, frame = stage.new_stream(), np.eye(1, stage.dimensions, dtype=np.float32)[0]
+    for compared in stage.compare([frame, -frame, frame]):
+        stream.push(compared)
+        stream.push(None)
 
 
 def beginning_of(channel: MapChannel) -> MapChannel:

@@ -1,30 +1,33 @@
-"""A map's places cut into shards, each for a worker of its own, perhaps on another host."""
+"""A channel's places cut into shards, each for a worker of its own, perhaps on another host."""
 
 from dataclasses import replace
 
-from placefield.config import Rule
+from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
-from placefield.matching.channel_matcher import filter_model
-from placefield.matching.filter_step import REACH
-from placefield.matching.place_filter import PlaceFilter
-from placefield.matching.shard_matcher import FilterShard, ReverseShard, ShardMatcher
-from placefield.matching.window_shards import EvidenceShard, LowestScoreShard, MeanDistance
+from placefield.matching.evidence import EvidenceMatcher
+from placefield.matching.filter_matcher import LEAST_PLACES, FilterMatcher, filter_model
+from placefield.matching.lowest_score import LowestScoreMatcher
+from placefield.matching.matcher import Matcher, ReverseMatcher
+from placefield.matching.window_matcher import MeanDistance
 from placefield.matching.windows import WindowSums
 from placefield.metric.spread import Spread, spread_of
 
-_WINDOW_RULES = {"evidence": EvidenceShard, "lowest-score": LowestScoreShard}
+_WINDOW_RULES = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}
 
 
-class ShardMetrics:
+class MetricShards:
     """What the shards of several channels under one metric share, each made once."""
 
     def __init__(self) -> None:
         self._cuts: dict[tuple[MapMetric, int, int], MapMetric] = {}
         self._spreads: dict[MapMetric, Spread] = {}
+        self._mean_distances: dict[MapMetric, MeanDistance] = {}
 
     def cut(self, metric: MapMetric, places: slice) -> MapMetric:
-        """Return a metric with these places alone."""
+        """Return a metric with these places alone; the metric itself if these are all."""
+        if places == slice(0, len(metric.places)):
+            return metric
         key = metric, places.start, places.stop
         if key not in self._cuts:
             self._cuts[key] = _cut(metric, places)
@@ -37,9 +40,15 @@ class ShardMetrics:
             self._spreads[metric] = spread_of(metric.places) if coarse is None else coarse.spread
         return self._spreads[metric]
 
+    def mean_distance(self, metric: MapMetric) -> MeanDistance:
+        """Return what tells a frame's mean distance under a metric; this reads all places."""
+        if metric not in self._mean_distances:
+            self._mean_distances[metric] = MeanDistance(metric)
+        return self._mean_distances[metric]
+
 
 class ChannelShard:
-    """One shard of a map's channel: what all streams in it share.
+    """One shard of a map's channel: what all streams in it share. A whole channel is 0 of 1.
 
     Attributes:
         metric: the channel's, with those places alone that frames are to be compared with.
@@ -52,62 +61,60 @@ class ChannelShard:
     def __init__(
         self,
         channel: MapChannel,
-        rule: Rule,
-        shard: int,
-        shards: int,
-        metrics: ShardMetrics,
-        *,
-        reverse: bool = False,
+        matching: MatchingConfig,
+        shard: int = 0,
+        shards: int = 1,
+        shared: MetricShards | None = None,
     ) -> None:
-        """Prepare a shard; this reads all places of the map once.
+        """Prepare a shard; but for a whole channel under ``filter``, this may read all places.
 
         Args:
             channel: of the whole map.
-            rule: how candidates are made.
+            matching: the rule, and whether the route is driven the other way: windows and steps
+                then follow the places in reverse order.
             shard: which of them, from 0.
             shards: how many there are.
-            metrics: of all channels of a worker.
-            reverse: whether the route is driven the other way, see ``matcher_of``.
+            shared: with the other channels of a worker.
 
         Raises:
             ConfigError: the map has too few places for so many shards.
         """
-        self._channel, self._rule, self._reverse = channel, rule, reverse
+        shared = shared or MetricShards()
+        self._channel, self._matching = channel, matching
         metric, self._places = channel.metric, len(channel.metric.places)
         longest = int(channel.scales.max())
-        self.own = shard_range(self._places, shard, shards, max(longest, REACH))
+        self.own = shard_range(self._places, shard, shards, max(longest, LEAST_PLACES))
         # In the order in which they are driven past.
-        self._number = shards - 1 - shard if reverse else shard
+        self._number = shards - 1 - shard if matching.reverse else shard
         self._driven = self._turned(self.own)
-        self._seen = self._driven
-        if rule == "filter":
-            self._spread = metrics.spread(metric)
+        self._observed = self._driven
+        if matching.rule == "filter":
+            self._model = filter_model(channel, reverse=matching.reverse)
+            self._spread = shared.spread(metric) if shards > 1 else None
         else:
-            self._mean_distance = MeanDistance(metric)
-            self._seen = slice(max(self._driven.start - longest + 1, 0), self._driven.stop)
-        self.metric = metrics.cut(metric, self._turned(self._seen))
+            self._mean_distance = shared.mean_distance(metric)
+            self._observed = slice(max(self._driven.start - longest + 1, 0), self._driven.stop)
+        self.metric = shared.cut(metric, self._turned(self._observed))
 
     def _turned(self, places: slice) -> slice:
         """Return where places are in the map that are so in driven order, or the reverse."""
-        if not self._reverse:
+        if not self._matching.reverse:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
-    def new_matcher(self) -> ShardMatcher:
+    def new_matcher(self) -> Matcher:
         """Return a matcher for a new stream; frames are compared under this shard's metric."""
-        matcher = self._filter() if self._rule == "filter" else self._windows()
-        return ReverseShard(matcher, self._places) if self._reverse else matcher
+        matcher = self._filter() if self._matching.rule == "filter" else self._windows()
+        return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
-    def _filter(self) -> ShardMatcher:
-        model = filter_model(self._channel, reverse=self._reverse)
-        place_filter = PlaceFilter(*model, self._driven)
-        return FilterShard(place_filter, self._spread, self._driven.start, self._number)
+    def _filter(self) -> Matcher:
+        return FilterMatcher(self._model, self._driven, self._number, self._spread)
 
-    def _windows(self) -> ShardMatcher:
+    def _windows(self) -> Matcher:
         scales = self._channel.scales.tolist()
         windows = WindowSums(scales, len(self.metric.places), self.metric.unit)
-        make = _WINDOW_RULES[self._rule]
-        return make(windows, self._mean_distance, self._seen, self._driven)
+        make = _WINDOW_RULES[self._matching.rule]
+        return make(windows, self._mean_distance, self._observed, self._driven)
 
 
 def shard_range(places: int, shard: int, shards: int, least: int) -> slice:

@@ -41,45 +41,28 @@ class WindowSums:
         self.columns = np.zeros((len(lengths), places + max(lengths)))
         self._ring = np.zeros((max(lengths) + 1, self.columns.shape[1]), np.int32)
 
-    def push(self, distances: Distances, mean: int | None = None) -> None:
-        """Take the newest frame's distances to all places, (K,).
+    def push(self, distances: Distances, mean: int) -> None:
+        """Take the newest frame's distances to the places, (K,) int32, and their mean.
 
-        And their mean, if that is over more places than these.
+        The mean is over all places of the map, which may be more than these.
         """
         newest = self._ring[self.frames % len(self._ring)]
-        self._mean = _mean_of(distances) if mean is None else mean
-        _enter(newest, distances, self._column(self.frames), self._mean)
+        self._mean = mean
+        _enter(newest, distances, -self.frames % self.columns.shape[1], mean)
         _slide(self.columns, self._ring, self.frames, self.row_lengths)
         self.frames += 1
 
     def push_unseen(self) -> None:
-        """Take a frame that was not seen: from every place as far as the last one on average.
+        """Take a missing observation: from every place as far as the last one on average.
 
-        A stream begins with the first frame that was seen; those before it are not counted.
+        A stream begins with the first observation; frames before it are not counted.
         """
         if self.frames:
             self.push(np.full(self.places, self._mean, np.int32), self._mean)
 
-    @property
-    def first_column(self) -> int:
-        """Where the first place's sums are in ``columns``; the others' follow it, and wrap."""
-        return self._column(max(self.frames - 1, 0))
-
-    @property
-    def sums(self) -> Sums:
-        """Sum of each window, (lengths, K); entry j is of the window that ends at place j."""
-        return np.roll(self.columns, -self.first_column, axis=1)[:, : self.places]
-
-    def _column(self, frame: int) -> int:
-        return -frame % self.columns.shape[1]
-
-
-@kernel
-def _mean_of(distances: Distances) -> int:
-    total = 0
-    for place in range(len(distances)):
-        total += distances[place]
-    return round(total / len(distances))
+    def column(self, place: int) -> int:
+        """Return where a place's sums are in ``columns``; the next ones' follow it, and wrap."""
+        return (place - max(self.frames - 1, 0)) % self.columns.shape[1]
 
 
 @kernel

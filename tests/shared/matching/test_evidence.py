@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from windowed import Windowed
 
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.evidence import evidence
-from placefield.matching.windows import WindowSums
+from placefield.matching.evidence import EvidenceMatcher
 
 MOST = (2 * 4015) ** 2
 """The largest squared distance between codes."""
@@ -45,10 +45,9 @@ def test_evidence_is_the_literal_one(
     lengths: list[int], places: int, frames: int, seed: int
 ) -> None:
     distances = made_up_distances(frames, places, seed)
-    windows = WindowSums(lengths, places)
+    windows = Windowed(EvidenceMatcher, lengths, places)
     for newest in range(frames):
-        windows.push(distances[newest])
-        candidate = evidence(windows)
+        candidate = windows.push(distances[newest])
         expected = literal_evidence(distances[: newest + 1], lengths)
         np.testing.assert_allclose(candidate.evidence, expected, atol=1e-4)
         assert candidate.evidence.dtype == np.float32
@@ -61,51 +60,44 @@ def test_evidence_is_the_literal_one(
 def test_wherever_the_windows_have_come_to_the_evidence_has_the_same_bits(places: int) -> None:
     """A worker that starts anew with the frames of its longest window goes on as before."""
     distances = made_up_distances(60, places, seed=0)
-    old = WindowSums([3, 5, 9], places)
+    old = Windowed(EvidenceMatcher, [3, 5, 9], places)
     for newest in range(60):
-        old.push(distances[newest])
-        new = WindowSums([3, 5, 9], places)
+        one = old.push(distances[newest])
+        new = Windowed(EvidenceMatcher, [3, 5, 9], places)
         for row in distances[max(newest - 8, 0) : newest + 1]:
-            new.push(row)
-        one, other = evidence(old), evidence(new)
+            other = new.push(row)
         assert (one.place, one.score) == (other.place, other.score)
         assert one.evidence.tobytes() == other.evidence.tobytes()
 
 
 @pytest.mark.parametrize("places", [1, 10, 1261])
 def test_where_all_places_are_alike_there_is_no_candidate(places: int) -> None:
-    windows = WindowSums([2, 3, 7], places)
+    windows = Windowed(EvidenceMatcher, [2, 3, 7], places)
     for distance in made_up_distances(1, 20, 0)[0]:
-        windows.push(np.full(places, distance))
-        assert evidence(windows).place == UNANSWERED
+        assert windows.push(np.full(places, distance)).place == UNANSWERED
 
 
 def test_before_the_first_frame_that_was_seen_there_is_no_candidate() -> None:
-    windows = WindowSums([2, 3], 10)
+    windows = Windowed(EvidenceMatcher, [2, 3], 10)
     for _ in range(5):
-        windows.push_unseen()
-        assert evidence(windows).place == UNANSWERED
-    windows.push(made_up_distances(1, 10, 0)[0])
-    assert evidence(windows).place != UNANSWERED
+        assert windows.push_unseen().place == UNANSWERED
+    assert windows.push(made_up_distances(1, 10, 0)[0]).place != UNANSWERED
 
 
 def test_in_darkness_the_longest_window_knows_until_it_is_dark_as_a_whole() -> None:
-    windows = WindowSums([3, 9], 1261)
+    windows = Windowed(EvidenceMatcher, [3, 9], 1261)
     windows.push(made_up_distances(1, 1261, 0)[0])
     answered = []
     for _ in range(20):
-        windows.push_unseen()
-        answered.append(evidence(windows).place != UNANSWERED)
+        answered.append(windows.push_unseen().place != UNANSWERED)
     assert answered == [True] * 8 + [False] * 12
 
 
 def test_a_candidate_stays_what_it_was() -> None:
     distances = made_up_distances(5, 10, 0)
-    windows = WindowSums([2, 3], 10)
-    windows.push(distances[0])
-    candidate = evidence(windows)
+    windows = Windowed(EvidenceMatcher, [2, 3], 10)
+    candidate = windows.push(distances[0])
     kept = candidate.evidence.copy()
     for row in distances[1:]:
         windows.push(row)
-        evidence(windows)
     np.testing.assert_array_equal(candidate.evidence, kept)

@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from windowed import Windowed
 
 from placefield.config import MatchingConfig
 from placefield.fusion.rules import fuse
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED
-from placefield.matching.lowest_score import lowest_score
-from placefield.matching.windows import WindowSums
+from placefield.matching.lowest_score import LowestScoreMatcher
 
 Array = NDArray[np.int32]
 Scored = tuple[float, int]
@@ -86,12 +86,11 @@ def test_places_and_scores_are_those_of_the_equations(
     channels: list[tuple[Array, list[int]]],
 ) -> None:
     frames, places = channels[0][0].shape
-    windows = [WindowSums(scales, places, unit=0.25) for _, scales in channels]
+    windows = [Windowed(LowestScoreMatcher, scales, places, unit=0.25) for _, scales in channels]
     for newest in range(frames):
         candidates = []
         for channel, (D, scales) in zip(windows, channels, strict=True):
-            channel.push(D[newest])
-            candidate = lowest_score(channel)
+            candidate = channel.push(D[newest])
             expected = literal_candidate(D[: newest + 1], scales)
             if expected is None:
                 assert candidate is NO_CANDIDATE
@@ -107,13 +106,10 @@ def test_places_and_scores_are_those_of_the_equations(
 
 
 def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
-    windows = WindowSums([2, 3], 10)
+    windows = Windowed(LowestScoreMatcher, [2, 3], 10)
     for _ in range(5):
-        windows.push_unseen()
-        assert lowest_score(windows) is NO_CANDIDATE
+        assert windows.push_unseen() is NO_CANDIDATE
     D = np.ones((3, 10), np.int32)
     for row in D[:2]:
-        windows.push(row)
-        assert lowest_score(windows) is NO_CANDIDATE
-    windows.push(D[2])
-    assert lowest_score(windows).score == 2
+        assert windows.push(row) is NO_CANDIDATE
+    assert windows.push(D[2]).score == 2

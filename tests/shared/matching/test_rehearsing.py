@@ -25,9 +25,8 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from placefield.config import MatchingConfig
 from placefield.maps.opening import open_map
-from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import MetricPlaces
 from placefield.matching.rehearsing import rehearse
+from placefield.matching.stage import ChannelStage
 
 def compiled():
     kernels = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
@@ -38,13 +37,15 @@ matching = MatchingConfig(rule=rule, reverse=bool(reverse))
 opened = open_map(Path(path))
 rehearse(opened.channels, matching)
 before = compiled()
-for channel in opened.channels:
-    frames = np.random.default_rng(0).normal(size=(6, len(opened.model.components)))
-    frames = (frames / np.linalg.norm(frames, axis=1, keepdims=True)).astype(np.float32)
-    matcher = matcher_of(channel, matching.rule, reverse=matching.reverse)
-    for frame in MetricPlaces(channel.metric, exact=matching.compares_exactly).compare(frames):
-        matcher.push(frame)
-        matcher.push(None)
+frames = np.random.default_rng(0).normal(size=(6, len(opened.model.components)))
+frames = (frames / np.linalg.norm(frames, axis=1, keepdims=True)).astype(np.float32)
+for shards in (1, 2):
+    stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards)
+    stream = stage.new_stream()
+    for compared in stage.compare(list(frames)):
+        for seen in (compared, None):
+            partials = stream.local(seen, stream.next)
+            stream.reduce({number: [one] * shards for number, one in partials.items()})
 assert before and compiled() == before, compiled() - before
 """
 

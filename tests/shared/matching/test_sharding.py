@@ -17,10 +17,9 @@ from placefield.fusion.shards import join_shards
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
-from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield.matching.shard_matcher import ShardMatcher, Summary
-from placefield.matching.sharding import ChannelShard, ShardMetrics, shard_range
+from placefield.matching.matcher import Matcher, Partial
+from placefield.matching.sharding import ChannelShard, shard_range
 from placefield.metric.codes import Codes
 
 Array = NDArray[np.float32]
@@ -80,6 +79,10 @@ def a_drive(places: Array, *, reverse: bool) -> list[Array | None]:
     return [None if number in unseen else frame for number, frame in enumerate(seen)]
 
 
+def whole_channel(channel: MapChannel, rule: Rule, *, reverse: bool) -> Matcher:
+    return ChannelShard(channel, MatchingConfig(rule=rule, reverse=reverse)).new_matcher()
+
+
 class Shards:
     """All shards of a channel in one process."""
 
@@ -88,18 +91,18 @@ class Shards:
     ) -> None:
         self.rule = rule
         self.parts = [
-            ChannelShard(channel, rule, shard, shards, ShardMetrics(), reverse=reverse)
+            ChannelShard(channel, MatchingConfig(rule=rule, reverse=reverse), shard, shards)
             for shard in range(shards)
         ]
-        self.matchers: list[ShardMatcher] = [part.new_matcher() for part in self.parts]
-        self.summaries: list[Summary] = []
+        self.matchers: list[Matcher] = [part.new_matcher() for part in self.parts]
+        self.partials: list[Partial] = []
 
     def push(self, frames: Sequence[Comparison | None]) -> Candidate:
         """Take how a frame compares with the places of each, and return what they answer."""
-        self.summaries = [
-            matcher.push(frame) for matcher, frame in zip(self.matchers, frames, strict=True)
+        self.partials = [
+            matcher.local(frame) for matcher, frame in zip(self.matchers, frames, strict=True)
         ]
-        candidates = [matcher.finish(self.summaries) for matcher in self.matchers]
+        candidates = [matcher.reduce(self.partials) for matcher in self.matchers]
         return join_shards(candidates, self.rule)
 
 
@@ -113,10 +116,8 @@ def answers(
     exact: bool = True,
 ) -> Iterator[Pair]:
     """Match a query in the whole map and in its shards."""
-    whole, parts = (
-        matcher_of(channel, rule, reverse=reverse),
-        Shards(channel, rule, shards, reverse=reverse),
-    )
+    whole = whole_channel(channel, rule, reverse=reverse)
+    parts = Shards(channel, rule, shards, reverse=reverse)
     metrics = [channel.metric, *(part.metric for part in parts.parts)]
     places = [MetricPlaces(metric, exact=exact) for metric in metrics]
     for descriptor in query:
@@ -214,7 +215,7 @@ def test_shards_of_the_filter_believe_what_the_whole_does(
 ) -> None:
     """In maps whose places may coincide, on frames that may be anything."""
     channel = channel_of(metric_of_codes(np.array(places, np.int16), 0.25), [2])
-    whole = matcher_of(channel, "filter", reverse=reverse)
+    whole = whole_channel(channel, "filter", reverse=reverse)
     parts = Shards(channel, "filter", shards, reverse=reverse)
     last: Codes | None = None
     for frame in query:
@@ -266,7 +267,7 @@ def test_where_a_coarse_look_chooses_shards_nearly_agree_with_the_whole() -> Non
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_summaries_are_small_and_all_as_large(rule: Rule) -> None:
+def test_partial_results_are_small_and_all_as_large(rule: Rule) -> None:
     scales = list(range(3, 33))
     walk = random_walk(200, seed=1)
     parts = Shards(channel_of(identity_metric(walk), scales), rule, 4)
@@ -281,7 +282,7 @@ def test_summaries_are_small_and_all_as_large(rule: Rule) -> None:
                 for part in parts.parts
             ]
         )
-        sizes |= {(summary.nbytes, summary.dtype) for summary in parts.summaries}
+        sizes |= {(partial.nbytes, partial.dtype) for partial in parts.partials}
     ((size, dtype),) = sizes
     assert size < 1000
     assert dtype == np.float64
@@ -312,9 +313,8 @@ def test_there_are_no_other_shards(shard: int) -> None:
 @pytest.mark.parametrize("reverse", [False, True])
 def test_a_shard_is_as_long_as_the_longest_scale(rule: Rule, reverse: bool) -> None:
     channel = channel_of(identity_metric(random_walk(25, seed=1)))
-    shards = [
-        ChannelShard(channel, rule, shard, 2, ShardMetrics(), reverse=reverse) for shard in (0, 1)
-    ]
+    matching = MatchingConfig(rule=rule, reverse=reverse)
+    shards = [ChannelShard(channel, matching, shard, 2) for shard in (0, 1)]
     assert [shard.own for shard in shards] == [slice(0, 12), slice(12, 25)]
     with pytest.raises(ConfigError, match="each needs 12"):
-        ChannelShard(channel, rule, 0, 3, ShardMetrics(), reverse=reverse)
+        ChannelShard(channel, matching, 0, 3)

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
-from placefield.matching.channel_matcher import within_reach
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.filter_matcher import within_reach
 from placefield.metric.coarse import AXES
 
 Array = NDArray[np.float32]

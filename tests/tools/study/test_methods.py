@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from placefield.matching.channel_matcher import WindowMatcher
 
 from placefield.baselines.fabmap import fabmap, learn_tree
 from placefield.baselines.fixed_window import fixed_window
@@ -11,7 +12,6 @@ from placefield.config import Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.metrics import identity_metric
-from placefield.matching.channel_matcher import WindowMatcher
 from placefield.matching.comparing import MetricPlaces
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluating import judge

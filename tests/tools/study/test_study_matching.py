@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from placefield.config import Rule
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.metrics import learned_metric
-from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.sharding import ChannelShard
 from placefield_tools.study.matching import candidates_of
 from placefield_tools.study.trial import Trial
 
@@ -33,7 +33,7 @@ def test_a_channel_among_others_has_the_candidates_of_its_own_comparisons(
     descriptors = [None if frame in (0, 30) else d for frame, d in enumerate(trial.descriptors)]
     together = candidates_of(channels, descriptors, trial.matching(rule))
     for channel, candidates in zip(channels, together, strict=True):
-        matcher = matcher_of(channel, rule)
+        matcher = ChannelShard(channel, trial.matching(rule)).new_matcher()
         places = MetricPlaces(channel.metric, exact=True)
         for descriptor, candidate in zip(descriptors, candidates, strict=True):
             alone = None if descriptor is None else next(places.compare(descriptor[None]))

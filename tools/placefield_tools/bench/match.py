@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
-from placefield.fusion.rules import fuse
+from placefield.fusion.stage import FusionStage
 from placefield.maps.map import MapChannel
 from placefield.maps.metrics import identity_metric
-from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import MetricPlaces
+from placefield.matching.stage import ChannelStage
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.literal import literal_match
 from placefield_tools.bench.made import CHANNELS, SCALES, made_channel
@@ -70,19 +69,12 @@ def bench_match() -> list[Figure]:
 def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames:
     """Return what matches the next descriptors (B, N) of a stream."""
     config = MatchingConfig(rule=rule, reverse=reverse)
-    metrics = dict.fromkeys(channel.metric for channel in channels)
-    places = [MetricPlaces(metric, exact=True) for metric in metrics]
-    matchers = [
-        (list(metrics).index(channel.metric), matcher_of(channel, rule, reverse=reverse))
-        for channel in channels
-    ]
+    stage = ChannelStage(dict(enumerate(channels)), config)
+    stream, fusion = stage.new_stream(), FusionStage(PLACES, config)
 
     def match(descriptors: Array) -> list[Match]:
-        compared = zip(*(one.compare(descriptors) for one in places), strict=True)
-        return [
-            fuse([matcher.push(frames[metric]) for metric, matcher in matchers], config)
-            for frames in compared
-        ]
+        compared = stage.compare(list(descriptors))
+        return [fusion.fuse(stream.push(of_frame)) for of_frame in compared]
 
     return match
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from placefield.config import Config, Rule
+from placefield.fusion.stage import FusionStage
 from placefield.maps.map import MapChannel
 from placefield_tools.evaluating import RULES, judge
 from placefield_tools.progress import tracked
@@ -46,9 +47,10 @@ def combinations(channels: int, number: int, seed: int) -> list[Combination]:
 def _count(trial: Trial, channels: Sequence[MapChannel], rule: Rule) -> Iterator[CountResult]:
     matching = trial.matching(rule)
     candidates = candidates_of(channels, trial.descriptors, matching)
+    fusion = FusionStage(trial.placemap.places.count, matching)
     for number in range(1, len(channels) + 1):
         curves = [
-            judge(fuse_channels([candidates[i] for i in chosen], matching), trial.truth).curve
+            judge(fuse_channels([candidates[i] for i in chosen], fusion), trial.truth).curve
             for chosen in combinations(len(channels), number, trial.config.seed)
         ]
         yield CountResult(

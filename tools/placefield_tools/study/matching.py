@@ -1,6 +1,6 @@
 """Channels to matches; the candidates of a channel serve in many combinations."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
-from placefield.fusion.rules import fuse
-from placefield.maps.map import MapChannel, MapMetric
+from placefield.fusion.stage import FusionStage
+from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import matcher_of
-from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.stage import ChannelStage
 
 Descriptors = Sequence[NDArray[np.float32] | None]
 
@@ -20,8 +19,9 @@ Descriptors = Sequence[NDArray[np.float32] | None]
 def match_channels(
     channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
 ) -> list[Match]:
-    """Match a stream of descriptors (N,), None where a frame was not seen, by some channels."""
-    return fuse_channels(candidates_of(channels, descriptors, config), config)
+    """Match a stream of descriptors (N,), None for a missing observation, by some channels."""
+    fusion = FusionStage(len(channels[0].metric.places), config)
+    return fuse_channels(candidates_of(channels, descriptors, config), fusion)
 
 
 def candidates_of(
@@ -31,30 +31,20 @@ def candidates_of(
 
     A frame is compared with the places once for all channels that share a metric.
     """
-    matchers = [matcher_of(one, config.rule, reverse=config.reverse) for one in channels]
-    metrics = dict.fromkeys(channel.metric for channel in channels)
-    compared = {metric: _compare(metric, descriptors, config) for metric in metrics}
+    stage = ChannelStage(dict(enumerate(channels)), config)
+    stream = stage.new_stream()
+    compared = stage.compare([one for one in descriptors if one is not None])
     candidates: list[list[Candidate]] = [[] for _ in channels]
-    for _ in descriptors:
-        frames = {metric: next(of_metric) for metric, of_metric in compared.items()}
-        for channel, matcher, own in zip(channels, matchers, candidates, strict=True):
-            own.append(matcher.push(frames[channel.metric]))
+    for descriptor in descriptors:
+        of_frame = stream.push(None if descriptor is None else next(compared))
+        for candidate, own in zip(of_frame, candidates, strict=True):
+            own.append(candidate)
     return candidates
 
 
-def _compare(
-    metric: MapMetric, descriptors: Descriptors, config: MatchingConfig
-) -> Iterator[Comparison | None]:
-    """Yield how each frame compares with the places, None for one that was not seen."""
-    seen = [one for one in descriptors if one is not None]
-    places = MetricPlaces(metric, exact=config.compares_exactly)
-    frames = places.compare(np.stack(seen)) if seen else iter(())
-    return (None if one is None else next(frames) for one in descriptors)
-
-
-def fuse_channels(candidates: Sequence[Sequence[Candidate]], config: MatchingConfig) -> list[Match]:
+def fuse_channels(candidates: Sequence[Sequence[Candidate]], fusion: FusionStage) -> list[Match]:
     """Fuse the candidates of some channels frame by frame."""
-    return [fuse(of_frame, config) for of_frame in zip(*candidates, strict=True)]
+    return [fusion.fuse(of_frame) for of_frame in zip(*candidates, strict=True)]
 
 
 def with_scales(channel: MapChannel, scales: Sequence[int]) -> MapChannel:

@@ -1,4 +1,7 @@
-"""Shards of a channel at workers of their own, joined as the fuser joins them."""
+"""Shards of a channel at workers of their own, joined as the fuser joins them.
+
+Whole channels, which are the only shard, are in ``test_channel``.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,13 +26,13 @@ from placefield.config import MatchingConfig, Rule
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
-from placefield.matching.channel_matcher import matcher_of
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.sharding import ChannelShard
 from placefield_services import channel as channel_module
-from placefield_services import shard_streams
+from placefield_services import channel_streams
 from placefield_services.channel import ChannelWorker
 from placefield_services.channel_streams import Outlet
-from placefield_services.served_channels import ShardedChannels
+from placefield_services.served_channels import ServedChannels
 
 SHARDS = 3
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -65,7 +68,7 @@ class Shards:
         )
         channels = range(len(self._map.channels))
         matching = MatchingConfig(rule=self._rule)
-        served = ShardedChannels(self._map, channels, matching, shard, SHARDS)
+        served = ServedChannels(self._map, channels, matching, shard, SHARDS)
         served.rehearse()
         self.workers[shard] = ChannelWorker(
             self._map.model, served, {"test": outlet}, {"test": Counter()}
@@ -131,7 +134,7 @@ class Shards:
 def whole(
     placemap: Map, channel: int, rule: Rule, descriptors: Sequence[Descriptor | None]
 ) -> list[Candidate]:
-    matcher = matcher_of(placemap.channels[channel], rule)
+    matcher = ChannelShard(placemap.channels[channel], MatchingConfig(rule=rule)).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=True)
     return [
         matcher.push(None if one is None else next(iter(places.compare(one[None]))))
@@ -179,7 +182,7 @@ def test_a_frame_that_no_one_has_is_one_that_was_not_seen(
 def test_what_was_lost_between_workers_is_asked_for(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
+    monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
     shards = Shards(route_map, "filter")
     for sequence, descriptor in enumerate(descriptors):
         shards.send(header(sequence), descriptor, range(SHARDS))
@@ -194,7 +197,7 @@ def test_what_was_lost_between_workers_is_asked_for(
 def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had_not_been(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
+    monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
     shards = Shards(route_map, "filter")
     answered = []
     for sequence, descriptor in enumerate(descriptors):
@@ -216,8 +219,8 @@ def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had
 def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_others(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shard_streams, "_ASK_AFTER_S", 0.0)
-    monkeypatch.setattr(shard_streams, "LENGTH", 3)
+    monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
+    monkeypatch.setattr(channel_streams, "LENGTH", 3)
     monkeypatch.setattr(channel_module, "LENGTH", 3)
     shards = Shards(route_map, "filter")
     del shards.workers[1]

@@ -7,18 +7,20 @@ from comparisons import compared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from windowed import mean_of
 
-from placefield.config import Rule
-from placefield.maps.map import Map, MapMetric
+from placefield.config import MatchingConfig, Rule
+from placefield.maps.map import Map, MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.channel_matcher import (
-    ChannelMatcher,
-    FilterMatcher,
-    WindowMatcher,
-    matcher_of,
-)
 from placefield.matching.comparing import Comparison
+from placefield.matching.evidence import EvidenceMatcher
+from placefield.matching.filter_matcher import FilterMatcher, FilterModel
+from placefield.matching.lowest_score import LowestScoreMatcher
+from placefield.matching.matcher import Matcher
+from placefield.matching.sharding import ChannelShard
+from placefield.matching.window_matcher import MeanDistance, WindowMatcher
+from placefield.matching.windows import WindowSums
 
 Array = NDArray[np.float32]
 WINDOW_RULES: list[Rule] = ["evidence", "lowest-score"]
@@ -41,7 +43,20 @@ def descriptors_of(metric: MapMetric) -> Array:
     return np.asarray(metric.unit * metric.places, np.float32)
 
 
-def candidates_of(channel: ChannelMatcher, frames: list[Comparison | None]) -> list[Candidate]:
+def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> Matcher:
+    """Return a matcher of a whole channel."""
+    return ChannelShard(channel, MatchingConfig(rule=rule, reverse=reverse)).new_matcher()
+
+
+def window_matcher(metric: MapMetric, scales: list[int], rule: Rule) -> WindowMatcher:
+    """Return a matcher of windows of these lengths over all places."""
+    made = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}[rule]
+    every = slice(0, len(metric.places))
+    windows = WindowSums(scales, len(metric.places), metric.unit)
+    return made(windows, MeanDistance(metric), every, every)
+
+
+def candidates_of(channel: Matcher, frames: list[Comparison | None]) -> list[Candidate]:
     return [channel.push(frame) for frame in frames]
 
 
@@ -71,7 +86,7 @@ def test_what_came_before_the_longest_window_changes_not_one_bit(
     frames = compared(
         metric, [row if there else None for row, there in zip(walk, seen, strict=True)]
     )
-    old, new = (WindowMatcher(metric, scales, rule) for _ in range(2))
+    old, new = (window_matcher(metric, scales, rule) for _ in range(2))
     candidates = candidates_of(old, frames)
     begin = max(len(frames) - old.memory, 0)
     while begin > 0 and frames[begin] is None:
@@ -84,7 +99,7 @@ def test_frames_unseen_leave_the_others_on_their_diagonal(rule: Rule) -> None:
     places = random_walk(60, 1)
     metric = identity_metric(places)
     query = [None if frame in (20, 21, 40) else places[frame] for frame in range(60)]
-    candidates = candidates_of(WindowMatcher(metric, [4, 8, 12], rule), compared(metric, query))
+    candidates = candidates_of(window_matcher(metric, [4, 8, 12], rule), compared(metric, query))
     assert [candidate.place for candidate in candidates[12:]] == list(range(12, 60))
 
 
@@ -94,7 +109,7 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
 ) -> None:
     channel = small_map.channels[1]
     made = matcher_of(channel, rule)
-    by_hand = WindowMatcher(channel.metric, [int(s) for s in channel.scales], rule)
+    by_hand = window_matcher(channel.metric, [int(s) for s in channel.scales], rule)
     assert made.memory == channel.scales.max()
     for frame in compared(channel.metric, descriptors_of(channel.metric)):
         assert bits(made.push(frame)) == bits(by_hand.push(frame))
@@ -104,7 +119,7 @@ def route_filter(metric: MapMetric) -> FilterMatcher:
     places = descriptors_of(metric).astype(np.float64)
     there = np.roll(places, len(places) // 2, axis=0)
     jumps = np.linalg.norm(places - there, axis=1).astype(np.float32)
-    return FilterMatcher(metric.steps, jumps, persistence=8)
+    return FilterMatcher(FilterModel(metric.steps, jumps, 8), slice(0, len(places)), 0)
 
 
 def test_the_filter_follows_a_route_past_frames_unseen() -> None:
@@ -211,3 +226,12 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
         assert candidate.places.tolist() == [last - place for place in expected.places[::-1]]
         np.testing.assert_allclose(candidate.evidence, expected.evidence[::-1], rtol=rtol)
     assert count < 90 or candidate.place == 0
+
+
+@pytest.mark.parametrize("places", [1, 7, 300])
+def test_the_mean_distance_is_that_of_the_distances_to_the_last_bit(places: int) -> None:
+    metric = some_metric(random_walk(places, 1))
+    mean_distance = MeanDistance(metric)
+    for frame in compared(metric, [*random_walk(50, 2)]):
+        assert frame is not None
+        assert mean_distance(frame.codes) == mean_of(frame.distances)

@@ -1,0 +1,69 @@
+"""The stage from candidates to match: shards are joined, candidates checked and fused.
+
+With no bus and no clock: a library and a fuser compose it alike. Which candidates are waited for is
+the ``Joiner``'s.
+"""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from placefield.config import MatchingConfig, Rule
+from placefield.fusion.match import Match
+from placefield.fusion.rules import fuse
+from placefield.fusion.shards import ShardJoiner
+from placefield.matching.candidate import UNANSWERED, Candidate
+
+
+class FusionStage:
+    """Fuses the candidates of channels of a map; all streams may share it."""
+
+    def __init__(self, places: int, matching: MatchingConfig) -> None:
+        """Take how many places the map has, and how candidates are made and fused."""
+        self._places = places
+        self._matching = matching
+
+    def rehearse(self) -> None:
+        """Fuse a candidate of no frame, so that what is made at its first use is made."""
+        places = np.arange(self._places, dtype=np.int32)
+        belief = np.full(self._places, 1 / self._places, np.float32)
+        self.fuse([Candidate(0, float(belief[0]), places, belief)])
+
+    def fits(self, candidate: Candidate, shards: int = 1) -> bool:
+        """Whether a candidate may be of the map and the rule.
+
+        Args:
+            candidate: that comes from elsewhere.
+            shards: of how many it is one's. Of one of several, only how much it holds is looked at:
+                that of the channel, once they are joined, is to be looked at again.
+        """
+        if shards > 1:
+            return len(candidate.evidence) <= self._places
+        return _fits(candidate, self._matching.rule, self._places)
+
+    def new_joiner(self) -> ShardJoiner:
+        """Return what joins the candidates of the shards of each channel, in a new stream."""
+        return ShardJoiner(self._matching.rule)
+
+    def fuse(self, candidates: Sequence[Candidate], missing: Collection[int] = ()) -> Match:
+        """Make one match of the candidates that there are, in the order of their channels.
+
+        Args:
+            candidates: of whole channels for one frame, that fit the map.
+            missing: the channels of which there is none.
+        """
+        return fuse(candidates, self._matching, missing=missing)
+
+
+def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:
+    """Whether place and evidence are what the rule has, of a map of so many places."""
+    places, evidence = candidate.places, candidate.evidence
+    if candidate.place >= count:
+        return False
+    if rule == "lowest-score" or candidate.place == UNANSWERED:
+        return len(places) == len(evidence) == 0
+    if rule == "evidence":
+        return len(places) == 0 and len(evidence) == count
+    if not len(places) == len(evidence) > 0:
+        return False
+    return bool(places[0] >= 0 and places[-1] < count and (places[:-1] < places[1:]).all())

@@ -1,0 +1,78 @@
+"""Matching of one stream in one shard of a channel: comparison in, candidate out.
+
+A shard is the places of a map from one on to another; a whole channel is shard 0 of 1. A frame
+takes two steps. In the local step each shard takes the frame and returns a partial result. Given
+the partial results of all shards, each then reduces them to its candidate. Joined (see
+``placefield.fusion.shards``), the candidates of all shards are the one of the whole channel: to
+rounding, under ``filter``.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.comparing import Comparison
+
+Partial = NDArray[np.float64]
+"""(n,) float64, what the shards of a channel need of each other of a frame; as long for all."""
+
+
+class Matcher(ABC):
+    """Matches one stream of frames in one shard of one channel."""
+
+    memory: int
+    """After so many missing observations, more of them change nothing that matters."""
+
+    @abstractmethod
+    def local(self, frame: Comparison | None) -> Partial:
+        """Take the next frame, and return what the other shards need of it, (n,) float64.
+
+        Args:
+            frame: how it compares with the shard's places; None is a missing observation: the
+                vehicle has moved on all the same.
+        """
+
+    @abstractmethod
+    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate for the frame of the last local step.
+
+        Args:
+            partials: the partial results of all shards, this one's among them, in the order of the
+                map, (n,) float64 each.
+
+        Returns:
+            The candidate. Its places are those of the map; its evidence is of the shard's only.
+        """
+
+    def push(self, frame: Comparison | None) -> Candidate:
+        """Return the candidate for the next frame; for a whole channel, which is its only shard.
+
+        Args:
+            frame: how it compares with the places; None is a missing observation.
+        """
+        return self.reduce([self.local(frame)])
+
+
+class ReverseMatcher(Matcher):
+    """Shows a matcher the places in reverse order, and turns back its candidates."""
+
+    def __init__(self, matcher: Matcher, places: int) -> None:
+        """Take the matcher, whose shard is counted from the map's end, and the map's places."""
+        self._matcher = matcher
+        self._last = places - 1
+        self.memory = matcher.memory
+
+    def local(self, frame: Comparison | None) -> Partial:
+        """Take the next frame, with the places in reverse order."""
+        return self._matcher.local(None if frame is None else frame.turned())
+
+    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate in the order of the map."""
+        turned = self._matcher.reduce(partials[::-1])
+        if turned.place == UNANSWERED:
+            return turned
+        places, evidence = self._last - turned.places[::-1], turned.evidence[::-1].copy()
+        return Candidate(self._last - turned.place, turned.score, places, evidence)

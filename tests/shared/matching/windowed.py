@@ -1,0 +1,41 @@
+"""The rules that compare windows, on distances that are made up, for tests of the rules."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from comparisons import comparison_at, metric_of_codes
+from numpy.typing import NDArray
+
+from placefield.matching.candidate import Candidate
+from placefield.matching.window_matcher import WindowMatcher
+from placefield.matching.windows import WindowSums
+
+NOWHERE = metric_of_codes(np.zeros((1, 1), np.int16), 1.0)
+"""Stands for the metric of distances that are of none."""
+
+
+def mean_of(distances: NDArray[np.int32]) -> int:
+    """Return the mean of distances (K,), rounded half to even."""
+    return round(Fraction(int(distances.sum(dtype=np.int64)), len(distances)))
+
+
+class Windowed:
+    """A whole channel that is given its distances."""
+
+    def __init__(
+        self, rule: type[WindowMatcher], lengths: Sequence[int], places: int, unit: float = 1.0
+    ) -> None:
+        every = slice(0, places)
+        windows = WindowSums(lengths, places, unit)
+        self._matcher = rule(windows, lambda _: mean_of(self._distances), every, every)
+        self._distances = np.zeros(places, np.int32)
+
+    def push(self, distances: NDArray[np.int32]) -> Candidate:
+        """Return the candidate for a frame at these distances (K,)."""
+        self._distances = distances
+        return self._matcher.push(comparison_at(NOWHERE, np.zeros(1, np.int16), distances))
+
+    def push_unseen(self) -> Candidate:
+        """Return the candidate for a missing observation."""
+        return self._matcher.push(None)
