@@ -25,8 +25,8 @@ from placefield.bus.messages import (
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
+from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.matcher import Partial
-from placefield.matching.stage import ChannelStage, Compared
 
 _ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 

@@ -18,8 +18,8 @@ from placefield.bus.session import open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
+from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
-from placefield.features.stage import DescriptorStage, ImageStream
 from placefield.maps.map import Map, fingerprint
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess

@@ -21,9 +21,9 @@ from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
 from placefield.errors import MessageError
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.match import Match
-from placefield.fusion.stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.map import Map
+from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.rehearsing import rehearse
-from placefield.matching.stage import ChannelStage, Compared
 from placefield_services.channel_streams import ChannelStream, Outlet
 
 Descriptor = NDArray[np.float32]

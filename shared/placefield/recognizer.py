@@ -5,13 +5,13 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.errors import FrameError
+from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import checked
 from placefield.features.images import Image, check_pixels, load
-from placefield.features.stage import DescriptorStage
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.stage import FusionStage
 from placefield.maps.map import Map
-from placefield.matching.stage import ChannelStage
+from placefield.matching.channel_stage import ChannelStage
 
 _DEFAULTS = MatchingConfig()
 

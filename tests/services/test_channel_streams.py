@@ -27,6 +27,7 @@ from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.sharding import ChannelShard
 from placefield_services import channel as channel_module
 from placefield_services import channel_streams
@@ -234,6 +235,23 @@ def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_oth
         shards.settle()
         shards.exchange()
     assert max(shards.joined(0)) == len(descriptors) - 1
+
+
+def test_a_frame_that_a_defect_cost_a_shard_is_missing_there_and_holds_up_nobody(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shards = Shards(route_map, "filter")
+    for sequence, descriptor in enumerate(descriptors):
+        with monkeypatch.context() as patch:
+            shards.send(header(sequence), descriptor, [0, 2])
+            if sequence == 6:
+                patch.setattr(FilterMatcher, "local", lambda *_: 1 // 0)
+            shards.send(header(sequence), descriptor, [1])
+        shards.exchange()
+    assert shards.answered[0].sequences == list(range(len(descriptors)))
+    assert shards.answered[1].sequences == [s for s in range(len(descriptors)) if s != 6]
+    expected = whole(route_map, 0, "filter", descriptors)
+    assert all(joined.place == expected[s].place for s, joined in shards.joined(0).items())
 
 
 def test_the_end_comes_behind_the_last_answer(

@@ -10,7 +10,7 @@ from placefield.bus.messages import (
     Header,
     HistoryQuery,
 )
-from placefield.fusion.stage import FusionStage
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_PLACES, Candidate
 from placefield_services import fuser as fuser_module

@@ -9,7 +9,7 @@ import numpy as np
 from placefield.config import MatchingConfig
 from placefield.maps.layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
 from placefield.maps.map import MapChannel
-from placefield.matching.stage import ChannelStage
+from placefield.matching.channel_stage import ChannelStage
 
 _PLACES = 100  # compiled code is the same for any number of them
 

@@ -26,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from placefield.config import MatchingConfig
 from placefield.maps.opening import open_map
 from placefield.matching.rehearsing import rehearse
-from placefield.matching.stage import ChannelStage
+from placefield.matching.channel_stage import ChannelStage
 
 def compiled():
     kernels = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]

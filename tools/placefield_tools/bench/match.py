@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.stage import FusionStage
 from placefield.maps.map import MapChannel
 from placefield.maps.metrics import identity_metric
-from placefield.matching.stage import ChannelStage
+from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.literal import literal_match
 from placefield_tools.bench.made import CHANNELS, SCALES, made_channel

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from placefield.config import Config, Rule
-from placefield.fusion.stage import FusionStage
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import MapChannel
 from placefield_tools.evaluating import RULES, judge
 from placefield_tools.progress import tracked

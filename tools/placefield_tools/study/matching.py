@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.stage import FusionStage
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
-from placefield.matching.stage import ChannelStage
+from placefield.matching.channel_stage import ChannelStage
 
 Descriptors = Sequence[NDArray[np.float32] | None]
 
