@@ -193,7 +193,7 @@ class ChannelStream:
         assert self._own is not None
         there = self._partials[self._stream.next]
         for channel, shard in list(there):
-            if len(there[channel, shard]) != len(self._own[channel]):
+            if not self._stream.fits(channel, there[channel, shard]):
                 del there[channel, shard]  # it is of another map, or rule
         shards = range(self._stage.shards)
         if any((channel, shard) not in there for channel in self._own for shard in shards):

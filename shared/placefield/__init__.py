@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from placefield.config import Config, MatchingConfig
     from placefield.features.describer import Describer
     from placefield.features.frames import Frame, Pose
-    from placefield.fusion.match import Match
+    from placefield.fusion.match import Match, SmoothedMatch
     from placefield.library import build_map
     from placefield.maps.map import Map
     from placefield.maps.opening import open_map
@@ -36,6 +36,7 @@ __all__ = (
     "MatchingConfig",
     "Pose",
     "Recognizer",
+    "SmoothedMatch",
     "build_map",
     "open_map",
     "save_map",
@@ -54,6 +55,7 @@ _HOMES = {
     "MatchingConfig": "placefield.config",
     "Pose": "placefield.features.frames",
     "Recognizer": "placefield.recognizer",
+    "SmoothedMatch": "placefield.fusion.match",
     "build_map": "placefield.library",
     "open_map": "placefield.maps.opening",
     "save_map": "placefield.maps.store",

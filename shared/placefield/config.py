@@ -143,6 +143,9 @@ class MatchingConfig(_Section):
     precision: float = Field(
         0.99, gt=0, lt=1, description="filter: a match this likely to be right is known"
     )
+    lag: int = Field(
+        20, ge=0, le=1000, description="frames that a smoothed match waits for at most"
+    )
     neighbourhood: int = Field(
         10, ge=0, description="evidence: places on either side that a margin disregards"
     )

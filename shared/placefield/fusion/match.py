@@ -22,3 +22,18 @@ class Match:
     missing: tuple[int, ...] = ()
     probability: float | None = None
     known: bool | None = None
+
+
+@dataclass(frozen=True)
+class SmoothedMatch:
+    """Where a query frame was taken, given frames after it.
+
+    Attributes:
+        frame: number of the frame in its stream, from 0.
+        match: where it was taken.
+        lag: how many frames after it are known.
+    """
+
+    frame: int
+    match: Match
+    lag: int

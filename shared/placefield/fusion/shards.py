@@ -6,7 +6,7 @@ import numpy as np
 
 from placefield.config import Rule
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.filter_matcher import NEXT_TO_NOTHING
+from placefield.matching.place_filter import NEGLIGIBLE
 
 
 class ShardJoiner:
@@ -50,6 +50,6 @@ def join_shards(candidates: Sequence[Candidate], rule: Rule) -> Candidate:
     places = np.concatenate([candidate.places for candidate in candidates])
     evidence = np.concatenate([candidate.evidence for candidate in candidates])
     if rule == "filter":  # each shard tells its own best place, even if that is next to nothing
-        told = (evidence >= np.float32(NEXT_TO_NOTHING)) | (places == best.place)
+        told = (evidence >= np.float32(NEGLIGIBLE)) | (places == best.place)
         places, evidence = places[told], evidence[told]
     return Candidate(best.place, best.score, places, evidence)

@@ -26,7 +26,7 @@ METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
     "squares": ("int32", "K"),
-    "steps": ("float32", "2K"),
+    "steps": ("float32", "6K"),
 }
 COARSE_FILES: Layout = {
     "axes": ("float32", "RM"),

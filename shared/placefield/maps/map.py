@@ -15,6 +15,9 @@ from placefield.metric.codes import Codes
 
 Array = NDArray[np.float32]
 
+STEPS = 6
+"""Places between those whose distances a map keeps: a vehicle may go as many per frame."""
+
 
 @dataclass(frozen=True)
 class Places:
@@ -60,8 +63,8 @@ class MapMetric:
         unit: length of one code, see ``placefield.metric.codes``.
         places: (K, M) int16, the codes of the places under it.
         squares: (K,) int32, their squared lengths.
-        steps: (2, K) float32, how far each place is from the one before it, and from the one before
-            that; where there is none, the mean.
+        steps: (6, K) float32, how far each place is from the one before it, the second before it,
+            and so on; where there is none, the mean.
         coarse: a coarse look at them, where the map was built for that.
     """
 

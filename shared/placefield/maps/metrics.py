@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.maps.map import MapMetric
+from placefield.maps.map import STEPS, MapMetric
 from placefield.metric.coarse import coarse_look
 from placefield.metric.codes import (
     DESCRIPTOR_UNIT,
@@ -56,11 +56,14 @@ def _metric(
 
 
 def _steps(places: Codes, unit: float) -> Array:
-    steps = np.zeros((2, len(places)), np.float32)
-    for row, step in zip(steps, (1, 2), strict=True):
+    steps = np.zeros((STEPS, len(places)), np.float32)
+    for step, row in enumerate(steps, 1):
         for start in range(step, len(places), _BLOCK):
             arrived = places[start : start + _BLOCK].astype(np.float64)
             left = places[start - step : start - step + len(arrived)]
             row[start : start + _BLOCK] = unit * np.linalg.norm(arrived - left, axis=1)
-        row[:step] = row[step:].mean(dtype=np.float64) if len(places) > step else 0
+        if len(places) > step:
+            row[:step] = row[step:].mean(dtype=np.float64)
+        elif step > 1:  # a map that is shorter than the step
+            row[:] = steps[step - 2]
     return steps

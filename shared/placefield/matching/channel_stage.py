@@ -3,6 +3,7 @@
 With no bus: a library, a study and a channel worker compose it alike.
 """
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from placefield.config import MatchingConfig
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield.matching.matcher import Matcher, Partial
+from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.sharding import ChannelShard, MetricShards
 
 Compared = Mapping[MapMetric, Comparison]
@@ -98,6 +99,7 @@ class StreamMatcher:
         self._matchers = matchers
         self._memory = max(matcher.memory for _, matcher in matchers.values())
         self._partials: dict[int, Partial] = {}
+        self._unsettled: dict[int, deque[int]] = {number: deque() for number in matchers}
         self.next = first
         """The number of the frame whose steps are next."""
 
@@ -129,11 +131,33 @@ class StreamMatcher:
             The candidate of each channel.
         """
         self._partials = {}
-        self.next += 1
+        sequence, self.next = self.next, self.next + 1
+        candidates = {}
+        for number, (_, matcher) in self._matchers.items():
+            candidates[number] = matcher.reduce(partials[number])
+            self._unsettled[number].append(sequence)
+        return candidates
+
+    def fits(self, number: int, partial: Partial) -> bool:
+        """Whether what came from another shard of a channel can be its partial result."""
+        return self._matchers[number][1].fits(partial)
+
+    def settled(self) -> dict[int, list[tuple[int, Settled]]]:
+        """Return the frames that each channel has settled with the last one, by their numbers."""
         return {
-            number: matcher.reduce(partials[number])
+            number: self._numbered(number, matcher.settled())
             for number, (_, matcher) in self._matchers.items()
         }
+
+    def finish(self) -> dict[int, list[tuple[int, Settled]]]:
+        """Return the frames that are left: the stream is over."""
+        return {
+            number: self._numbered(number, matcher.finish())
+            for number, (_, matcher) in self._matchers.items()
+        }
+
+    def _numbered(self, number: int, settled: list[Settled]) -> list[tuple[int, Settled]]:
+        return [(self._unsettled[number].popleft(), each) for each in settled]
 
     def push(self, compared: Compared | None) -> list[Candidate]:
         """Return the candidates for the next frame, of whole channels, in their order.

@@ -35,7 +35,7 @@ class EvidenceMatcher(WindowMatcher):
         _sum_up(windows.columns, windows.column(self._reached_back), places, totals, squares)
         return partial
 
-    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+    def _best(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate of lowest evidence.
 
         ``NO_CANDIDATE`` where no window tells places apart, as before the first observation.

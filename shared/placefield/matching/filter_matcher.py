@@ -1,54 +1,45 @@
-"""The rule ``filter`` in one shard of a channel; see ``placefield.matching.place_filter``.
+"""The rule ``filter`` in one shard of a channel: comparisons to observations, and its partial results.
 
 What the filter is, and what its shards need of each other, nobody else knows.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.map import MapMetric
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.comparing import Comparison
-from placefield.matching.filter_step import REACH
-from placefield.matching.matcher import Matcher, Partial
-from placefield.matching.place_filter import (
-    SPEEDS,
-    STEPS,
+from placefield.matching.filter_kernels import log_likelihoods, pick, step_length
+from placefield.matching.matcher import Matcher, Partial, Settled
+from placefield.matching.motion import (
+    REACH,
+    UNKNOWN,
     Array,
-    PlaceFilter,
-    Share,
+    StepLengths,
     evenly_spaced,
+    step_lengths,
 )
+from placefield.matching.partial_results import fits, pack, unpack
+from placefield.matching.place_filter import NEGLIGIBLE, Observation, PlaceFilter, Share, Trace
+from placefield.matching.smoother import Smoothed, Smoother
+from placefield.metric.codes import Codes
 from placefield.metric.spread import Spread, deviation_from
-
-NEXT_TO_NOTHING = 1e-6
-"""A belief below this is left out of a candidate: no sum of a few of them changes a match."""
 
 LEAST_PLACES = REACH
 """Places that a shard has at least, if there are several: a step leads to the next one at most."""
 
+HALO = 1
+"""Places on either side of a shard's own that frames are compared with."""
 
-class FilterModel(NamedTuple):
-    """What ``PlaceFilter`` takes of a channel.
-
-    Attributes:
-        steps: (2, K) float32, how far each place is from the one before it, and from the one before
-            that.
-        jumps: (J,) float32, how far places are from those half a map away.
-        persistence: how many frames a speed lasts, on average.
-    """
-
-    steps: Array
-    jumps: Array
-    persistence: float
+_NOTHING = np.empty(0)
+_TEMPERATURE = 0.8  # deviations of a frame's distances, per nat
+_REPEATED = 1e-3  # of a descriptor: a frame that is no further from the last one is the same image
 
 
 class FilterMatcher(Matcher):
-    """Filters the belief in the places of a shard, at any speed.
+    """Filters and smooths the posterior of the places of a shard, at any speed.
 
     Where a coarse look chooses what to compare with exactly, it does so shard by shard. That is
     then not quite what it chooses in the whole map, and beliefs differ by as much.
@@ -57,58 +48,140 @@ class FilterMatcher(Matcher):
     memory = 1000  # missing for so long, the vehicle may be anywhere
 
     def __init__(
-        self, model: FilterModel, own: slice, number: int, spread: Spread | None = None
+        self,
+        lengths: StepLengths,
+        own: slice,
+        number: int,
+        smoother: Smoother,
+        spread: Spread | None = None,
     ) -> None:
         """Begin a stream.
 
         Args:
-            model: of the whole channel.
+            lengths: of steps on the whole map.
             own: the shard's places in the map.
             number: which of the shards it is.
+            smoother: of a new stream.
             spread: of all places of the map; None where the shard has all of them, so that a
                 comparison has their deviation already.
         """
-        self._filter = PlaceFilter(*model, own)
-        self._first = own.start
-        self._number = number
+        self._filter = PlaceFilter(lengths, own)
+        self._smoother = smoother
+        self._lengths, self._own, self._number = lengths, own, number
         self._spread = spread
+        before, after = own.start > 0, own.stop < lengths.apart.shape[1]
+        self._halo = HALO * before, HALO * after
         self._believed = NO_PLACES
+        self._last: Codes | None = None
+        self._share: Share | None = None
+        self._trace: Trace | None = None
+        self._candidate = NO_CANDIDATE
+        self._settled: list[Smoothed] = []
 
     def local(self, frame: Comparison | None) -> Partial:
-        """Predict, and weigh the beliefs by what the shard's places have of the frame."""
+        """Predict, and update by what the shard's places have of the frame.
+
+        The partial result is empty where there is no other shard, and for a frame that is no news.
+        """
+        observation = self._observation(frame)
+        self._share = None if observation is None else self._filter.local(observation)
+        if self._share is None or self._spread is None:
+            return _NOTHING
+        return pack(self._share)
+
+    def _observation(self, frame: Comparison | None) -> Observation | None:
+        """Return what a frame shows; None if it is no step of time."""
+        last, self._last = self._last, None if frame is None else frame.codes
         if frame is None:
-            return _packed(self._filter.take_unseen())
+            return self._missing(UNKNOWN) if self._filter.begun else None
+        if last is None:
+            return self._observe(frame, UNKNOWN)
+        step = step_length(frame.codes, last, frame.metric.unit)
+        if step <= _REPEATED:
+            self._last = last  # so that a slow drift shows in the end
+            return None
+        return self._observe(frame, step)
+
+    def _missing(self, step: float) -> Observation:
+        places = self._own.stop - self._own.start
+        return Observation(step, 0.0, 0, 0.0, np.ones(places, np.float32), 0.0)
+
+    def _observe(self, frame: Comparison, step: float) -> Observation:
+        """The nearer a place is, the likelier it is what is seen."""
         if not frame.is_exact:
-            frame = frame.made_exact(within_reach(self._believed, len(frame.distances)))
+            reached = within_reach(self._believed + self._halo[0], len(frame.distances))
+            frame = frame.made_exact(reached)
+        deviation = frame.deviation
         if self._spread is not None:
-            frame = replace(frame, deviation=deviation_from(frame.codes, self._spread))
-        return _packed(self._filter.take(frame))
+            deviation = deviation_from(frame.codes, self._spread)
+        if deviation == 0:
+            return self._missing(step)
+        # A frame like the last one says again what that has said.
+        novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
+        drive = self._filter.drive
+        inverse_temperature = novelty / (_TEMPERATURE * drive.deviation(deviation))
+        before, after = self._halo
+        distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
+        exponents = np.empty(len(distances) - 2 * HALO, np.float32)
+        nearest = log_likelihoods(distances, inverse_temperature, exponents)
+        likelihood = np.exp(exponents, out=exponents)
+        return Observation(
+            step, novelty, nearest, inverse_temperature, likelihood, novelty * drive.lost_evidence
+        )
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Bring the beliefs to what they are among all; none before the first observation."""
-        self._filter.settle([_unpacked(partial) for partial in partials], self._number)
-        if not self._filter.begun:
-            return NO_CANDIDATE
-        best, own, beliefs = self._filter.believed(NEXT_TO_NOTHING)
+        if self._share is not None:
+            shares = [self._share]
+            if self._spread is not None:
+                shares = [unpack(partial) for partial in partials]
+            self._trace = self._filter.reduce(shares, self._number)
+            self._candidate = self._filtered()
+        self._settled = self._smoother.push(self._trace)
+        return self._candidate
+
+    def _filtered(self) -> Candidate:
+        belief, picked = self._filter.belief, np.empty(self._own.stop - self._own.start, np.int32)
+        best = int(np.argmax(belief))
+        own = picked[: pick(belief, min(NEGLIGIBLE, float(belief[best])), picked)].copy()
         self._believed = own
         if self._number > 0:  # a step may lead here from the shard before
-            behind = np.flatnonzero(self._filter.behind >= NEXT_TO_NOTHING) - REACH
+            behind = np.flatnonzero(self._filter.behind >= NEGLIGIBLE) - REACH
             self._believed = np.concatenate([behind.astype(np.int32), own])
-        places = self._first + own
-        return Candidate(int(places[best]), float(beliefs[best]), places, beliefs)
+        first = self._own.start
+        return Candidate(first + best, float(belief[best]), first + own, belief[own])
+
+    def fits(self, partial: Partial) -> bool:
+        """Whether what came from another shard can be its partial result for this frame."""
+        if self._share is None or self._spread is None:
+            return len(partial) == 0
+        return fits(partial, self._lengths.apart.shape[1])
+
+    def settled(self) -> list[Settled]:
+        """Return the frames that were settled with the last one, in order."""
+        return [self._of_shard(smoothed) for smoothed in self._settled]
+
+    def finish(self) -> list[Settled]:
+        """Settle all frames: the stream is over."""
+        return [self._of_shard(smoothed) for smoothed in self._smoother.finish()]
+
+    def _of_shard(self, smoothed: Smoothed) -> Settled:
+        if not len(smoothed.places):
+            return Settled(NO_CANDIDATE, smoothed.lag)
+        own = (self._own.start <= smoothed.places) & (smoothed.places < self._own.stop)
+        places, belief = smoothed.places[own], smoothed.belief[own]
+        if not len(places):
+            places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)
+        best = int(np.argmax(belief))
+        return Settled(
+            Candidate(int(places[best]), float(belief[best]), places, belief), smoothed.lag
+        )
 
 
-def filter_model(channel: MapChannel, *, reverse: bool) -> FilterModel:
-    """Return what the filter takes of a channel.
-
-    Args:
-        channel: of the map.
-        reverse: whether the route is driven the other way; the places are then in reverse order.
-    """
-    metric = channel.metric
-    steps = _reversed_steps(metric.steps) if reverse else metric.steps
-    # A speed lasts about as long as a segment of the route.
-    return FilterModel(steps, jumps_of(metric), float(channel.scales.mean()))
+def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
+    """Return how long steps are on a map, in the order in which it is driven."""
+    apart = _reversed_steps(metric.steps) if reverse else metric.steps
+    return step_lengths(np.asarray(apart), jumps_of(metric))
 
 
 def jumps_of(metric: MapMetric) -> Array:
@@ -125,26 +198,14 @@ def within_reach(places: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 
     Places before the first of all are negative.
     """
-    reached = np.unique(np.add.outer(places, np.array(STEPS, np.int32)))
+    reached = np.unique(np.add.outer(places, np.arange(REACH + 1, dtype=np.int32)))
     return reached[(reached >= 0) & (reached < count)]
 
 
 def _reversed_steps(steps: Array) -> Array:
-    """How far each place is from the one and the two behind it, in reverse order."""
+    """How far each place is from those behind it, in reverse order."""
     turned = steps[:, ::-1].copy()
-    for row, step in zip(turned, (1, 2), strict=True):
-        row[step:], row[:step] = row[:-step].copy(), row[-step:].copy()
+    for step, row in enumerate(turned, 1):
+        some = min(step, len(row))
+        row[some:], row[:some] = row[: len(row) - some].copy(), row[len(row) - some :].copy()
     return turned
-
-
-def _packed(share: Share) -> Partial:
-    partial = np.empty(3 + share.borders.size)
-    partial[0], partial[1], partial[2] = share.nearest, share.believed, share.likelihood
-    partial[3:] = share.borders.ravel()
-    return partial
-
-
-def _unpacked(partial: Partial) -> Share:
-    nearest, believed, likelihood = partial[:3].tolist()
-    borders = partial[3:].astype(np.float32).reshape(2, len(SPEEDS), -1)
-    return Share(int(nearest), believed, likelihood, borders)

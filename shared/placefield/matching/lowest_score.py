@@ -44,7 +44,7 @@ class LowestScoreMatcher(WindowMatcher):
         found[:, 1] += self._first_observed
         return found.ravel()
 
-    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+    def _best(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate (Y_o, F(Y_o)), each scale's of the shard that it finds best.
 
         ``NO_CANDIDATE`` while the stream is shorter than the smallest coarse scale, or the map is.

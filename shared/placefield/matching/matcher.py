@@ -9,6 +9,7 @@ rounding, under ``filter``.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,19 @@ from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.comparing import Comparison
 
 Partial = NDArray[np.float64]
-"""(n,) float64, what the shards of a channel need of each other of a frame; as long for all."""
+"""(n,) float64, what the shards of a channel need of each other of a frame."""
+
+
+class Settled(NamedTuple):
+    """What a channel has for a frame in hindsight.
+
+    Attributes:
+        candidate: its places are those of the map; its evidence is of the shard's only.
+        lag: how many frames after it are known.
+    """
+
+    candidate: Candidate
+    lag: int
 
 
 class Matcher(ABC):
@@ -47,6 +60,21 @@ class Matcher(ABC):
             The candidate. Its places are those of the map; its evidence is of the shard's only.
         """
 
+    @abstractmethod
+    def fits(self, partial: Partial) -> bool:
+        """Whether what came from another shard can be its partial result for this frame."""
+
+    @abstractmethod
+    def settled(self) -> list[Settled]:
+        """Return the frames that were settled by the last reduce step, in their order.
+
+        Every frame is settled once, and in the end all of them are; see ``finish``.
+        """
+
+    @abstractmethod
+    def finish(self) -> list[Settled]:
+        """Settle the frames that are left: the stream is over. Called once, after the last frame."""
+
     def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame; for a whole channel, which is its only shard.
 
@@ -71,7 +99,21 @@ class ReverseMatcher(Matcher):
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate in the order of the map."""
-        turned = self._matcher.reduce(partials[::-1])
+        return self._turned(self._matcher.reduce(partials[::-1]))
+
+    def fits(self, partial: Partial) -> bool:
+        """Whether what came from another shard can be its partial result for this frame."""
+        return self._matcher.fits(partial)
+
+    def settled(self) -> list[Settled]:
+        """Return the frames that were settled by the last reduce step."""
+        return [Settled(self._turned(each), lag) for each, lag in self._matcher.settled()]
+
+    def finish(self) -> list[Settled]:
+        """Settle the frames that are left."""
+        return [Settled(self._turned(each), lag) for each, lag in self._matcher.finish()]
+
+    def _turned(self, turned: Candidate) -> Candidate:
         if turned.place == UNANSWERED:
             return turned
         places, evidence = self._last - turned.places[::-1], turned.evidence[::-1].copy()

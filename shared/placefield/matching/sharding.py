@@ -6,9 +6,10 @@ from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.evidence import EvidenceMatcher
-from placefield.matching.filter_matcher import LEAST_PLACES, FilterMatcher, filter_model
+from placefield.matching.filter_matcher import HALO, LEAST_PLACES, FilterMatcher, lengths_of
 from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher, ReverseMatcher
+from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance
 from placefield.matching.windows import WindowSums
 from placefield.metric.spread import Spread, spread_of
@@ -89,8 +90,10 @@ class ChannelShard:
         self._driven = self._turned(self.own)
         self._observed = self._driven
         if matching.rule == "filter":
-            self._model = filter_model(channel, reverse=matching.reverse)
+            self._lengths = lengths_of(metric, reverse=matching.reverse)
             self._spread = shared.spread(metric) if shards > 1 else None
+            first, last = self._driven.start - HALO, self._driven.stop + HALO
+            self._observed = slice(max(first, 0), min(last, self._places))
         else:
             self._mean_distance = shared.mean_distance(metric)
             self._observed = slice(max(self._driven.start - longest + 1, 0), self._driven.stop)
@@ -108,7 +111,8 @@ class ChannelShard:
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
     def _filter(self) -> Matcher:
-        return FilterMatcher(self._model, self._driven, self._number, self._spread)
+        smoother = Smoother(self._lengths, self._matching.lag, self._matching.tolerance)
+        return FilterMatcher(self._lengths, self._driven, self._number, smoother, self._spread)
 
     def _windows(self) -> Matcher:
         scales = self._channel.scales.tolist()

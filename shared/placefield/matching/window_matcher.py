@@ -5,13 +5,14 @@ the longest window reaches back, and has the same sums as the whole map, to the 
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from placefield.maps.map import MapMetric
+from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
-from placefield.matching.matcher import Matcher, Partial
+from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.windows import WindowSums
 from placefield.metric.codes import Codes
 
@@ -56,6 +57,8 @@ class WindowMatcher(Matcher):
         self._first = own.start
         self._reached_back = own.start - observed.start
         self.memory = int(windows.row_lengths.max())
+        self._length = 0
+        self._candidate = NO_CANDIDATE
 
     def local(self, frame: Comparison | None) -> Partial:
         """Move the windows on; missing observations keep the others on their diagonal."""
@@ -63,7 +66,30 @@ class WindowMatcher(Matcher):
             self._windows.push_unseen()
         else:
             self._windows.push(frame.distances, self._mean_distance(frame.codes))
-        return self._partial()
+        partial = self._partial()
+        self._length = len(partial)
+        return partial
+
+    def reduce(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate for the last frame."""
+        self._candidate = self._best(partials)
+        return self._candidate
+
+    def fits(self, partial: Partial) -> bool:
+        """Whether what came from another shard can be its partial result for this frame."""
+        return len(partial) == self._length
+
+    def settled(self) -> list[Settled]:
+        """Return the last frame."""
+        return [Settled(self._candidate, 0)]
+
+    def finish(self) -> list[Settled]:
+        """Return nothing: no frame is left."""
+        return []
+
+    @abstractmethod
+    def _best(self, partials: Sequence[Partial]) -> Candidate:
+        """Return the candidate, given the partial results of all shards."""
 
     @abstractmethod
     def _partial(self) -> Partial:

@@ -1,0 +1,67 @@
+"""What the filter learns along a drive, of the last hundred frames or so."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+_FORGET = 0.99  # of a frame's weight is left at the next
+_UNLEARNED = 10.0  # frames that the prior counts as
+_BASE = 0.2  # share of the prior of speeds that is not learned
+_LEAST_LOST = 0.75  # nats per frame that chance gives the best of places over an average one
+_TYPICAL = 1.5  # nats per frame that a place driven past is likelier than an average one
+_LEAST_RATIO = 1e-6  # one frame of another place must not outweigh the others
+_LOST_SHARE = 0.5  # of what places driven past were likelier by: who is lost gets that
+
+
+class Drive:
+    """What a drive has been like: its speeds, and how alike the frames and the places look."""
+
+    def __init__(self, prior: Vector) -> None:
+        """Begin a drive with this prior of its speeds, (S,)."""
+        self._prior = prior
+        self._speeds = np.zeros_like(prior)
+        self._deviations, self._frames = 0.0, 0.0
+        self._evidence, self._weight = 0.0, 0.0
+
+    @property
+    def prior(self) -> Vector:
+        """Chance of each speed after a change, (S,): a drive keeps its frame rate."""
+        count = float(self._speeds.sum())
+        if count == 0:
+            return self._prior
+        learned = (1 - _BASE) * count / (count + _UNLEARNED)
+        return np.asarray((1 - learned) * self._prior + learned * self._speeds / count)
+
+    @property
+    def lost_evidence(self) -> float:
+        """Nats per frame by which a lost vehicle's frame is likelier than at an average place.
+
+        Half of what places had that the vehicle drove past: who sees the route well is soon found
+        out to have left it.
+        """
+        evidence = self._evidence + _TYPICAL * _UNLEARNED
+        return max(_LEAST_LOST, _LOST_SHARE * evidence / (self._weight + _UNLEARNED))
+
+    def deviation(self, deviation: float) -> float:
+        """Return the mean deviation of the frames' distances, given that of the newest frame."""
+        self._deviations = _FORGET * self._deviations + deviation
+        self._frames = _FORGET * self._frames + 1
+        return self._deviations / self._frames
+
+    def learn(self, speeds: Vector, was_on_map: float, ratio: float, novelty: float) -> None:
+        """Learn from a frame.
+
+        Args:
+            speeds: (S,), posterior of each speed on the map.
+            was_on_map: posterior that the vehicle was on the map before the frame.
+            ratio: how many times likelier the frame was where the vehicle was expected than at an
+                average place.
+            novelty: of the frame, 0 to 1.
+        """
+        self._speeds = _FORGET * self._speeds + speeds
+        nats = math.log(max(ratio, _LEAST_RATIO))
+        self._evidence = _FORGET * self._evidence + was_on_map * nats
+        self._weight = _FORGET * self._weight + was_on_map * novelty

@@ -1,0 +1,196 @@
+"""The filter's predict and update in one pass over its beliefs, and what is picked from them."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.kernels import kernel, sum_of
+from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihoods
+
+_BLOCK = 1024  # places whose beliefs stay in the cache from one loop to the next
+_SPEEDS = SPEEDS  # as a constant of compiled code
+
+
+class Transition(NamedTuple):
+    """From one frame to the next.
+
+    Attributes:
+        motion: of the vehicle.
+        prior: (S,) float32, chance of each speed after a change.
+        kept: what beliefs are multiplied by.
+        found: (2, S) float32, probability of each place at each speed, on the map and its reverse,
+            of a vehicle that was lost.
+        step: length of the step, in descriptor space; ``UNKNOWN`` if it is not known.
+        standing: length of no step.
+    """
+
+    motion: Motion
+    prior: Array
+    kept: float
+    found: Array
+    step: float
+    standing: float
+
+
+@kernel
+def advance(
+    belief: Array,
+    halo: Array,
+    transition: Transition,
+    apart: Array,
+    likelihood: Array,
+    of_place: Array,
+    of_speed: NDArray[np.float64],
+) -> float:
+    """Predict the beliefs in K places from those of the frame before, and update them.
+
+    Args:
+        belief: (2, S, K) float32, on the map and on its reverse, which is driven the other way;
+            receives the beliefs after the frame.
+        halo: (2, S, REACH) float32, beliefs, times ``kept``, in the places before these on the map,
+            and in those after them on its reverse.
+        transition: from the frame before to this one.
+        apart: (6, K) float32, see ``StepLengths``.
+        likelihood: (K,) float32, of what was observed, at each place.
+        of_place: (2, K) float32, receives the sums over the speeds.
+        of_speed: (S,) float64, receives the sums over the places on the map.
+
+    Returns:
+        The sum of the beliefs on the map before the update.
+    """
+    motion, places = transition.motion, belief.shape[2]
+    speeds = len(motion.prior)
+    changed = np.empty(_BLOCK + REACH, np.float32)
+    moving = np.empty(_BLOCK + 2 * REACH, np.float32)
+    arrived, predicted = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    steps = np.empty((speeds, _BLOCK), np.float32)
+    # What lies before a block has been overwritten when its turn comes, and is kept here.
+    before = _mixed_halo(halo, transition)
+    after_all = before[1].copy()
+    total = 0.0
+    of_speed[:] = 0
+    for start in range(0, places, _BLOCK):
+        end = min(start + _BLOCK, places)
+        size = end - start
+        step_likelihoods(
+            apart[:, start:end], transition.standing, _SPEEDS, transition.step, steps[:, :size]
+        )
+        for hypothesis in range(2):
+            reached = min(size + REACH, places - start)
+            _sum_changes(belief[hypothesis, :, start : start + reached], motion.change, changed)
+            predicted[:size] = 0
+            for speed in range(speeds):
+                stay = np.float32(transition.kept) * (np.float32(1) - motion.change[speed])
+                join = np.float32(transition.kept) * transition.prior[speed]
+                moving[:REACH] = before[hypothesis, speed]
+                ahead = belief[hypothesis, speed, start : start + reached]
+                for i in range(reached):
+                    moving[REACH + i] = stay * ahead[i] + join * changed[i]
+                moving[REACH + reached : size + 2 * REACH] = after_all[
+                    speed, : size + REACH - reached
+                ]
+                before[hypothesis, speed] = moving[size : size + REACH]
+                _arrive(moving, motion.chances[speed], hypothesis == 0, arrived[:size])
+                found, after = transition.found[hypothesis, speed], ahead[:size]
+                for i in range(size):
+                    came = arrived[i] * steps[speed, i] + found
+                    predicted[i] += came
+                    after[i] = came * likelihood[start + i]
+                if hypothesis == 0:
+                    of_speed[speed] += sum_of(after)
+            if hypothesis == 0:
+                total += sum_of(predicted[:size])
+            for i in range(size):
+                of_place[hypothesis, start + i] = predicted[i] * likelihood[start + i]
+    return total
+
+
+@kernel
+def _mixed_halo(halo: Array, transition: Transition) -> Array:
+    """Change the speeds of the beliefs outside as ``advance`` does those inside."""
+    mixed = np.empty_like(halo)
+    changed = np.empty(REACH, np.float32)
+    change = transition.motion.change
+    for hypothesis in range(len(halo)):
+        _sum_changes(halo[hypothesis], change, changed)
+        for speed in range(len(change)):
+            stay, join = np.float32(1) - change[speed], transition.prior[speed]
+            mixed[hypothesis, speed] = stay * halo[hypothesis, speed] + join * changed
+    return mixed
+
+
+@kernel
+def _sum_changes(belief: Array, change: Array, changed: Array) -> None:
+    """Sum over the speeds what leaves each of them."""
+    changed[:] = 0
+    for speed in range(len(change)):
+        factor = change[speed]
+        for i in range(belief.shape[1]):
+            changed[i] += factor * belief[speed, i]
+
+
+@kernel
+def _arrive(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None:
+    """Sum what arrives at places from those up to REACH before them, or after on the reverse."""
+    arrived[:] = 0
+    for step in range(REACH + 1):
+        chance = chances[step]
+        if chance > 0:
+            start = REACH - step if is_map else REACH + step
+            for i in range(len(arrived)):
+                arrived[i] += chance * moving[start + i]
+
+
+@kernel
+def log_likelihoods(
+    distances: NDArray[np.int32], inverse_temperature: float, exponents: Array
+) -> int:
+    """Write by how much less likely than the nearest each place is, (K,), as a logarithm.
+
+    Distances are the mean of a place's own and the least of its own and its two neighbours': from a
+    frame that was taken between two places both are far.
+
+    Args:
+        distances: (K + 2,) int32, squared; the first and the last belong to neighbours.
+        inverse_temperature: by how much the logarithm falls with the squared distance.
+        exponents: (K,) float32, receives them.
+
+    Returns:
+        Twice the least distance.
+    """
+    nearest = np.int32(2**31 - 1)
+    for i in range(len(exponents)):
+        nearest = min(nearest, _near(distances, i + 1))
+    factor = np.float32(0.5 * inverse_temperature)
+    for i in range(len(exponents)):
+        exponents[i] = factor * np.float32(np.int32(nearest - _near(distances, i + 1)))
+    return int(nearest)
+
+
+@kernel
+def _near(distances: NDArray[np.int32], i: int) -> np.int32:
+    around = min(distances[i - 1], distances[i], distances[i + 1])
+    return np.int32(distances[i] + around)
+
+
+@kernel
+def pick(values: Array, least: float, picked: NDArray[np.int32]) -> int:
+    """Write the indices of values (K,) of at least so much, ascending; return how many there are."""
+    count, threshold = 0, np.float32(least)
+    for i in range(len(values)):
+        if values[i] >= threshold:
+            picked[count] = i
+            count += 1
+    return count
+
+
+@kernel
+def step_length(codes: NDArray[np.int16], last: NDArray[np.int16], unit: float) -> float:
+    """How far apart two vectors of codes are."""
+    squares = np.int32(0)
+    for m in range(len(codes)):
+        difference = np.int32(np.int32(codes[m]) - np.int32(last[m]))
+        squares = np.int32(squares + np.int32(difference * difference))
+    return unit * math.sqrt(squares)

@@ -1,0 +1,166 @@
+"""How a vehicle moves along the places of a map: the motion model of the rule ``filter``.
+
+A vehicle drives at one of some speeds, from standing to six places per frame, and keeps it for a
+while. How long its steps are, in descriptor space, belongs to the speed: a frame is expected to be
+as far from the last one as places are from each other that the vehicle passes in that time. Below
+one place per frame that grows with the square root of the speed, as a random walk does.
+"""
+
+import math
+from typing import NamedTuple, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.kernels import kernel, sum_of
+
+Array = NDArray[np.float32]
+Rows = TypeVar("Rows", bound=NDArray[np.generic])
+
+SPEEDS = np.array([0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6])
+"""Places per frame."""
+
+REACH = 7
+"""Places that a step takes at most."""
+
+UNKNOWN = -1.0
+"""Length of a step of which nothing is known."""
+
+HYPOTHESES = np.array([0.2, 0.8])
+"""Share of a vehicle that is found that the map has, and its reverse, the null hypothesis."""
+
+LOSE = 0.003
+"""Chance that a vehicle that is on the map is lost at the next frame."""
+
+FIND = 0.2
+"""Chance that one that is lost is on the map at the next frame."""
+
+_PRIOR = np.array([1, 0.5, 0.5, 0.5, 1, 1, 1, 4, 1, 1, 1, 1, 1, 0.5, 0.5]) / 15.5
+_PERSISTENCE = 60.0  # frames that a speed lasts
+_STOP = 5.0  # frames that a stop lasts
+_SLIP = 0.02  # share of steps that the speed does not explain
+_DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
+_NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
+_SAMPLE = 250  # places that stand for all where only a mean is wanted
+
+
+class Motion(NamedTuple):
+    """The transition of S speeds.
+
+    Attributes:
+        prior: (S,) float32, chance of each speed, of a vehicle of which nothing is known.
+        change: (S,) float32, chance that the speed changes from one frame to the next.
+        chances: (S, REACH + 1) float32, chance that a step takes 0, 1, … places at each speed.
+    """
+
+    prior: Array
+    change: Array
+    chances: Array
+
+
+class StepLengths(NamedTuple):
+    """How long steps are on a map of K places, in descriptor space.
+
+    Attributes:
+        apart: (6, K) float32, how far each place is from the one before it, the second before it,
+            and so on.
+        some: (6, J) float32, some of them, that stand for all.
+        jumps: (J,) float32, how far places are from those half a map away.
+        typical: length of a step of one place, the median.
+        standing: of no step.
+    """
+
+    apart: Array
+    some: Array
+    jumps: Array
+    typical: float
+    standing: float
+
+
+def motion() -> Motion:
+    """Return the transition of the speeds in ``SPEEDS``."""
+    lasts = np.where(SPEEDS > 0, _PERSISTENCE, _STOP)
+    chances = np.array([_step_chances(speed) for speed in SPEEDS])
+    return Motion(
+        _PRIOR.astype(np.float32),
+        (1 / lasts).astype(np.float32),
+        chances.astype(np.float32),
+    )
+
+
+def _step_chances(speed: float) -> NDArray[np.float64]:
+    """Chance of each whole step at a speed, (REACH + 1,): between two steps, the nearer oftener.
+
+    Some steps slip: they are any from one place too few to one too many. Slow ones slip less, else
+    they would run.
+    """
+    steps = np.arange(REACH + 1)
+    exact = np.maximum(1 - np.abs(speed - steps), 0)
+    low, high = max(math.floor(speed) - (speed >= 1), 0), min(math.ceil(speed) + (speed > 0), REACH)
+    slipped = ((steps >= low) & (steps <= high)) / (high - low + 1)
+    slip = _SLIP * (speed if speed < 0.5 else 1)
+    return np.asarray((1 - slip) * exact + slip * slipped)
+
+
+def step_lengths(apart: Array, jumps: Array) -> StepLengths:
+    """Return the lengths of steps; see ``StepLengths`` for the arguments."""
+    typical = float(np.median(apart[0])) or 1.0
+    standing = _NOISE * typical
+    some = evenly_spaced(apart.T).T.copy()
+    return StepLengths(apart, some, jumps, typical, standing)
+
+
+def evenly_spaced(rows: Rows) -> Rows:
+    """Return at most 250 of the rows, evenly spaced, to stand for all of them."""
+    return cast(Rows, rows[:: -(-len(rows) // _SAMPLE)])
+
+
+@kernel
+def step_likelihoods(
+    apart: Array, standing: float, speeds: NDArray[np.float64], step: float, likelihoods: Array
+) -> None:
+    """Write how likely a step of a length is at each speed, (S, K), by the place it leads to.
+
+    Args:
+        apart: (6, K) float32, see ``StepLengths``.
+        standing: see there.
+        speeds: (S,) float64, places per frame.
+        step: length of the step; ``UNKNOWN`` is as likely as not at all speeds: 1.
+        likelihoods: (S, K) float32, receives them.
+    """
+    if step < 0:
+        likelihoods[:] = 1
+        return
+    walked, least = np.float32(max(step, standing)), np.float32(standing)
+    for row in range(len(speeds)):
+        low = int(speeds[row])
+        if low < 1:
+            root = np.float32(math.sqrt(speeds[row]))
+            for place in range(apart.shape[1]):
+                length = least + (max(apart[0, place], least) - least) * root
+                likelihoods[row, place] = student(walked - length)
+        else:
+            share = np.float32(speeds[row] - low)
+            high = min(low, len(apart) - 1)
+            for place in range(apart.shape[1]):
+                shorter, longer = apart[low - 1, place], apart[high, place]
+                length = max(shorter + (longer - shorter) * share, least)
+                likelihoods[row, place] = student(walked - length)
+
+
+@kernel
+def mean_student(lengths: Array, step: float) -> float:
+    """Return how likely a step is that is as long as any of these, (J,)."""
+    likelihoods = np.empty_like(lengths)
+    for i in range(len(lengths)):
+        likelihoods[i] = student(np.float32(step) - lengths[i])
+    return sum_of(likelihoods) / len(lengths)
+
+
+@kernel
+def student(difference: np.float32) -> np.float32:
+    """Density of Student's t with 2 degrees of freedom, up to a factor: it forgives outliers."""
+    scaled = difference * np.float32(1 / _DEVIATION)
+    spread = np.float32(1) + scaled * scaled * np.float32(0.5)
+    density: np.float32 = np.float32(1) / (spread * np.sqrt(spread))
+    return density

@@ -1,0 +1,81 @@
+"""The backward pass in one frame, on the places that were believed in."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.kernels import kernel
+from placefield.matching.motion import FIND, HYPOTHESES, LOSE, REACH, Array, Motion
+
+_MAP_SHARE, _NULL_SHARE = float(HYPOTHESES[0]), float(HYPOTHESES[1])
+_FIND, _LOSE = FIND, LOSE
+
+
+@kernel
+def step_back(
+    places: NDArray[np.int32],
+    seen: Array,
+    steps: Array,
+    prior: Array,
+    motion: Motion,
+    lost: tuple[float, float, float],
+    before: NDArray[np.int32],
+    rows: NDArray[np.int32],
+    backward: Array,
+) -> float:
+    """Take how likely what follows is from a frame back to the frame before it.
+
+    Args:
+        places: (n,) int32, that were believed in at the frame.
+        seen: (n, 2, S) float32, how likely the frame and those after it are in each; is changed.
+        steps: (S, n) float32, likelihood of the observed step, by the place that it leads to.
+        prior: (S,) float32, of the speeds in the transition.
+        motion: of the vehicle.
+        lost: how likely the frame and those after it are when lost; likelihood of the step of a
+            vehicle that stays lost, times that of each place; likelihood of a jump.
+        before: (m,) int32, places that were believed in at the frame before.
+        rows: (K,) int32, -1 everywhere; is used, and -1 everywhere again.
+        backward: (m, 2, S) float32, receives how likely what follows is from each of them.
+
+    Returns:
+        The same from being lost at the frame before. All are in a unit of their greatest.
+    """
+    when_lost, stray, jump = lost
+    speeds, count = len(prior), len(rows)
+    found = 0.0
+    for i in range(len(places)):
+        rows[places[i]] = i
+        for speed in range(speeds):
+            found += prior[speed] * (
+                _MAP_SHARE * seen[i, 0, speed] + _NULL_SHARE * seen[i, 1, speed]
+            )
+            seen[i, 0, speed] *= steps[speed, i]
+            seen[i, 1, speed] *= steps[speed, i]
+    reached = np.empty(speeds, np.float32)
+    from_lost = (1 - _FIND) * stray * when_lost + _FIND * stray / count * found
+    to_lost = np.float32(_LOSE * jump * when_lost)
+    top = from_lost
+    for j in range(len(before)):
+        for hypothesis in range(2):
+            reached[:] = 0
+            for step in range(REACH + 1):
+                place = before[j] + (step if hypothesis == 0 else -step)
+                if 0 <= place < count and rows[place] >= 0:
+                    ahead = seen[rows[place], hypothesis]
+                    for speed in range(speeds):
+                        reached[speed] += motion.chances[speed, step] * ahead[speed]
+            mixed = np.float32(0)
+            for speed in range(speeds):
+                mixed += prior[speed] * reached[speed]
+            for speed in range(speeds):
+                change = motion.change[speed]
+                kept = reached[speed] + change * (mixed - reached[speed])
+                value = np.float32(1 - _LOSE) * kept + to_lost
+                backward[j, hypothesis, speed] = value
+                top = max(top, value)
+    for place in places:
+        rows[place] = -1
+    for j in range(len(before)):
+        for hypothesis in range(2):
+            for speed in range(speeds):
+                backward[j, hypothesis, speed] = backward[j, hypothesis, speed] / np.float32(top)
+    return from_lost / top

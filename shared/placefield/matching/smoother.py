@@ -1,0 +1,136 @@
+"""Fixed-lag smoothing: each frame's posterior given some frames after it, settled when it is sure.
+
+A frame is settled when it is all but certain where it was, or that it is nowhere, or when it has
+waited for ``lag`` frames. Frames are settled in order. The backward pass runs over the frames that
+are not settled, once in a few frames, and on the places that were believed in when they came: so it
+costs about twice the filter's own pass, and less on a large map.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.matching.best_window import best_window
+from placefield.matching.motion import SPEEDS, StepLengths, motion, step_likelihoods
+from placefield.matching.place_filter import NEGLIGIBLE, Trace
+from placefield.matching.smooth_kernel import step_back
+
+Array = NDArray[np.float32]
+
+_EVERY = 3  # frames
+_CERTAIN = 0.999  # more frames change nothing
+_HOPELESS, _PATIENCE = 0.001, 10  # likewise, after so many
+_AT_ONCE = 5  # frames that are settled together, when the first of them has waited for long enough
+
+
+class Smoothed(NamedTuple):
+    """A frame's posterior given frames after it.
+
+    Attributes:
+        lag: how many.
+        places: (n,) int32, ascending; empty before the first observation.
+        belief: (n,) float32, posterior of each; the others' are negligible.
+    """
+
+    lag: int
+    places: NDArray[np.int32]
+    belief: Array
+
+
+class Smoother:
+    """Smooths one stream."""
+
+    def __init__(self, lengths: StepLengths, lag: int, tolerance: int) -> None:
+        """Prepare for a new stream.
+
+        Args:
+            lengths: of steps on the whole map.
+            lag: frames that a frame waits for at most.
+            tolerance: places within which a match is right.
+        """
+        self._lengths, self._lag, self._tolerance = lengths, lag, tolerance
+        self._motion = motion()
+        self._rows = np.full(lengths.apart.shape[1], -1, np.int32)
+        self._waiting: deque[Trace | None] = deque()
+        self._frames = 0
+
+    def push(self, trace: Trace | None) -> list[Smoothed]:
+        """Take the next frame's trace, None before the first observation; return who is settled."""
+        self._waiting.append(trace)
+        self._frames += 1
+        oldest = len(self._waiting) - 1
+        if oldest < self._lag and self._frames % _EVERY:
+            return []
+        return self._settle(self._least_lag(oldest))
+
+    def _least_lag(self, oldest: int) -> int:
+        """Return after how many frames who is not certain yet has waited for long enough."""
+        if oldest < self._lag:
+            return self._lag + 1
+        return max(self._lag - _AT_ONCE + 1, 0)
+
+    def finish(self) -> list[Smoothed]:
+        """Settle all frames: the stream is over."""
+        return self._settle(0)
+
+    def _settle(self, enough: int) -> list[Smoothed]:
+        newest = len(self._waiting) - 1
+        settled = []
+        for number, (places, belief) in enumerate(self._smooth()):
+            lag = newest - number
+            probability = best_window(places, belief, self._tolerance)[1] if len(places) else 1.0
+            certain = probability >= _CERTAIN or (probability <= _HOPELESS and lag >= _PATIENCE)
+            if not (certain or lag >= enough):
+                break
+            settled.append(Smoothed(lag, places, belief))
+            self._waiting.popleft()
+        return settled
+
+    def _smooth(self) -> list[tuple[NDArray[np.int32], Array]]:
+        """Return places and posterior of each frame that waits, given all of them."""
+        smoothed = []
+        later: Trace | None = None
+        backward, backward_lost = np.empty(0, np.float32), 1.0
+        for trace in reversed(self._waiting):
+            if trace is None:
+                smoothed.append((np.empty(0, np.int32), np.empty(0, np.float32)))
+                continue
+            if later is None:
+                backward = np.ones_like(trace.belief)
+            elif later is not trace:  # a repeated frame is no step of time
+                backward, backward_lost = self._back(later, trace, backward, backward_lost)
+            smoothed.append(_posterior(trace, backward, backward_lost))
+            later = trace
+        return smoothed[::-1]
+
+    def _back(
+        self, later: Trace, trace: Trace, backward: Array, backward_lost: float
+    ) -> tuple[Array, float]:
+        steps = np.empty((len(SPEEDS), len(later.places)), np.float32)
+        apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
+        step_likelihoods(apart, self._lengths.standing, SPEEDS, later.step, steps)
+        before = np.empty_like(trace.belief)
+        lost = step_back(
+            later.places,
+            later.likelihood[:, None, None] * backward,
+            steps,
+            later.prior,
+            self._motion,
+            (later.lost_likelihood * backward_lost, later.stray, later.jump),
+            trace.places,
+            self._rows,
+            before,
+        )
+        return before, lost
+
+
+def _posterior(
+    trace: Trace, backward: Array, backward_lost: float
+) -> tuple[NDArray[np.int32], Array]:
+    both = trace.belief * backward
+    total = float(both.sum(dtype=np.float64)) + trace.lost * backward_lost
+    belief = both[:, 0].sum(axis=1) / np.float32(total)
+    kept = belief >= min(np.float32(NEGLIGIBLE), belief.max())
+    return trace.places[kept], belief[kept]
