@@ -27,7 +27,6 @@ from placefield.matching.motion import (
     LOSE,
     REACH,
     SPEEDS,
-    UNKNOWN,
     Array,
     StepLengths,
     mean_student,
@@ -158,8 +157,10 @@ class PlaceFilter:
         # At least those that will be of some belief among all shards.
         least = min(NEGLIGIBLE * (float(of_speed.sum()) + of_null), float(both.max()))
         places = places[: pick(both, least, places)]
-        halo = np.empty_like(self._halo)
-        halo[0], halo[1] = self._belief[0, :, -REACH:], self._belief[1, :, :REACH]
+        halo = np.zeros_like(self._halo)
+        edge = min(REACH, len(likelihood))
+        halo[0, :, REACH - edge :] = self._belief[0, :, -edge:]
+        halo[1, :, :edge] = self._belief[1, :, :edge]
         return Share(
             observation.nearest,
             predicted,

@@ -65,11 +65,12 @@ def predict(state: State, step: Step) -> State:
     mixed = (1 - step.change)[:, None] * state.placed
     mixed = mixed + step.prior[:, None] * changed[:, None]
     moved = np.zeros_like(mixed)
-    for places in range(step.chances.shape[1]):
+    count = moved.shape[2]
+    for places in range(min(step.chances.shape[1], count)):
         chance = step.chances[:, places, None]
-        moved[0, :, places:] += chance * mixed[0, :, : moved.shape[2] - places]
-        moved[1, :, : moved.shape[2] - places] += chance * mixed[1, :, places:]
-    found = FIND * step.stray * state.lost * initial(step.prior, moved.shape[2]).placed / 0.5
+        moved[0, :, places:] += chance * mixed[0, :, : count - places]
+        moved[1, :, : count - places] += chance * mixed[1, :, places:]
+    found = FIND * step.stray * state.lost * initial(step.prior, count).placed / 0.5
     lost = (1 - FIND) * step.stray * state.lost + LOSE * step.jump * float(state.placed.sum())
     return State((1 - LOSE) * moved * step.likelihood + found, lost)
 
@@ -107,17 +108,17 @@ def update_likelihood(backward: State, likelihood: Array, lost_likelihood: float
 
 def predict_backward(seen: State, step: Step) -> State:
     """Return how likely what follows is from each state of the frame before: ``predict``'s adjoint."""
-    places = seen.placed.shape[2]
-    anywhere = initial(step.prior, places).placed / 0.5
+    count = seen.placed.shape[2]
+    anywhere = initial(step.prior, count).placed / 0.5
     lost = (1 - FIND) * step.stray * seen.lost + FIND * step.stray * float(
         (anywhere * seen.placed).sum()
     )
     ahead = seen.placed * step.likelihood
     reached = np.zeros_like(ahead)
-    for places_on in range(step.chances.shape[1]):
-        chance = step.chances[:, places_on, None]
-        reached[0, :, : places - places_on] += chance * ahead[0, :, places_on:]
-        reached[1, :, places_on:] += chance * ahead[1, :, : places - places_on]
+    for places in range(min(step.chances.shape[1], count)):
+        chance = step.chances[:, places, None]
+        reached[0, :, : count - places] += chance * ahead[0, :, places:]
+        reached[1, :, places:] += chance * ahead[1, :, : count - places]
     mixed = np.einsum("s,hsk->hk", step.prior, reached)
     change = step.change[:, None]
     kept = (1 - change) * reached + change * mixed[:, None]

@@ -20,11 +20,14 @@ def compared(metric: MapMetric, query: Sequence[Array | None]) -> list[Compariso
 def metric_of_codes(places: NDArray[np.int16], unit: float) -> MapMetric:
     """Make a metric of these places (K, M), as if they were codes of this unit."""
     points = unit * places.astype(np.float64)
-    steps = np.zeros((2, len(points)))
-    for step in (1, 2):
-        made = np.linalg.norm(points[step:] - points[:-step], axis=1)
-        steps[step - 1] = made.mean() if len(made) else 0
-        steps[step - 1, step:] = made
+    steps = np.zeros((6, len(points)))
+    for step in range(1, 7):
+        if step < len(points):
+            made = np.linalg.norm(points[step:] - points[:-step], axis=1)
+            steps[step - 1] = made.mean()
+            steps[step - 1, step:] = made
+        elif step > 1:
+            steps[step - 1] = steps[step - 2]
     return MapMetric(
         learned=False,
         projection=np.eye(places.shape[1], dtype=np.float32),

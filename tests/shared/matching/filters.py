@@ -1,16 +1,38 @@
 """Filters of the places of a metric, for tests of what they come to believe."""
 
-from placefield.maps.map import MapMetric
-from placefield.matching.comparing import Comparison
-from placefield.matching.filter_matcher import jumps_of
-from placefield.matching.place_filter import PlaceFilter
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.matcher import Matcher
+from placefield.matching.sharding import ChannelShard
 
 
-def filter_of(metric: MapMetric, persistence: float) -> PlaceFilter:
+def channel_under(metric: MapMetric) -> MapChannel:
+    """A channel of one segment."""
+    count = len(metric.places)
+    return MapChannel(
+        fuzzifier=1.1,
+        clusters=1,
+        metric=metric,
+        labels=np.ones(count, np.int32),
+        segments=np.array([[0, count]], np.int32),
+        scales=np.array([count], np.int32),
+        curve=np.zeros((0, 2)),
+    )
+
+
+def filter_of(metric: MapMetric, lag: int = 20, *, tolerance: int = 3) -> Matcher:
     """A filter of all places, which are the only shard."""
-    return PlaceFilter(metric.steps, jumps_of(metric), persistence, slice(0, len(metric.places)))
+    matching = MatchingConfig(lag=lag, tolerance=tolerance)
+    return ChannelShard(channel_under(metric), matching).new_matcher()
 
 
-def push(place_filter: PlaceFilter, frame: Comparison | None) -> None:
-    share = place_filter.take_unseen() if frame is None else place_filter.take(frame)
-    place_filter.settle([share], 0)
+def posterior_of(candidate: Candidate, places: int) -> NDArray[np.float64]:
+    """Of each place, (K,); 0 where it was left out."""
+    posterior = np.zeros(places)
+    if candidate.place != UNANSWERED:
+        posterior[candidate.places] = candidate.evidence
+    return posterior

@@ -1,159 +1,165 @@
-"""The model of ``PlaceFilter`` in float64, written out state by state, for tests.
+"""The rule ``filter`` written out in float64 by docs/method.md, for tests.
 
-Its constants are those of docs/method.md.
+Predicting, updating and smoothing are the textbook's, which is tested by itself.
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.matching.textbook import State, Step, initial, predict, smooth, update
+
 Points = NDArray[np.float64]
-Weights = dict[tuple[int, float], NDArray[np.float64]]
-"""By sheet (0 the map, 1 the decoy) and speed, of every place, (K,)."""
 
-PRIOR = {0.0: 0.1, 0.5: 0.1, 0.75: 0.1, 1.0: 0.4, 1.25: 0.1, 1.5: 0.1, 2.0: 0.1}
-"""Chance of each speed after a change, places per frame."""
-
-STEPS = (0, 1, 2)
-SLIP = 0.05
-STOP = 5  # frames
+SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6]
+PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1]) / 31
+REACH = 7
+SLIP = 0.02
+PERSISTENCE = 60  # frames
+STOP = 5
 STEP_DEVIATION = 0.3
 STANDING = 0.05  # of the median step
-LOSE = 0.003
-FIND = 0.2
-LOST_AT_FIRST = 0.5
-LOST_EVIDENCE = 0.75
-SHEETS = (0.2, 0.8)
-SAMPLE = 1000
+SAMPLE = 250
+NATS_PER_DEVIATION = 1.25
+REPEATED = 1e-3
+MEMORY = 0.99
 
 
 class LiteralFilter:
-    """Weights of all states that explain the frames so far, carried from state to state.
+    """The distribution over all states, frame by frame, and what the smoother needs of them."""
 
-    The decoy is a map of the same places the other way around.
-    """
-
-    def __init__(self, places: Points, persistence: float) -> None:
-        """Take the places (K, M) and how long a speed lasts, in frames."""
-        self.sheets = (places, places[::-1])
+    def __init__(self, places: Points) -> None:
+        """Take the places (K, M)."""
         self.places = places
-        self.count = len(places)
-        self.some = range(0, self.count, math.ceil(self.count / SAMPLE))
-        self.lengths = {
-            (sheet, step): step_lengths(self.sheets[sheet], step)
-            for sheet in range(2)
-            for step in STEPS
-        }
-        self.typical_step = float(np.median(self.lengths[0, 1])) or 1.0
-        self.persistence = persistence
-        self.lost, self.weights = LOST_AT_FIRST, self.anywhere(1 - LOST_AT_FIRST)
+        count = len(places)
+        self.apart = [self.lengths_of_steps(step) for step in range(1, 7)]
+        self.typical = float(np.median(self.apart[0])) or 1.0
+        self.standing = STANDING * self.typical
+        self.some = range(0, count, math.ceil(count / SAMPLE))
+        self.state = initial(PRIOR, count)
         self.last: Points | None = None
-        self.begun = False
+        self.speeds = np.zeros(len(SPEEDS))  # posterior counts
+        self.evidence, self.weight = 0.0, 0.0
+        self.deviations, self.deviation_weight = 0.0, 0.0
+        self.filtered: list[State] = []
+        self.steps: list[Step] = []
+        self.likelihoods: list[tuple[Points, float]] = []
+        self.frames: list[int | None] = []
+        """Which of these each frame has; None before the first observation."""
 
-    def anywhere(self, weight: float) -> Weights:
-        return {
-            (sheet, speed): np.full(self.count, weight * share * PRIOR[speed] / self.count)
-            for sheet, share in enumerate(SHEETS)
-            for speed in PRIOR
-        }
+    def lengths_of_steps(self, step: int) -> Points:
+        """To each place; before one can be made, the mean of those that can."""
+        if step >= len(self.places):
+            return np.zeros(len(self.places)) if step == 1 else self.lengths_of_steps(step - 1)
+        made = np.linalg.norm(self.places[step:] - self.places[:-step], axis=1)
+        return np.concatenate([np.full(step, made.mean()), made])
 
     def push(self, frame: Points | None) -> None:
-        """Take the next frame (M,), or one that was not seen."""
-        if self.begun:
-            self.move(frame)
-        if frame is not None:
-            self.see(frame)
-            self.begun = True
+        """Take the next frame (M,), or a missing observation."""
+        repeated = (
+            frame is not None and self.last is not None and math.dist(frame, self.last) <= REPEATED
+        )
+        if not repeated and (frame is not None or self.filtered):
+            self.take(frame)
+        self.frames.append(len(self.filtered) - 1 if self.filtered else None)
+
+    def take(self, frame: Points | None) -> None:
+        known = frame is not None and self.last is not None
+        length = math.dist(frame, self.last) if known else None  # type: ignore[arg-type]
+        step = self.step(length)
+        novelty, likelihood, lost = self.observe(frame, length)
+        if self.filtered:
+            before = self.state
+            moved = predict(before, step)
+            self.state = update(moved, likelihood, lost)
+            if novelty > 0 and moved.placed[0].sum() > 0:
+                self.learn(before, moved, likelihood, novelty)
+        else:
+            self.state = update(self.state, likelihood, lost)
+        self.filtered.append(self.state)
+        self.steps.append(step)
+        self.likelihoods.append((likelihood, lost))
         self.last = frame
-        self.normalise()
 
-    def normalise(self) -> None:
-        total = self.lost + sum(float(of_places.sum()) for of_places in self.weights.values())
-        self.lost /= total
-        for of_places in self.weights.values():
-            of_places /= total
+    def step(self, length: float | None) -> Step:
+        chances = np.array([list(self.step_chances(speed)) for speed in SPEEDS])
+        change = np.array([1 / (PERSISTENCE if speed > 0 else STOP) for speed in SPEEDS])
+        if length is None:
+            every = np.ones((len(SPEEDS), len(self.places)))
+            return Step(self.prior(), change, chances, every, 1.0, 1.0)
+        walked = max(length, self.standing)
+        likelihood = student(walked - np.array([self.expected(speed) for speed in SPEEDS]))
+        stray = float(PRIOR @ likelihood[:, self.some].mean(axis=1))
+        there = [(place - len(self.places) // 2) % len(self.places) for place in self.some]
+        jumps = np.linalg.norm(self.places[self.some] - self.places[there], axis=1)
+        jump = float(student(length - jumps).mean())
+        return Step(self.prior(), change, chances, likelihood, stray, jump)
 
-    def move(self, frame: Points | None) -> None:
-        was_lost = self.lost * self.step_likelihood_anywhere(frame)
-        on_a_sheet = sum(float(of_places.sum()) for of_places in self.weights.values())
-        moved = self.anywhere(FIND * was_lost)
-        for (sheet, speed), of_places in self.weights.items():
-            for step in STEPS:
-                likelihood = self.step_likelihood(frame, sheet, step)[step:]
-                arrived = (1 - LOSE) * of_places[: max(self.count - step, 0)] * likelihood
-                for new_speed in PRIOR:
-                    chance = self.change_chance(speed, new_speed) * step_chance(new_speed, step)
-                    moved[sheet, new_speed][step:] += chance * arrived
-        self.lost = (1 - FIND) * was_lost + LOSE * on_a_sheet * self.jump_likelihood(frame)
-        self.weights = moved
+    def step_chances(self, speed: float) -> Iterator[float]:
+        low, high = math.floor(speed) - (speed >= 1), min(math.ceil(speed) + (speed > 0), REACH)
+        slip = SLIP * (speed if speed < 0.5 else 1)
+        for step in range(REACH + 1):
+            slipped = 1 / (high - low + 1) if low <= step <= high else 0
+            yield (1 - slip) * max(1 - abs(speed - step), 0) + slip * slipped
 
-    def change_chance(self, speed: float, new_speed: float) -> float:
-        change = 1 / max(self.persistence if speed > 0 else STOP, 1)
-        return change * PRIOR[new_speed] + (1 - change) * (speed == new_speed)
+    def expected(self, speed: float) -> Points:
+        """Length of a step at a speed, by the place that it leads to."""
+        if speed < 1:
+            one = np.maximum(self.apart[0], self.standing)
+            return np.asarray(self.standing + (one - self.standing) * math.sqrt(speed))
+        low = math.floor(speed)
+        shorter, longer = self.apart[low - 1], self.apart[min(low, 5)]
+        return np.maximum(shorter + (speed - low) * (longer - shorter), self.standing)
 
-    def step_likelihood(self, frame: Points | None, sheet: int, step: int) -> Points:
-        """Of the step that leads to each place, (K,)."""
-        if frame is None or self.last is None:
-            return np.ones(self.count)
-        floor = STANDING * self.typical_step
-        expected = np.maximum(self.lengths[sheet, step], floor)
-        return student(max(math.dist(frame, self.last), floor) - expected)
+    def prior(self) -> Points:
+        count = self.speeds.sum()
+        learned = 0.8 * count / (count + 10)
+        share = self.speeds / count if count > 0 else PRIOR
+        return np.asarray((1 - learned) * PRIOR + learned * share)
 
-    def step_likelihood_anywhere(self, frame: Points | None) -> float:
-        total = 0.0
-        for speed in PRIOR:
-            for step in STEPS:
-                likelihoods = self.step_likelihood(frame, 0, step)
-                mean = sum(likelihoods[place] for place in self.some) / len(self.some)
-                total += PRIOR[speed] * step_chance(speed, step) * mean
-        return total
-
-    def jump_likelihood(self, frame: Points | None) -> float:
-        """A jump is as long as the way from a place to the one half the route behind it."""
-        if frame is None or self.last is None:
-            return 1
-        there = [(place - self.count // 2) % self.count for place in self.some]
-        lengths = np.linalg.norm(self.places[self.some] - self.places[there], axis=1)
-        return float(student(math.dist(frame, self.last) - lengths).mean())
-
-    def see(self, frame: Points) -> None:
+    def observe(self, frame: Points | None, length: float | None) -> tuple[float, Points, float]:
+        """Return the novelty, and how likely the frame is at each place and when lost."""
+        nothing = np.ones(len(self.places))
+        if frame is None:
+            return 0.0, nothing, 1.0
         distances = ((self.places - frame) ** 2).sum(axis=1)
         if math.isclose(distances.var(), 0, abs_tol=1e-12):
-            return
-        novelty = self.novelty(frame)
-        # Likelihoods are up to a factor; relative to the mean distance none is 0.
-        likelihoods = np.exp(-novelty * (distances - distances.mean()) / distances.std())
-        self.lost *= math.exp(novelty * LOST_EVIDENCE) * likelihoods.mean()
-        for (sheet, _), of_places in self.weights.items():
-            of_places *= likelihoods if sheet == 0 else likelihoods[::-1]
+            return 0.0, nothing, 1.0
+        self.deviations = MEMORY * self.deviations + distances.std()
+        self.deviation_weight = MEMORY * self.deviation_weight + 1
+        novelty = 1.0 if length is None else min(1.0, length / self.typical)
+        around = [distances[max(j - 1, 0) : j + 2].min() for j in range(len(distances))]
+        near = (distances + around) / 2
+        deviation = self.deviations / self.deviation_weight
+        likelihood = np.exp(-NATS_PER_DEVIATION * novelty * (near - near.min()) / deviation)
+        mean_evidence = (self.evidence + 1.5 * 10) / (self.weight + 10)
+        lost = math.exp(novelty * max(0.75, mean_evidence / 2)) * likelihood.mean()
+        return novelty, likelihood, float(lost)
 
-    def novelty(self, frame: Points) -> float:
-        if self.last is None:
-            return 1
-        return min(1, math.dist(frame, self.last) / self.typical_step)
+    def learn(self, before: State, moved: State, likelihood: Points, novelty: float) -> None:
+        expected = moved.placed[0].sum(axis=0) / moved.placed[0].sum()
+        ratio = float(expected @ likelihood / likelihood.mean())
+        was_on_map = float(before.placed[0].sum())
+        self.evidence = MEMORY * self.evidence + was_on_map * math.log(max(ratio, 1e-6))
+        self.weight = MEMORY * self.weight + was_on_map * novelty
+        self.speeds = MEMORY * self.speeds + self.state.placed[0].sum(axis=1)
 
-    @property
-    def beliefs(self) -> Points:
-        """By sheet, speed and place, the decoy's places in the order of the map: (2, S, K)."""
-        return np.array(
-            [
-                [self.weights[sheet, speed][:: 1 if sheet == 0 else -1] for speed in PRIOR]
-                for sheet in range(2)
-            ]
-        )
+    def belief(self) -> Points:
+        """Posterior of each place on the map, (K,)."""
+        return np.asarray(self.state.placed[0].sum(axis=0))
+
+    def smoothed(self) -> list[Points | None]:
+        """Posterior of each place, (K,), at each frame, given all; None before an observation."""
+        if not self.filtered:
+            return [None] * len(self.frames)
+        states = smooth(self.filtered, self.steps, self.likelihoods)
+        return [
+            None if frame is None else np.asarray(states[frame].placed[0].sum(axis=0))
+            for frame in self.frames
+        ]
 
 
-def step_lengths(places: Points, step: int) -> Points:
-    """Length of the step to each place; before one can be made, the mean of those that can."""
-    made = np.linalg.norm(places[step:] - places[: max(len(places) - step, 0)], axis=1)
-    missing = min(step, len(places))
-    return np.concatenate([np.full(missing, made.mean() if len(made) else 0.0), made])
-
-
-def student(difference: Points) -> Points:
+def student(difference: Points | float) -> Points:
     return np.asarray((1 + (difference / STEP_DEVIATION) ** 2 / 2) ** -1.5)
-
-
-def step_chance(speed: float, step: int) -> float:
-    return (1 - SLIP) * max(1 - abs(speed - step), 0) + SLIP / len(STEPS)

@@ -1,0 +1,112 @@
+"""The motion model against its equations, number by number."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from placefield.matching.motion import (
+    REACH,
+    SPEEDS,
+    UNKNOWN,
+    evenly_spaced,
+    mean_student,
+    motion,
+    step_lengths,
+    step_likelihoods,
+)
+
+STANDING = 0.04
+
+
+def likelihoods_of(apart: np.ndarray, step: float) -> np.ndarray:
+    made = np.empty((len(SPEEDS), apart.shape[1]), np.float32)
+    step_likelihoods(apart.astype(np.float32), STANDING, SPEEDS, step, made)
+    return made
+
+
+def student(difference: float) -> float:
+    return float((1 + (difference / 0.3) ** 2 / 2) ** -1.5)
+
+
+def test_speeds_reach_from_standing_to_six_places_a_frame() -> None:
+    assert SPEEDS[0] == 0
+    assert 0 < SPEEDS[1] <= 1 / 30
+    assert SPEEDS[-1] == 6
+    assert np.all(np.diff(SPEEDS) > 0)
+
+
+def test_chances_of_steps_are_those_of_the_page() -> None:
+    """Between two whole steps, the nearer oftener; a fiftieth slips by up to a place."""
+    made = motion()
+    assert made.prior.sum() == pytest.approx(1)
+    np.testing.assert_allclose(made.chances.sum(axis=1), 1, rtol=1e-6)
+    mean = made.chances @ np.arange(REACH + 1)
+    np.testing.assert_allclose(mean, SPEEDS, atol=0.021)
+    by_speed = dict(zip(SPEEDS.tolist(), made.chances.tolist(), strict=True))
+    assert by_speed[0] == [1, *[0] * REACH]
+    third = 0.02 / 3
+    assert by_speed[1] == pytest.approx([third, 0.98 + third, third, 0, 0, 0, 0, 0], abs=1e-6)
+    quarter = 0.02 / 4
+    expected = [quarter, 0.49 + quarter, 0.49 + quarter, quarter, 0, 0, 0, 0]
+    assert by_speed[1.5] == pytest.approx(expected, abs=1e-6)
+    slip = 0.02 / 4 / 3
+    expected = [0.995 * 0.75 + slip, 0.995 * 0.25 + slip, slip, 0, 0, 0, 0, 0]
+    assert by_speed[0.25] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_stop_lasts_five_frames_and_a_speed_sixty() -> None:
+    change = motion().change
+    assert change[0] == pytest.approx(1 / 5)
+    np.testing.assert_allclose(change[1:], 1 / 60, rtol=1e-6)
+
+
+@given(
+    st.lists(st.floats(0, 1.5), min_size=6, max_size=6),
+    st.floats(0, 2),
+)
+def test_a_step_is_as_likely_as_it_is_near_what_its_speed_expects(
+    apart: list[float], step: float
+) -> None:
+    made = likelihoods_of(np.array(apart)[:, None], step)[:, 0]
+    lengths = [STANDING, *(max(length, STANDING) for length in apart), math.nan]
+    for speed, likelihood in zip(SPEEDS.tolist(), made.tolist(), strict=True):
+        low = math.floor(speed)
+        if speed < 1:
+            expected = STANDING + (lengths[1] - STANDING) * math.sqrt(speed)
+        elif speed == low:
+            expected = lengths[low]
+        else:
+            between = apart[low - 1] + (apart[low] - apart[low - 1]) * (speed - low)
+            expected = max(between, STANDING)
+        assert likelihood == pytest.approx(student(max(step, STANDING) - expected), rel=1e-3)
+
+
+def test_of_an_unknown_step_all_speeds_are_as_likely() -> None:
+    assert np.all(likelihoods_of(np.ones((6, 9)), UNKNOWN) == 1)
+
+
+def test_jumps_are_as_likely_as_their_mean() -> None:
+    lengths = np.linspace(0, 1.5, 77)
+    expected = np.mean([student(0.9 - length) for length in lengths])
+    assert mean_student(lengths.astype(np.float32), 0.9) == pytest.approx(expected, rel=1e-5)
+
+
+def test_standing_is_a_twentieth_of_the_median_step() -> None:
+    apart = np.tile(np.array([0.1, 0.4, 0.9], np.float32), (6, 1))
+    made = step_lengths(apart, np.ones(3, np.float32))
+    assert made.typical == pytest.approx(0.4)
+    assert made.standing == pytest.approx(0.02)
+
+
+def test_where_no_place_is_apart_a_typical_step_is_one() -> None:
+    assert step_lengths(np.zeros((6, 4), np.float32), np.zeros(4, np.float32)).typical == 1
+
+
+@given(st.integers(1, 5000))
+def test_few_rows_stand_for_all_evenly(count: int) -> None:
+    some = evenly_spaced(np.arange(count))
+    assert 1 <= len(some) <= 250
+    assert len(set(np.diff(some).tolist())) <= 1

@@ -1,0 +1,107 @@
+"""The textbook's filter and smoother against sums over all ways that a vehicle can have gone."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from placefield.matching.motion import FIND, HYPOTHESES, LOSE
+from placefield.matching.textbook import State, Step, initial, predict, smooth, update
+
+PLACES, SPEEDS = 3, 2
+LOST = None
+STATES = [*itertools.product(range(2), range(SPEEDS), range(PLACES)), LOST]
+Chain = tuple[list[Step], list[tuple[NDArray[np.float64], float]]]
+
+
+@st.composite
+def chains(draw: st.DrawFn) -> Chain:
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    frames = draw(st.integers(1, 4))
+    steps, likelihoods = [], []
+    for _ in range(frames):
+        prior, chances = rng.random(SPEEDS), rng.random((SPEEDS, 3))
+        steps.append(
+            Step(
+                prior / prior.sum(),
+                rng.random(SPEEDS),
+                chances / chances.sum(axis=1, keepdims=True),
+                rng.random((SPEEDS, PLACES)),
+                rng.random(),
+                rng.random(),
+            )
+        )
+        likelihoods.append((rng.random(PLACES), rng.random()))
+    return steps, likelihoods
+
+
+def probability_of_moving(before: object, after: object, step: Step) -> float:
+    """Of one state from another, times how likely the step is."""
+    anywhere = 0.0
+    if isinstance(after, tuple):
+        hypothesis, speed, place = after
+        anywhere = HYPOTHESES[hypothesis] * step.prior[speed] / PLACES
+    if not isinstance(before, tuple):
+        return step.stray * (FIND * anywhere if isinstance(after, tuple) else 1 - FIND)
+    if not isinstance(after, tuple):
+        return LOSE * step.jump
+    if before[0] != after[0]:
+        return 0
+    taken = after[2] - before[2] if after[0] == 0 else before[2] - after[2]
+    chance = step.chances[after[1], taken] if 0 <= taken < 3 else 0.0
+    change = step.change[before[1]]
+    speeds = change * step.prior[after[1]] + (1 - change) * (before[1] == after[1])
+    return float((1 - LOSE) * speeds * chance * step.likelihood[after[1], after[2]])
+
+
+def of_state(distribution: State, state: object) -> float:
+    return float(distribution.placed[state] if isinstance(state, tuple) else distribution.lost)
+
+
+def likelihood_at(state: object, likelihood: tuple[NDArray[np.float64], float]) -> float:
+    return float(likelihood[0][state[2]]) if isinstance(state, tuple) else likelihood[1]
+
+
+def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[object, float]]:
+    """Of every state at each of the first frames, given these."""
+    steps, likelihoods = chain
+    start = initial(steps[0].prior, PLACES)
+    ways: dict[tuple[object, ...], float] = {
+        (state,): of_state(start, state) * likelihood_at(state, likelihoods[0]) for state in STATES
+    }
+    for frame in range(1, frames):
+        ways = {
+            (*way, state): weight
+            * probability_of_moving(way[-1], state, steps[frame])
+            * likelihood_at(state, likelihoods[frame])
+            for way, weight in ways.items()
+            for state in STATES
+            if weight > 0
+        }
+    total = sum(ways.values())
+    posteriors: list[dict[object, float]] = [dict.fromkeys(STATES, 0.0) for _ in range(frames)]
+    for way, weight in ways.items():
+        for frame, state in enumerate(way):
+            posteriors[frame][state] += weight / total
+    return posteriors
+
+
+@given(chains())
+@settings(max_examples=25, deadline=None)
+def test_filter_and_smoother_are_sums_over_all_ways(chain: Chain) -> None:
+    steps, likelihoods = chain
+    state = update(initial(steps[0].prior, PLACES), *likelihoods[0])
+    filtered = [state]
+    for frame in range(1, len(steps)):
+        filtered.append(update(predict(filtered[-1], steps[frame]), *likelihoods[frame]))
+    for frame, state in enumerate(filtered):
+        expected = posteriors_by_enumeration(chain, frame + 1)[-1]
+        for each in STATES:
+            assert of_state(state, each) == pytest.approx(expected[each], rel=1e-9, abs=1e-15)
+    in_hindsight = posteriors_by_enumeration(chain, len(steps))
+    for state, expected in zip(smooth(filtered, steps, likelihoods), in_hindsight, strict=True):
+        for each in STATES:
+            assert of_state(state, each) == pytest.approx(expected[each], rel=1e-9, abs=1e-15)
