@@ -16,6 +16,7 @@ from placefield.matching.comparing import Comparison
 from placefield.matching.filter_step import REACH
 from placefield.matching.matcher import Matcher, Partial
 from placefield.matching.place_filter import (
+    NO_BORDERS,
     SPEEDS,
     STEPS,
     Array,
@@ -138,13 +139,11 @@ def _reversed_steps(steps: Array) -> Array:
 
 
 def _packed(share: Share) -> Partial:
-    partial = np.empty(3 + share.borders.size)
-    partial[0], partial[1], partial[2] = share.nearest, share.believed, share.likelihood
-    partial[3:] = share.borders.ravel()
-    return partial
+    sums = np.array((share.nearest, share.believed, share.likelihood), np.float64)
+    return np.concatenate([sums, share.borders.ravel()]) if share.borders.size else sums
 
 
 def _unpacked(partial: Partial) -> Share:
-    nearest, believed, likelihood = partial[:3].tolist()
-    borders = partial[3:].astype(np.float32).reshape(2, len(SPEEDS), -1)
-    return Share(int(nearest), believed, likelihood, borders)
+    nearest, believed, likelihood, *borders = partial.tolist()
+    halo = np.array(borders, np.float32).reshape(2, len(SPEEDS), -1) if borders else NO_BORDERS
+    return Share(int(nearest), believed, likelihood, halo)

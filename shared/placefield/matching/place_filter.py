@@ -52,7 +52,7 @@ _STEP_DEVIATION = 0.3  # between the lengths of a step in two traverses; descrip
 _NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
 _LOST_EVIDENCE = 0.75  # that chance gives a frame for the best of places over an average one, nats
 _UNSEEN = -1.0  # length of a step of which nothing is known
-_NO_BORDERS = np.zeros((2, len(SPEEDS), 0), np.float32)
+NO_BORDERS = np.zeros((2, len(SPEEDS), 0), np.float32)
 _SAMPLE = 1000  # places that stand for all where only a mean is wanted
 
 
@@ -203,7 +203,7 @@ class PlaceFilter:
 
     def _share(self, believed: float, likelihood: float) -> Share:
         if self._belief.shape[2] == self._all_places:
-            return Share(self._sight.nearest, believed, likelihood, _NO_BORDERS)
+            return Share(self._sight.nearest, believed, likelihood, NO_BORDERS)
         borders = np.zeros_like(self._outside)
         if self.begun:
             borders[0] = self._belief[0, :, -REACH:]
