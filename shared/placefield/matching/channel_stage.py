@@ -72,7 +72,7 @@ class ChannelStage:
             How each compares, in order. It does not depend on the others, to the last bit.
         """
         if len(descriptors):
-            stacked = np.stack(descriptors)
+            stacked = np.asarray(descriptors)
             by_metric = [places.compare(stacked) for places in self._places.values()]
             for comparisons in zip(*by_metric, strict=True):
                 yield dict(zip(self._places, comparisons, strict=True))
@@ -165,5 +165,8 @@ class StreamMatcher:
         Args:
             compared: how the frame compares with the places; None is a missing observation.
         """
-        partials = self.local(compared, self.next)
-        return list(self.reduce({number: [one] for number, one in partials.items()}).values())
+        self.next += 1
+        return [
+            matcher.push(None if compared is None else compared[metric])
+            for metric, matcher in self._matchers.values()
+        ]

@@ -41,7 +41,7 @@ class EvidenceMatcher(WindowMatcher):
         ``NO_CANDIDATE`` where no window tells places apart, as before the first observation.
         """
         windows = self._windows
-        means, deviations = _moments(np.stack(partials))
+        means, deviations = _moments(np.array(partials))
         scores = np.zeros(windows.places - self._reached_back)
         first = windows.column(self._reached_back)
         if not _average_normalised(windows.columns, first, means, deviations, scores):
@@ -92,19 +92,27 @@ def _average_normalised(
     columns: Sums, first: int, means: Sums, deviations: Sums, scores: NDArray[np.float64]
 ) -> int:
     """Average the normalised sums over the windows that tell places apart; return how many do."""
-    places = len(scores)
-    sums = np.empty(places)
+    places, width = len(scores), columns.shape[1]
+    before_wrap = min(width - first, places)
     telling = 0
     for row in range(len(columns)):
         if deviations[row] > 0:
             telling += 1
-            _gather(columns[row], first, sums)
             scale = 1 / deviations[row]
-            for place in range(places):
-                scores[place] += (sums[place] - means[row]) * scale
+            ahead = columns[row, first : first + before_wrap]
+            around = columns[row, : places - before_wrap]
+            _add_normalised(ahead, means[row], scale, scores[:before_wrap])
+            _add_normalised(around, means[row], scale, scores[before_wrap:])
     for place in range(places):
         scores[place] /= max(telling, 1)
     return telling
+
+
+@kernel
+def _add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.float64]) -> None:
+    """Add to scores (n,) by how much sums are above a mean, times a scale."""
+    for place in range(len(sums)):
+        scores[place] += (sums[place] - mean) * scale
 
 
 @kernel

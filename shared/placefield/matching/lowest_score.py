@@ -49,10 +49,7 @@ class LowestScoreMatcher(WindowMatcher):
 
         ``NO_CANDIDATE`` while the stream is shorter than the smallest coarse scale, or the map is.
         """
-        found: Hypotheses = np.stack(partials).reshape(len(partials), -1, 3)
-        best = found[:, :, 0].argmin(axis=0)
-        of_scales = found[best, np.arange(len(best))]
-        _, place, score = of_scales[of_scales[:, 2].argmin()].tolist()
+        place, score = _best_of(np.array(partials))
         if score == np.inf:
             return NO_CANDIDATE
         unit = self._windows.unit
@@ -81,6 +78,23 @@ def _find_hypotheses(
         found[number, 0] = _at(columns[row], first, end)
         found[number, 1] = hypothesis
         found[number, 2] = _at(columns[0], first, hypothesis)
+
+
+@kernel
+def _best_of(partials: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the hypothesis of the lowest score, and that, of partial results (S, 3 n).
+
+    Each scale's is of the shard where its own sum is the lowest, the first of several.
+    """
+    place, lowest = partials[0, 1], np.inf
+    for scale in range(0, partials.shape[1], 3):
+        best = 0
+        for shard in range(1, len(partials)):
+            if partials[shard, scale] < partials[best, scale]:
+                best = shard
+        if partials[best, scale + 2] < lowest:
+            place, lowest = partials[best, scale + 1], partials[best, scale + 2]
+    return place, lowest
 
 
 @kernel

@@ -8,7 +8,9 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from placefield.kernels import kernel
 from placefield.maps.map import MapMetric
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
@@ -28,9 +30,17 @@ class MeanDistance:
 
     def __call__(self, codes: Codes) -> int:
         """Return that of a frame's codes (M,) int16, rounded half to even, in squared units."""
-        wide = codes.astype(np.int64)
-        total = self._places * int(wide @ wide) + self._squares - 2 * int(wide @ self._codes)
-        return round(total / self._places)
+        return _mean_distance(codes, self._places, self._squares, self._codes)
+
+
+@kernel
+def _mean_distance(codes: Codes, places: int, squares: int, summed: NDArray[np.int64]) -> int:
+    """Average the distances to places, by how many, their squared lengths' sum, and their sum."""
+    square, product = 0, 0
+    for m in range(len(codes)):
+        square += int(codes[m]) * int(codes[m])
+        product += int(codes[m]) * summed[m]
+    return round((places * square + squares - 2 * product) / places)
 
 
 class WindowMatcher(Matcher):

@@ -2,7 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from placefield.matching.channel_matcher import WindowMatcher
 
 from placefield.baselines.fabmap import fabmap, learn_tree
 from placefield.baselines.fixed_window import fixed_window
@@ -13,6 +12,9 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.metrics import identity_metric
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.evidence import EvidenceMatcher
+from placefield.matching.window_matcher import MeanDistance
+from placefield.matching.windows import WindowSums
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluating import judge
 from placefield_tools.study.methods import methods_of, run_methods
@@ -57,7 +59,9 @@ def test_windows_by_evidence_are_our_windows_of_one_length(
 ) -> None:
     query = np.stack([vector for vector in trial.descriptors if vector is not None])
     frames = MetricPlaces(trial.plain.metric, exact=True).compare(query)
-    matcher = WindowMatcher(trial.plain.metric, [8], "evidence")
+    metric, every = trial.plain.metric, slice(0, len(trial.plain.metric.places))
+    windows = WindowSums([8], len(metric.places), metric.unit)
+    matcher = EvidenceMatcher(windows, MeanDistance(metric), every, every)
     config = trial.matching("evidence")
     matches = [fuse([matcher.push(frame)], config) for frame in frames]
     assert_matches(results["window of 8, evidence"], matches)
