@@ -96,8 +96,11 @@ class Study:
         reference: source of the reference's frames, as it was given.
         query: source of the query's frames, likewise.
         protocol: how the query was driven.
+        every: n of a protocol that takes every n-th frame; None: it is none.
+        lowered_min_scale: shortest segment of our maps, places, where the thinned reference was too
+            short for the one asked for.
         seed: of everything random.
-        tolerance: frames; None where a ground truth was given.
+        tolerance: places; None where a ground truth was given.
         placemap: our map of the reference.
         methods: in the order to show them.
         counts: for every rule, every number of channels combined, ascending; empty where the
@@ -109,6 +112,8 @@ class Study:
     reference: str
     query: str
     protocol: Protocol
+    every: int | None
+    lowered_min_scale: int | None
     seed: int
     tolerance: int | None
     placemap: Map

@@ -16,6 +16,8 @@ def figures(study: Study) -> dict[str, Any]:
         "reference": study.reference,
         "query": study.query,
         "protocol": study.protocol,
+        "every": study.every,
+        "lowered_min_scale": study.lowered_min_scale,
         "seed": study.seed,
         "tolerance": study.tolerance,
         "places": study.placemap.places.count,
@@ -73,7 +75,7 @@ def print_study(study: Study, report: Path) -> None:
     recovers = any(result.frames_to_recover is not None for result in study.methods)
     table = Table(
         "method",
-        title=f"{study.query} along {study.reference}, {study.protocol}",
+        title=f"{study.query} along {study.reference}, {_driven(study)}",
         caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
         "right matches. * The best window, which only one who knows the answers can choose.",
     )
@@ -92,6 +94,10 @@ def print_study(study: Study, report: Path) -> None:
         elif result.judged is not None and (line := certainty_line(result.name, result.judged)):
             console.print(line, highlight=False, soft_wrap=True)
     console.print(str(report), highlight=False, soft_wrap=True)
+
+
+def _driven(study: Study) -> str:
+    return study.protocol if study.every is None else f"{study.protocol}, every {study.every}"
 
 
 def _cells(result: MethodResult, recovers: bool) -> list[str]:
