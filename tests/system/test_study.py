@@ -1,6 +1,7 @@
 """``placefield study`` and the protocols of ``evaluate``, as a person runs them."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any, get_args
 
@@ -55,6 +56,7 @@ def test_a_study_has_every_method_and_part(
     assert {"one frame", "SeqSLAM", "FAB-MAP", "MS"} < {*methods}
     for method in methods.values():
         assert all(0 <= method[figure] <= 1 + 1e-9 for figure in FIGURES)
+        assert method["lag"] == (20 if "lag 20" in method["name"] else 0)
         assert (method["frames_to_recover"] is not None) == (protocol == "kidnap")
         assert (method["frames_on_route"] < method["frames"]) == (protocol == "off-route")
     assert methods["Placefield, filter"]["recall_at_1"] > 0.7
@@ -72,7 +74,10 @@ def test_the_table_names_the_conventions_and_the_oracle(
     assert ended.exit_code == 0, ended.exception
     for text in ("recall at 100 % precision", "recall@1", "VPR-Bench AUC", "frames to recover"):
         assert text in ended.stdout
-    assert sum(" * " in line for line in ended.stdout.splitlines() if "window of" in line) == 1
+    lines = [line for line in ended.stdout.splitlines() if "window of" in line]
+    best = [line for line in lines if re.search(r" \* +│", line)]
+    assert len(best) == 2
+    assert sum("lag 20" in line for line in best) == 1
     assert "[b]out/report.html" in ended.stdout
     assert (tmp_path / "[b]out" / "report.html").is_file()
 

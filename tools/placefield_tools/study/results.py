@@ -22,11 +22,12 @@ class MethodResult:
     Attributes:
         name: of the method.
         ours: whether it is Placefield's own.
-        oracle: whether it is the best of the fixed windows, which only one who knows the answers
-            can choose.
+        oracle: whether it is the best of the fixed windows of its lag, which only one who knows the
+            answers can choose.
         judged: its matches; None where it failed.
         failure: one line that says why it failed; None where it did not.
         frames_to_recover: median over the drive's jumps; None where there are none, or it failed.
+        lag: how many frames after the matched one it may look at.
     """
 
     name: str
@@ -35,6 +36,7 @@ class MethodResult:
     judged: Judged | None
     failure: str | None
     frames_to_recover: float | None
+    lag: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,12 @@ def figures(study: Study) -> dict[str, Any]:
 
 
 def _method_figures(result: MethodResult) -> dict[str, Any]:
-    named = {"name": result.name, "ours": result.ours, "oracle": result.oracle}
+    named: dict[str, Any] = {
+        "name": result.name,
+        "ours": result.ours,
+        "oracle": result.oracle,
+        "lag": result.lag,
+    }
     if result.judged is None:
         return named | {"failure": result.failure}
     curve = result.judged.curve
@@ -77,7 +82,8 @@ def print_study(study: Study, report: Path) -> None:
         "method",
         title=f"{study.query} along {study.reference}, {_driven(study)}",
         caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
-        "right matches. * The best window, which only one who knows the answers can choose.",
+        "right matches. Lag: frames after the matched one that may be looked at, else none. * The "
+        "best window of each lag, which only one who knows the answers can choose.",
     )
     headers = ["AUC", "recall at 100 % precision", "recall@1"]
     headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision"]
