@@ -1,13 +1,14 @@
 """``placefield study`` and the protocols of ``evaluate``, as a person runs them."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 from typer.testing import CliRunner, Result
 
-from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.protocols import THINS_REFERENCE, Protocol
 from placefield_tools.cli.main import app
 from placefield_tools.study import channel_counts, describing, report
 
@@ -34,6 +35,7 @@ def run(*arguments: str | Path) -> Result:
 
 def flags_of(protocol: Protocol, other: Path) -> list[str]:
     flags = ["--protocol", protocol, "--channels", "2"]
+    flags += ["--every=2"] if protocol == "sparse" else []
     return [*flags, "--other", str(other)] if protocol == "off-route" else flags
 
 
@@ -47,15 +49,18 @@ def test_a_study_has_every_method_and_part(
     assert ended.exit_code == 0, ended.exception
 
     study: dict[str, Any] = json.loads(ended.stdout)
-    assert (study["protocol"], study["tolerance"], study["places"]) == (protocol, 3, 60)
+    every = {"speed": 2, "dense": 3, "sparse": 2}.get(protocol)
+    assert (study["protocol"], study["every"], study["tolerance"]) == (protocol, every, 3)
+    assert study["places"] == {"speed": 30, "dense": 20}.get(protocol, 60)
     methods = {method["name"]: method for method in study["methods"]}
     assert {"one frame", "SeqSLAM", "FAB-MAP", "MS"} < {*methods}
     for method in methods.values():
         assert all(0 <= method[figure] <= 1 + 1e-9 for figure in FIGURES)
+        assert method["lag"] == (20 if "lag 20" in method["name"] else 0)
         assert (method["frames_to_recover"] is not None) == (protocol == "kidnap")
         assert (method["frames_on_route"] < method["frames"]) == (protocol == "off-route")
     assert methods["Placefield, filter"]["recall_at_1"] > 0.7
-    assert len(study["counts"]) == 30
+    assert len(study["counts"]) == (0 if protocol == "dense" else 30)  # 20 places are too few
     assert len(study["scales"]) == 4
     assert len(study["ablation"]) == 8  # of one traverse no metric is learned, to leave out
 
@@ -69,13 +74,16 @@ def test_the_table_names_the_conventions_and_the_oracle(
     assert ended.exit_code == 0, ended.exception
     for text in ("recall at 100 % precision", "recall@1", "VPR-Bench AUC", "frames to recover"):
         assert text in ended.stdout
-    assert sum(" * " in line for line in ended.stdout.splitlines() if "window of" in line) == 1
+    lines = [line for line in ended.stdout.splitlines() if "window of" in line]
+    best = [line for line in lines if re.search(r" \* +│", line)]
+    assert len(best) == 2
+    assert sum("lag 20" in line for line in best) == 1
     assert "[b]out/report.html" in ended.stdout
     assert (tmp_path / "[b]out" / "report.html").is_file()
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_evaluate_drives_by_every_protocol(
+@pytest.mark.parametrize("protocol", [p for p in PROTOCOLS if p not in THINS_REFERENCE])
+def test_evaluate_drives_by_every_protocol_that_leaves_the_map_as_it_is(
     map_path: Path, reference_dir: Path, query_dir: Path, protocol: Protocol
 ) -> None:
     flags = [flag for flag in flags_of(protocol, reference_dir) if flag not in ("--channels", "2")]
@@ -90,6 +98,7 @@ def test_evaluate_drives_by_every_protocol(
     ("flags", "reason"),
     [
         (["--protocol", "off-route"], "--protocol off-route: give the other route's frames"),
+        (["--every", "2"], "--every 2: only --protocol speed, dense and sparse"),
         (["--other", "elsewhere"], "--other elsewhere: only --protocol off-route"),
         (["--truth", "truth.csv", "--tolerance", "3"], "--tolerance and --truth"),
     ],
@@ -99,6 +108,32 @@ def test_what_does_not_go_together_is_refused(
 ) -> None:
     ended = run(command, reference_dir, query_dir, *flags)
     assert str(ended.exception).startswith(reason)
+
+
+@pytest.mark.parametrize("protocol", THINS_REFERENCE)
+def test_evaluate_says_who_thins_a_reference(
+    map_path: Path, query_dir: Path, protocol: Protocol
+) -> None:
+    reason = str(run("evaluate", map_path, query_dir, "--protocol", protocol).exception)
+    assert f"placefield study REFERENCE QUERY --protocol {protocol}" in reason
+    assert "\n" not in reason
+
+
+def test_a_truth_file_keeps_the_numbers_of_all_frames_where_the_reference_is_thinned(
+    reference_dir: Path, query_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "write_report", lambda folder, study: folder)
+    truth = tmp_path / "truth.csv"
+    rows = [f"{i},{max(i - 9, 0)},{min(i + 9, 59)}" for i in range(60)]
+    truth.write_text("\n".join(["query,first,last", *rows]))
+    by_file, by_tolerance = (
+        json.loads(
+            run("study", reference_dir, query_dir, "--json", "--protocol", "dense", *how).stdout
+        )["methods"]
+        for how in (("--truth", truth), ("--tolerance", "3"))
+    )
+    for one, other in zip(by_file, by_tolerance, strict=True):
+        assert [one[f] for f in FIGURES] == [other[f] for f in FIGURES]
 
 
 def test_a_study_of_a_map_is_refused(map_path: Path, query_dir: Path) -> None:

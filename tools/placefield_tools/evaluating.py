@@ -14,7 +14,7 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.claims import Claims, claims
 from placefield.evaluation.curves import PrecisionRecall, precision_recall
-from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.protocols import DEFAULT_EVERY, Drive, Protocol, aligned
 from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of_model
@@ -72,6 +72,7 @@ class Query:
         other: source of the other route's frames, which only the protocol ``off-route`` takes.
         seed: of the protocol.
         parts: of both sources.
+        every: n of a protocol that takes every n-th frame; None: its default.
     """
 
     where: str
@@ -80,6 +81,7 @@ class Query:
     other: str | None = None
     seed: int = 0
     parts: Parts = NO_PARTS
+    every: int | None = None
 
     def open(self) -> Source:
         """Open the frames, in the order in which they are driven.
@@ -93,7 +95,8 @@ class Query:
         with ExitStack() as stack:
             query = stack.enter_context(opened(self.where))
             other = stack.enter_context(opened(self.other)) if self.other else None
-            return Driven(query, self.protocol, other=other, seed=self.seed)
+            every = DEFAULT_EVERY if self.every is None else self.every
+            return Driven(query, self.protocol, other=other, seed=self.seed, every=every)
 
     def matching(self, config: MatchingConfig) -> MatchingConfig:
         """Return how to match the driven frames: the protocol ``reverse`` turns the way round."""
@@ -109,6 +112,18 @@ class Evaluation:
     query: Query
     raws: list[RawFeature]
     results: dict[Rule, Judged]
+
+
+def drive_in(source: Source, count: int) -> tuple[Drive, int]:
+    """Return how a query's source drives, and how many frames the query has in its own order.
+
+    Args:
+        source: of ``Query.open``.
+        count: of the frames that it gave.
+    """
+    if isinstance(source, Driven):
+        return source.drive, source.undriven_count
+    return aligned(count), count
 
 
 def describe_query(
@@ -174,7 +189,7 @@ def evaluate(
 
     Args:
         map_path: the map.
-        query: to match.
+        query: to match, by a protocol that leaves the map's places as they are.
         truth_of: gives the truth for so many query frames, in their own order, and places.
         config: its matching, fusion and bus.
         services: whether the frames are matched by the services, as processes on a bus of their
@@ -187,7 +202,8 @@ def evaluate(
     results = {}
     with query.open() as source:
         raws = describe_query(source, feature_of_model(placemap.model).describe)
-        truth = _truth(source, len(raws), placemap.places.count, truth_of)
+        drive, undriven = drive_in(source, len(raws))
+        truth = truth_of(undriven, placemap.places.count).along(drive.frames, drive.foreign)
         for rule in RULES:
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
@@ -197,10 +213,3 @@ def evaluate(
                 matches = match_here(placemap, raws, matching)
             results[rule] = judge(matches, truth)
     return Evaluation(placemap, query, raws, results)
-
-
-def _truth(source: Source, frames: int, places: int, truth_of: TruthOf) -> Truth:
-    if not isinstance(source, Driven):
-        return truth_of(frames, places)
-    drive = source.drive
-    return truth_of(source.undriven_count, places).along(drive.frames, drive.foreign)

@@ -2,8 +2,9 @@
 
 M. Milford and G. Wyeth, "SeqSLAM: Visual route-based navigation for sunny summer days and stormy
 winter nights", ICRA 2012; parameters and the measure of certainty as in OpenSeqSLAM2 (B. Talbot,
-S. Garg, M. Milford, IROS 2018). Unlike there, the trajectories end at the newest query frame, and
-nothing after it has a say.
+S. Garg, M. Milford, IROS 2018). There, as in OpenSeqSLAM before it, trajectories are centred on the
+query frame that is matched, and so look at half their length of later frames. Here they do so as
+far as a lag allows; without one they end at the newest query frame.
 """
 
 import math
@@ -54,7 +55,10 @@ def seqslam_image(grey: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def seqslam(
-    reference: NDArray[np.float32], query: NDArray[np.float32], settings: SeqSlam = PUBLISHED
+    reference: NDArray[np.float32],
+    query: NDArray[np.float32],
+    settings: SeqSlam = PUBLISHED,
+    lag: int = 0,
 ) -> list[Match]:
     """Match a query traverse to a reference traverse.
 
@@ -62,6 +66,7 @@ def seqslam(
         reference: (K, H, W) float32, grey images in route order, as of ``seqslam_image``.
         query: (Q, H, W) float32.
         settings: SeqSLAM's parameters.
+        lag: see ``match_sequences``.
 
     Returns:
         Q matches, see ``match_sequences``.
@@ -69,7 +74,7 @@ def seqslam(
     Raises:
         ConfigError: the patches do not tile the images.
     """
-    return match_sequences(image_differences(reference, query, settings.patch), settings)
+    return match_sequences(image_differences(reference, query, settings.patch), settings, lag)
 
 
 def image_differences(
@@ -89,15 +94,19 @@ def image_differences(
     return np.asarray(cdist(frames, places, "cityblock") / places.shape[1], np.float32)
 
 
-def match_sequences(differences: NDArray[np.float32], settings: SeqSlam = PUBLISHED) -> list[Match]:
-    """Match each query frame to the end of the trajectory with the lowest sum of differences.
+def match_sequences(
+    differences: NDArray[np.float32], settings: SeqSlam = PUBLISHED, lag: int = 0
+) -> list[Match]:
+    """Match each query frame by the trajectory through it with the lowest sum of differences.
 
-    A trajectory is d_s query frames long and passes the places at one of the speeds. There is no
-    match before the first complete one.
+    A trajectory is d_s query frames long and passes the places at one of the speeds. Without a lag
+    it ends at the matched frame; a lag of d_s // 2 or more centres it on that, as published. There
+    is no match where no trajectory is complete.
 
     Args:
         differences: (Q, K) float32, of query frames to places.
         settings: SeqSLAM's parameters.
+        lag: how many frames after the matched one a trajectory may look at, at least 0.
 
     Returns:
         Q matches. The score is the uniqueness: the lowest sum outside the match's neighbourhood
@@ -106,7 +115,8 @@ def match_sequences(differences: NDArray[np.float32], settings: SeqSlam = PUBLIS
     window = settings.contrast_window
     contrasted = _enhance_contrast(differences, window) if window else differences
     sums = reduce(
-        np.minimum, (window_sums(contrasted, settings.length, speed) for speed in settings.speeds)
+        np.minimum,
+        (window_sums(contrasted, settings.length, speed, lag) for speed in settings.speeds),
     )
     return [_match(row, settings.neighbourhood_window // 2) for row in sums]
 

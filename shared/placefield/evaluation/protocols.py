@@ -1,17 +1,35 @@
 """Protocols that put a query's frames in the order that another drive would have taken them in.
 
 Routes recorded frame by frame at the same places flatter a matcher that expects the reference's
-speed. The protocols say how matching fares when the vehicle drives unevenly, is carried elsewhere,
-leaves the route or drives it the other way.
+speed. The protocols say how matching fares when the vehicle drives unevenly or at another frame
+rate, is carried elsewhere, leaves the route or drives it the other way.
+
+A camera that drives slowly gives new frames in between; it never gives one frame twice. So a drive
+that is slower than the reference needs a reference with fewer places than the query has frames:
+`speed` and `dense` thin the reference to every n-th frame. Only a vehicle that stands still sees
+the same again, and even then not the same picture: the frames of a stop are marked as repeated, for
+whoever gives them to add the sensor's noise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Protocol = Literal["aligned", "speed", "kidnap", "off-route", "reverse"]
+Protocol = Literal["aligned", "speed", "dense", "sparse", "kidnap", "off-route", "reverse"]
+
+TAKES_EVERY: tuple[Protocol, ...] = ("speed", "dense", "sparse")
+"""Protocols that take every n-th frame of the reference or of the query."""
+
+THINS_REFERENCE: tuple[Protocol, ...] = ("speed", "dense")
+"""Those that do so of the reference."""
+
+DEFAULT_EVERY = 3
+SPEED_EVERY = 4
+SHORT_SPEED_EVERY = 2
+SHORT_REFERENCE = 400
+"""A reference with fewer frames is thinned to every ``SHORT_SPEED_EVERY``-th for `speed`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,16 +39,34 @@ class Drive:
     Attributes:
         frames: (D,) int64, each a frame of the query, or of the other route where `foreign`.
         foreign: (D,) bool, the frame is one of another route.
+        repeated: (D,) bool, the vehicle stands still: the frame is the one before, taken again.
+        every: of the reference's frames, every so many is a place; 1 is all of them.
         jumps: (J,) int64, ascending; the positions in the drive of the first frame after a jump.
 
     """
 
     frames: NDArray[np.int64]
     foreign: NDArray[np.bool_]
+    repeated: NDArray[np.bool_]
     jumps: NDArray[np.int64]
+    every: int = 1
 
 
-def drive_of(protocol: Protocol, count: int, *, foreign_count: int, seed: int) -> Drive:
+def default_every(protocol: Protocol, references: int) -> int:
+    """Return the n of a protocol that takes every n-th frame, where nobody asks for another.
+
+    Args:
+        protocol: one of ``TAKES_EVERY``.
+        references: frames of the reference.
+    """
+    if protocol != "speed":
+        return DEFAULT_EVERY
+    return SHORT_SPEED_EVERY if references < SHORT_REFERENCE else SPEED_EVERY
+
+
+def drive_of(
+    protocol: Protocol, count: int, *, foreign_count: int, seed: int, every: int = DEFAULT_EVERY
+) -> Drive:
     """Drive a query by a protocol.
 
     Args:
@@ -38,19 +74,26 @@ def drive_of(protocol: Protocol, count: int, *, foreign_count: int, seed: int) -
         count: number of the query's frames, 1 or more.
         foreign_count: number of the other route's frames; only `off-route` takes any.
         seed: of the protocol's random choices: the same seed, the same drive.
+        every: n of the protocols of ``TAKES_EVERY``, 1 or more; the others do without.
 
     Raises:
-        ValueError: the query has no frames, or `off-route` is to take frames of a route that has
-            none.
+        ValueError: the query has no frames, n is below 1, or `off-route` is to take frames of a
+            route that has none.
 
     """
     if count < 1:
         raise ValueError("the query has no frames to drive along")
+    if every < 1:
+        raise ValueError(f"every {every}: take every frame, 1, or fewer")
     match protocol:
         case "aligned":
             return aligned(count)
         case "speed":
-            return speed(count, seed)
+            return speed(count, every, seed)
+        case "dense":
+            return dense(count, every)
+        case "sparse":
+            return sparse(count, every)
         case "kidnap":
             return kidnap(count, seed)
         case "off-route":
@@ -64,23 +107,40 @@ def aligned(count: int) -> Drive:
     return _on_route(np.arange(count, dtype=np.int64))
 
 
-def speed(count: int, seed: int) -> Drive:
-    """Drive at a speed that changes, with stops, until the query ends.
+def speed(count: int, every: int, seed: int) -> Drive:
+    """Drive at a speed that changes, with stops, along every n-th frame of the reference.
 
-    Every 10 to 40 frames of the drive the speed is drawn anew, log-uniformly from half to double
-    the query's; before three in ten of these stretches the vehicle stops for 1 to 8 more frames.
-    The drive takes the frame of the query nearest to where the vehicle is.
+    Every 10 to 40 frames of the drive the step is drawn anew, log-uniformly from 1 to 2 n frames of
+    the query: from 1 / n of a place to 2 places, where query and reference were recorded alike.
+    Steps add up as real numbers, and the drive takes the frame of the query that is nearest, which
+    is a new one at every step. Before three in ten of these stretches the vehicle stops for 1 to 8
+    frames, which repeat the one before. The drive ends with the query.
     """
     rng = np.random.default_rng(seed)
     stretches = [np.zeros(1)]
+    stops = [np.zeros(1, np.bool_)]
     position = 0.0
     while position < count:
         stop = rng.integers(1, 8, endpoint=True) if rng.random() < 0.3 else 0
-        steps = np.full(rng.integers(10, 40, endpoint=True), 2 ** rng.uniform(-1, 1))
+        step = float((2 * every) ** rng.uniform(0, 1))
+        steps = np.full(rng.integers(10, 40, endpoint=True), step)
         stretches += [np.zeros(stop), steps]
+        stops += [np.ones(stop, np.bool_), np.zeros(len(steps), np.bool_)]
         position += steps.sum()
-    nearest = np.rint(np.cumsum(np.concatenate(stretches))).astype(np.int64)
-    return _on_route(nearest[nearest < count])
+    # Halves round up: to the even number, 1.5 and 2.5 would be one frame.
+    nearest = np.floor(np.cumsum(np.concatenate(stretches)) + 0.5).astype(np.int64)
+    taken = nearest < count
+    return replace(_on_route(nearest[taken]), repeated=np.concatenate(stops)[taken], every=every)
+
+
+def dense(count: int, every: int) -> Drive:
+    """Take all of the query's `count` frames along every n-th frame of the reference."""
+    return replace(aligned(count), every=every)
+
+
+def sparse(count: int, every: int) -> Drive:
+    """Take every n-th of the query's `count` frames, along all of the reference's."""
+    return _on_route(np.arange(0, count, every, dtype=np.int64))
 
 
 def kidnap(count: int, seed: int) -> Drive:
@@ -130,7 +190,7 @@ def off_route(count: int, foreign_count: int, seed: int) -> Drive:
     frames[~foreign] = np.arange(count)
     start = rng.integers(foreign_count)
     frames[foreign] = (start + np.arange(sum(lengths))) % foreign_count
-    return Drive(frames, foreign, jumps=np.empty(0, np.int64))
+    return replace(_on_route(frames), foreign=foreign)
 
 
 def reverse(count: int) -> Drive:
@@ -157,8 +217,8 @@ def frames_to_recover(jumps: NDArray[np.int64], correct: NDArray[np.bool_]) -> N
 
 
 def _on_route(frames: NDArray[np.int64], jumps: NDArray[np.int64] | None = None) -> Drive:
-    foreign = np.zeros(len(frames), np.bool_)
-    return Drive(frames, foreign, np.empty(0, np.int64) if jumps is None else jumps)
+    none = np.zeros(len(frames), np.bool_)
+    return Drive(frames, none, none, np.empty(0, np.int64) if jumps is None else jumps)
 
 
 def _stretches(total: int, rng: np.random.Generator) -> list[int]:

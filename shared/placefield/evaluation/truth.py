@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, TextIO
 
@@ -35,27 +35,31 @@ class Truth:
     last: NDArray[np.int64]
 
     @classmethod
-    def within(cls, queries: int, places: int, tolerance: int) -> Self:
+    def within(cls, queries: int, references: int, tolerance: int, every: int = 1) -> Self:
         """Take frame numbers as places: query frame i is right at places i ± `tolerance`.
 
-        A query frame that is further than `tolerance` from every place is off the route.
+        If only every n-th frame of the reference is a place, it is right at the places j with
+        |i/n - j| ≤ `tolerance`, and at the nearest place in any case. A query frame that is further
+        than `tolerance` places from every frame of the reference is off the route.
 
         Args:
             queries: number of query frames.
-            places: number of places of the map.
-            tolerance: frames, 0 or more.
+            references: number of frames of the reference.
+            tolerance: places, 0 or more.
+            every: n, 1 or more.
 
         Raises:
             TruthError: the tolerance is negative.
 
         """
         if tolerance < 0:
-            raise TruthError(f"tolerance {tolerance} is negative: give 0 or more frames")
+            raise TruthError(f"tolerance {tolerance} is negative: give 0 or more places")
         query = np.arange(queries, dtype=np.int64)
-        first = np.maximum(query - tolerance, 0)
-        last = np.minimum(query + tolerance, places - 1)
+        first = np.maximum(query - tolerance * every, 0)
+        last = np.minimum(query + tolerance * every, references - 1)
         on_route = first <= last
-        return cls(queries, query[on_route], first[on_route], last[on_route])
+        unthinned = cls(queries, query[on_route], first[on_route], last[on_route])
+        return unthinned.thinned(references, every)
 
     @property
     def on_route(self) -> NDArray[np.bool_]:
@@ -63,6 +67,30 @@ class Truth:
         on_route = np.zeros(self.queries, dtype=np.bool_)
         on_route[self.query] = True
         return on_route
+
+    def thinned(self, references: int, every: int) -> Self:
+        """Give the truth where only every n-th frame of the reference is a place.
+
+        Of a row of reference frames those that are places are right, which are those in
+        [first/n, last/n]; where there is none, the place nearest to these frames is, or both that
+        are equally near.
+
+        Args:
+            references: number of frames of the reference, which this truth has for places.
+            every: n, 1 or more: reference frame j n becomes place j.
+
+        """
+        lower, upper = -(-self.first // every), self.last // every
+        # Where no place is in between, upper is the one before the frames, lower the one behind.
+        empty = lower > upper
+        before = self.first - upper * every
+        behind = lower * every - self.last
+        is_last = lower * every >= references
+        return replace(
+            self,
+            first=np.where(empty & (is_last | (before <= behind)), upper, lower),
+            last=np.where(empty & ~is_last & (behind <= before), lower, upper),
+        )
 
     def correct(self, matches: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Tell which matches are right.

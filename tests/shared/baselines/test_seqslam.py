@@ -69,13 +69,15 @@ def literal_contrast(row: list[float], window: int) -> list[float]:
     return out
 
 
-def literal_match(D: list[list[float]], t: int, settings: SeqSlam) -> Match:
+def literal_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> Match:
     places = len(D[0])
     sums = [math.inf] * places
+    later = min(lag, settings.length // 2)
+    frames = range(t + later - settings.length + 1, t + later + 1)
     for j in range(places):
         for speed in settings.speeds:
-            cells = [(t - i, j - round(speed * i)) for i in range(settings.length)]
-            if all(frame >= 0 and place >= 0 for frame, place in cells):
+            cells = [(frame, j + round(speed * (frame - t))) for frame in frames]
+            if all(0 <= frame < len(D) and 0 <= place < places for frame, place in cells):
                 sums[j] = min(sums[j], sum(D[frame][place] for frame, place in cells))
     best = min(sums)
     if best == math.inf:
@@ -98,16 +100,17 @@ def literal_match(D: list[list[float]], t: int, settings: SeqSlam) -> Match:
         SeqSlam(patch=2, length=12, speeds=(0.5, 1.0, 2.0)),
     ],
 )
-def test_is_its_definition_written_out(settings: SeqSlam) -> None:
+@pytest.mark.parametrize("lag", [0, 1, 20])
+def test_is_its_definition_written_out(settings: SeqSlam, lag: int) -> None:
     reference, query = images_of(25, 1), images_of(16, 2)
     reference[7, :2, :2] = 90  # a flat patch
     D = literal_differences(reference, query, settings.patch)
     if settings.contrast_window:
         D = [literal_contrast(row, settings.contrast_window) for row in D]
-    matches = seqslam(reference, query, settings)
+    matches = seqslam(reference, query, settings, lag)
     assert len(matches) == 16
     for t, match in enumerate(matches):
-        expected = literal_match(D, t, settings)
+        expected = literal_match(D, t, settings, lag)
         assert match.place == expected.place
         assert match.score == pytest.approx(expected.score, rel=1e-5)
 
@@ -117,6 +120,13 @@ def test_the_same_traverse_is_recognised_from_the_first_trajectory_on() -> None:
     matches = seqslam(images, images)
     assert [match.place for match in matches] == [-1] * 14 + list(range(14, 60))
     assert min(match.score for match in matches[14:]) > 2
+
+
+def test_as_published_a_trajectory_is_centred_and_passes_the_matched_frame_in_its_middle() -> None:
+    images = images_of(60, 3, height=HEIGHT, width=WIDTH)
+    matches = seqslam(images, images, lag=7)
+    assert [match.place for match in matches] == [-1] * 7 + list(range(7, 53)) + [-1] * 7
+    assert matches == seqslam(images, images, lag=20)
 
 
 def test_brightness_and_gain_do_not_matter() -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from placefield.evaluation.protocols import (
     Drive,
     Protocol,
+    default_every,
     drive_of,
     frames_to_recover,
     kidnap,
@@ -22,6 +23,7 @@ FOREIGN = 50
 counts = st.one_of(st.sampled_from([1, 2, 5, 60, 111, 200]), st.integers(1, 1500))
 seeds = st.integers(0, 1000)
 protocols = st.sampled_from(PROTOCOLS)
+everies = st.integers(1, 10)
 
 
 def runs(values: NDArray[np.bool_]) -> list[int]:
@@ -34,18 +36,23 @@ def legs(drive: Drive) -> list[NDArray[np.int64]]:
     return np.split(drive.frames, drive.jumps)
 
 
-@given(protocols, counts, seeds)
+@given(protocols, counts, everies, seeds)
 def test_a_drive_takes_frames_that_are_there_and_is_the_same_for_the_same_seed(
-    protocol: Protocol, count: int, seed: int
+    protocol: Protocol, count: int, every: int, seed: int
 ) -> None:
-    drive, again = (drive_of(protocol, count, foreign_count=FOREIGN, seed=seed) for _ in range(2))
+    drive, again = (
+        drive_of(protocol, count, foreign_count=FOREIGN, seed=seed, every=every) for _ in range(2)
+    )
 
-    assert len(drive.frames) == len(drive.foreign) >= 1
+    assert len(drive.frames) == len(drive.foreign) == len(drive.repeated) >= 1
+    assert drive.every == (every if protocol in ("speed", "dense") else 1)
+    assert not drive.repeated.any() or protocol == "speed"
     assert (drive.frames >= 0).all()
     assert (drive.frames < np.where(drive.foreign, FOREIGN, count)).all()
     for one, other in (
         (drive.frames, again.frames),
         (drive.foreign, again.foreign),
+        (drive.repeated, again.repeated),
         (drive.jumps, again.jumps),
     ):
         assert np.array_equal(one, other)
@@ -66,31 +73,75 @@ def test_aligned_is_the_query_as_it_is() -> None:
     assert not len(drive.jumps)
 
 
-@given(counts, seeds)
-def test_a_drive_at_changing_speed_goes_through_the_query_from_its_beginning_to_its_end(
-    count: int, seed: int
+@given(counts, everies, seeds)
+def test_a_drive_at_changing_speed_takes_new_frames_all_the_time_but_where_it_stands(
+    count: int, every: int, seed: int
 ) -> None:
-    frames = speed(count, seed).frames
-    assert frames[0] == 0
-    assert count - 3 < frames[-1] < count
-    # At double speed, rounding makes no step of 3.
-    assert set(np.diff(frames)) <= {0, 1, 2}
+    drive = speed(count, every, seed)
+    steps = np.diff(drive.frames)
+
+    assert drive.every == every
+    assert drive.frames[0] == 0
+    assert count - 2 * every <= drive.frames[-1] < count
+    assert not drive.repeated[0]
+    assert (steps[drive.repeated[1:]] == 0).all()
+    assert set(steps[~drive.repeated[1:]]) <= set(range(1, 2 * every + 1))
+    assert max(runs(drive.repeated), default=1) <= 8
 
 
-def test_speeds_are_log_uniform_from_half_to_double_in_stretches_and_stops_are_as_told() -> None:
-    steps = np.diff(speed(200_000, seed=4).frames)
+@pytest.mark.parametrize("every", [2, 3, 4])
+def test_steps_are_log_uniform_from_one_query_frame_to_two_places_and_last_10_to_40_frames(
+    every: int,
+) -> None:
+    drive = speed(400_000, every, seed=4)
+    steps = np.diff(drive.frames)[~drive.repeated[1:]]
+    # A step held for equally many frames: log-uniform over [1, 2n] has this mean, ...
+    assert steps.mean() == pytest.approx((2 * every - 1) / np.log(2 * every), rel=0.03)
+    # ... and half of its steps below the root of 2n, as a place is n frames.
+    ten = np.convolve(steps, np.ones(10), "valid") / 10
+    assert (ten < np.sqrt(2 * every)).mean() == pytest.approx(0.5, abs=0.04)
+    assert ten.min() < 1.1
+    assert ten.max() > 2 * every - 0.2
 
-    # Log-uniform speed v held for equally many frames has the mean 1.5 / ln 4 = 1.08.
-    stops = [length for length in runs(steps == 0) if length > 1]
-    moving = len(steps) - sum(stops)
-    assert 200_000 / moving == pytest.approx(1.5 / np.log(4), abs=0.02)
-    # A stop of n stands n steps; a slow stretch may stand one more before and after it.
-    assert max(stops) in (8, 9, 10)
-    # 3 in 10 stretches of 25 frames have a stop, and 7 in 8 of these are longer than one frame.
-    assert len(stops) / (moving / 25) == pytest.approx(0.3 * 7 / 8, abs=0.04)
-    # At a constant speed of v, 10 successive frames go 10 v, from 5 to 20.
-    ten = np.convolve(steps, np.ones(10), "valid")
-    assert ten.max() == 20
+    # A stop of 1 to 8 frames comes before three in ten stretches, of 25 frames in the mean.
+    stretches = 400_000 / (steps.mean() * 25)
+    stops = runs(drive.repeated)
+    assert len(stops) / stretches == pytest.approx(0.3, abs=0.03)
+    assert np.mean(stops) == pytest.approx(4.5, abs=0.3)
+    assert (min(stops), max(stops)) == (1, 8)
+
+
+def test_between_stops_a_stretch_is_driven_evenly() -> None:
+    """From a stop on, 10 frames at least go at one step: none is off it by a frame."""
+    drive = speed(20_000, 4, seed=1)
+    ends = np.flatnonzero(drive.repeated[:-1] & ~drive.repeated[1:])
+    assert len(ends) > 30
+    for end in ends[ends + 11 < len(drive.frames)]:
+        way = drive.frames[end : end + 11] - drive.frames[end]
+        possible = [
+            step
+            for step in np.geomspace(1, 8, 4000)
+            if (np.abs(way - step * np.arange(11)) <= 1).all()
+        ]
+        assert possible
+
+
+def test_the_reference_is_thinned_to_every_4th_frame_for_speed_or_2nd_where_it_is_short() -> None:
+    assert default_every("speed", 400) == 4
+    assert default_every("speed", 399) == 2
+    assert {default_every(p, n) for p in ("dense", "sparse") for n in (9, 900)} == {3}
+
+
+@given(counts, everies)
+def test_dense_drives_all_frames_along_fewer_places_and_sparse_fewer_along_all(
+    count: int, every: int
+) -> None:
+    dense, sparse = (
+        drive_of(protocol, count, foreign_count=0, seed=0, every=every)
+        for protocol in ("dense", "sparse")
+    )
+    assert (dense.frames.tolist(), dense.every) == (list(range(count)), every)
+    assert (sparse.frames.tolist(), sparse.every) == (list(range(0, count, every)), 1)
 
 
 @given(counts, seeds)
@@ -136,6 +187,8 @@ def test_off_route_a_third_of_the_frames_are_foreign_and_the_query_is_driven_who
 
 
 def test_what_cannot_be_driven_is_refused() -> None:
+    with pytest.raises(ValueError, match="every 0"):
+        drive_of("sparse", 60, foreign_count=0, seed=1, every=0)
     with pytest.raises(ValueError, match="other route has no frames"):
         drive_of("off-route", 60, foreign_count=0, seed=1)
     for protocol in PROTOCOLS:

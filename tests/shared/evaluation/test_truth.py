@@ -1,3 +1,4 @@
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,70 @@ def test_within_is_right_exactly_where_frame_numbers_differ_by_the_tolerance_at_
     assert truth.on_route.tolist() == [
         any(abs(i - place) <= tolerance for place in range(places)) for i in range(queries)
     ]
+
+
+def nearest(frame: Fraction, places: int) -> set[int]:
+    """The places of the thinned map that are nearest to a position, in places."""
+    least = min(abs(frame - place) for place in range(places))
+    return {place for place in range(places) if abs(frame - place) == least}
+
+
+@given(
+    queries=st.integers(1, 40),
+    references=st.integers(1, 40),
+    tolerance=st.integers(0, 3),
+    every=st.integers(1, 10),
+)
+def test_along_every_nth_frame_a_query_is_right_within_the_tolerance_and_at_the_nearest_place(
+    queries: int, references: int, tolerance: int, every: int
+) -> None:
+    places = len(range(0, references, every))
+    truth = Truth.within(queries, references, tolerance, every)
+
+    right = right_places(truth, places)
+
+    for frame in range(queries):
+        at = Fraction(frame, every)
+        if at - tolerance > Fraction(references - 1, every):  # off the end of the reference
+            assert right[frame] == set()
+        else:
+            within = {place for place in range(places) if abs(at - place) <= tolerance}
+            assert right[frame] == within | (set() if within else nearest(at, places))
+
+
+@given(
+    rows=st.lists(
+        st.tuples(st.integers(0, 5), st.integers(0, 24), st.integers(0, 24)).map(
+            lambda row: (row[0], min(row[1:]), max(row[1:]))
+        ),
+        max_size=10,
+    ),
+    every=st.integers(1, 10),
+)
+def test_a_row_along_every_nth_frame_is_right_at_its_places_or_else_at_the_nearest(
+    rows: list[tuple[int, int, int]], every: int
+) -> None:
+    query, first, last = np.array(rows, np.int64).reshape(-1, 3).T
+    taken = range(0, 25, every)
+    right: dict[int, set[int]] = {frame: set() for frame in range(6)}
+    for frame, a, b in rows:
+        gaps = [max(a - at, at - b, 0) for at in taken]
+        right[frame] |= {place for place, gap in enumerate(gaps) if gap == min(gaps)}
+
+    truth = Truth(6, query, first, last).thinned(25, every)
+
+    assert right_places(truth, len(taken)) == right
+
+
+def right_places(truth: Truth, places: int) -> dict[int, set[int]]:
+    answers = [truth.correct(np.full(truth.queries, place)) for place in range(places)]
+    on_route = truth.on_route
+    right = {
+        frame: {place for place, correct in enumerate(answers) if correct[frame]}
+        for frame in range(truth.queries)
+    }
+    assert on_route.tolist() == [bool(right[frame]) for frame in range(truth.queries)]
+    return right
 
 
 def test_a_negative_tolerance_is_refused() -> None:

@@ -43,12 +43,16 @@ def test_ours_are_the_recognizers_matches(
     assert results[name].ours == (rule != "lowest-score")
 
 
-def test_windows_compare_descriptors(trial: Trial, results: dict[str, MethodResult]) -> None:
+@pytest.mark.parametrize(("name", "lag"), [("window of 8", 0), ("window of 8, lag 20", 20)])
+def test_windows_compare_descriptors(
+    trial: Trial, results: dict[str, MethodResult], name: str, lag: int
+) -> None:
     query = np.stack([vector for vector in trial.descriptors if vector is not None])
     places = trial.placemap.model.of_reference(trial.traverse.raw)
     distances = ((query[:, None].astype(float) - places[None]) ** 2).sum(axis=2)
-    expected = fixed_window(distances.astype(np.float32), 8)
-    judged = results["window of 8"].judged
+    expected = fixed_window(distances.astype(np.float32), 8, lag)
+    judged = results[name].judged
+    assert results[name].lag == lag
     assert judged is not None
     assert judged.places.tolist() == [match.place for match in expected]
     np.testing.assert_allclose(judged.scores, [match.score for match in expected], atol=2e-3)
@@ -72,6 +76,7 @@ def test_baselines_are_what_they_are_by_themselves(
 ) -> None:
     reference, query = trial.reference, trial.query
     assert_matches(results["SeqSLAM"], seqslam(reference.images, query.images))
+    assert_matches(results["SeqSLAM, lag 20"], seqslam(reference.images, query.images, lag=20))
     tree = learn_tree(reference.words)
     assert_matches(results["FAB-MAP"], fabmap(reference.words, query.words, tree))
 
@@ -85,21 +90,31 @@ def test_ms_has_the_fixed_scales_that_fit(trial: Trial, results: dict[str, Metho
     assert_matches(results["MS"], [recognizer.push_raw(raw) for raw in trial.query.raws])
 
 
-def test_the_oracle_is_the_best_window(results: dict[str, MethodResult]) -> None:
-    merits = {
-        name: (r.judged.curve.auc, r.judged.curve.recall_at_100_precision)
-        for name, r in results.items()
-        if name.startswith("window") and r.judged
-    }
-    assert len(merits) == 10
-    (oracle,) = [name for name, result in results.items() if result.oracle]
-    assert merits[oracle] == max(merits.values())
+def test_the_oracles_are_the_best_windows_of_each_lag(results: dict[str, MethodResult]) -> None:
+    windows = [r for r in results.values() if r.name.startswith("window") and r.judged]
+    for lag, count in ((0, 10), (20, 5)):
+        merits = {
+            r.name: (r.judged.curve.auc, r.judged.curve.recall_at_100_precision)
+            for r in windows
+            if r.lag == lag and r.judged
+        }
+        assert len(merits) == count
+        (oracle,) = [r.name for r in windows if r.oracle and r.lag == lag]
+        assert merits[oracle] == max(merits.values())
+    assert sum(r.oracle for r in results.values()) == 2
 
 
 def test_windows_that_are_longer_than_the_drive_are_left_out(trial: Trial) -> None:
     short = replace(trial, descriptors=trial.descriptors[:20])
-    windows = [method.name for method in methods_of(short) if method.is_window]
-    assert windows == [f"window of {n}{rule}" for rule in ("", ", evidence") for n in (4, 8, 16)]
+    windows = {method.name for method in methods_of(short) if method.is_window}
+    ways = ("", ", evidence", ", lag 20")
+    assert windows == {f"window of {n}{way}" for way in ways for n in (4, 8, 16)}
+
+
+def test_without_a_lag_no_method_looks_ahead(trial: Trial) -> None:
+    without, all_methods = methods_of(trial, lag=0), methods_of(trial)
+    assert {method.lag for method in without} == {0}
+    assert [m.name for m in all_methods if not m.lag] == [m.name for m in without]
 
 
 def test_in_reverse_every_method_finds_what_it_finds_on_a_turned_reference(
@@ -129,9 +144,10 @@ def test_in_reverse_every_method_finds_what_it_finds_on_a_turned_reference(
 
 def test_in_reverse_the_route_is_recognised(reverse_trial: Trial) -> None:
     for method in methods_of(reverse_trial):
-        if method.name not in ("FAB-MAP", "window of 52"):
+        if method.name != "FAB-MAP" and "window of 52" not in method.name:
             judged = judge(method.match(reverse_trial), reverse_trial.truth)
-            assert judged.correct[-5:].all(), method.name
+            last = slice(36, 41) if method.lag else slice(-5, None)
+            assert judged.correct[last].all(), method.name
 
 
 def test_a_method_that_fails_says_why_and_the_others_go_on(

@@ -11,7 +11,7 @@ import pytest
 
 from placefield.config import Rule
 from placefield.evaluation.claims import Claims
-from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.protocols import TAKES_EVERY, Protocol
 from placefield.evaluation.reliability import reliability
 from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
@@ -88,6 +88,8 @@ def a_study(placemap: Map, **changes: Any) -> Study:
         reference="day/",
         query="dusk/",
         protocol="aligned",
+        every=None,
+        lowered_min_scale=None,
         seed=3,
         tolerance=2,
         placemap=placemap,
@@ -208,14 +210,22 @@ def test_names_are_text_and_not_markup(page_of: PageOf, route_map: Map) -> None:
 
 @pytest.mark.parametrize("protocol", get_args(Protocol))
 def test_the_drive_is_described(page_of: PageOf, route_map: Map, protocol: Protocol) -> None:
-    study = a_study(route_map, protocol=protocol, tolerance=None)
+    every = 3 if protocol in TAKES_EVERY else None
+    study = a_study(route_map, protocol=protocol, every=every, tolerance=None)
     jumped = replace(study.methods[0], frames_to_recover=4.5)
 
     page = page_of(replace(study, methods=(jumped, *study.methods[1:])))
 
     assert f"{protocol}: " in page.words
+    assert ("every 3rd frame" in page.words) == (protocol in TAKES_EVERY)
     assert "ground truth" in page.words
     assert "4.5" in page.cells
+
+
+def test_shorter_segments_of_a_short_reference_are_told(page_of: PageOf, route_map: Map) -> None:
+    assert "shortest segment" not in page_of(a_study(route_map)).words
+    page = page_of(a_study(route_map, lowered_min_scale=2))
+    assert "the shortest segment has 2 places" in " ".join(page.words.split())
 
 
 def test_a_study_of_failures_is_written(page_of: PageOf, route_map: Map) -> None:

@@ -5,12 +5,16 @@ import cv2
 import numpy as np
 import pytest
 
+from placefield.baselines.seqslam import seqslam_image
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.evaluation.protocols import Protocol, drive_of
 from placefield.evaluation.truth import Truth
 from placefield.features.descriptors import DescriptorStream
+from placefield.features.extract import feature_of
+from placefield.features.images import decode, grey
 from placefield_tools.evaluating import Query
+from placefield_tools.study.methods import run_methods
 from placefield_tools.study.running import prepare
 from placefield_tools.study.trial import Trial
 
@@ -20,14 +24,14 @@ def _few_words(few_words: object) -> None:
     """Learn a small vocabulary, at once."""
 
 
-def within_3(queries: int, places: int) -> Truth:
-    return Truth.within(queries, places, 3)
+def within_3(queries: int, references: int, every: int) -> Truth:
+    return Truth.within(queries, references, 3, every)
 
 
 CONFIG = Config.model_validate({"scales": {"channels": 1}})
 
 
-@pytest.mark.parametrize("protocol", ["kidnap", "off-route"])
+@pytest.mark.parametrize("protocol", ["kidnap", "off-route", "sparse"])
 def test_a_protocol_puts_what_every_method_needs_in_the_same_order(
     trial: Trial, reference_dir: Path, query_dir: Path, protocol: Protocol
 ) -> None:
@@ -49,6 +53,62 @@ def test_a_protocol_puts_what_every_method_needs_in_the_same_order(
         assert np.array_equal(vector, stream.push(raw))
     assert driven.jumps.tolist() == drive.jumps.tolist()
     assert driven.truth.on_route.tolist() == (~drive.foreign).tolist()
+
+
+@pytest.mark.parametrize(("protocol", "every", "n"), [("speed", None, 2), ("dense", 3, 3)])
+def test_a_thinned_reference_is_all_that_is_known_of_it(
+    trial: Trial,
+    reference_dir: Path,
+    query_dir: Path,
+    protocol: Protocol,
+    every: int | None,
+    n: int,
+) -> None:
+    query = Query(str(query_dir), protocol=protocol, seed=3, every=every)
+    thinned = prepare(str(reference_dir), query, within_3, CONFIG)
+
+    assert thinned.every == n
+    assert np.array_equal(thinned.traverse.raw, trial.traverse.raw[::n])
+    assert np.array_equal(thinned.reference.images, trial.reference.images[::n])
+    assert thinned.places == thinned.placemap.places.count == 60 // n
+    for frame, right in enumerate(drive_of(protocol, 60, foreign_count=0, seed=3, every=n).frames):
+        for place in range(thinned.places):
+            matches = np.full(len(thinned.query.raws), place)
+            assert thinned.truth.correct(matches)[frame] == (abs(right / n - place) <= 3)
+
+
+def test_a_frame_of_a_stop_is_described_from_its_own_picture_for_every_method(
+    trial: Trial, reference_dir: Path, query_dir: Path
+) -> None:
+    query = Query(str(query_dir), protocol="speed", seed=10, every=2)
+    study = prepare(str(reference_dir), query, within_3, CONFIG).query
+    drive = drive_of("speed", 60, foreign_count=0, seed=10, every=2)
+    repeated = np.flatnonzero(drive.repeated)
+    assert len(repeated) >= 3
+    with query.open() as source:
+        pixels = [decode(frame.image) for frame in source if isinstance(frame.image, bytes)]
+    for at in repeated:
+        raw = study.raws[at]
+        assert raw is not None
+        assert np.array_equal(raw, feature_of("gist").describe(pixels[at]))
+        unlike = [np.linalg.norm(raw - one) for one in trial.query.raws if one is not None]
+        assert np.argmin(unlike) == drive.frames[at]
+        assert min(unlike) > 0
+        assert np.array_equal(study.images[at], seqslam_image(grey(pixels[at])))
+    # Noise moves keypoints, so that FAB-MAP sees other words.
+    before = study.words[np.searchsorted(drive.frames, drive.frames[repeated])]
+    assert (study.words[repeated] != before).any()
+
+
+def test_a_thinned_reference_that_is_short_is_cut_into_shorter_segments(
+    trial: Trial, reference_dir: Path, query_dir: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    query = Query(str(query_dir), protocol="dense", every=5)  # 12 places
+    short = prepare(str(reference_dir), query, within_3, CONFIG)
+    assert short.config.scales.min_scale == short.lowered_min_scale == 3
+    assert "--min-scale 3" in capfd.readouterr().err
+    assert {result.name for result in run_methods(short) if result.failure} == {"MS"}
+    assert trial.lowered_min_scale is None
 
 
 def test_a_query_frame_that_cannot_be_read_is_one_that_was_not_seen(

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from placefield.errors import ConfigError
+from placefield.evaluation.protocols import THINS_REFERENCE, Protocol
 from placefield.maps.manifest import SUFFIX
 from placefield_tools.cli import options
 
@@ -27,6 +28,7 @@ def _evaluate(
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
     protocol: options.ProtocolOption = "aligned",
+    every: options.Every = None,
     other: options.Other = None,
     services: Annotated[
         bool, typer.Option("--services", help="match through the services, not in this process")
@@ -52,7 +54,7 @@ def _evaluate(
 
     Examples:
       placefield evaluate route.pfmap dusk/ --tolerance 3
-      placefield evaluate day/ dusk/ --protocol speed --seed 1
+      placefield evaluate day/ dusk/ --protocol kidnap --seed 1
     """
     from placefield_tools.building import map_of
     from placefield_tools.evaluating import Query, evaluate
@@ -74,11 +76,14 @@ def _evaluate(
     )
     within = None if truth is not None else effective.matching.tolerance
     options.check_other(protocol, other)
+    options.check_every(protocol, every)
+    _refuse_to_thin(protocol)
     if Path(reference).suffix == SUFFIX:
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     asked = feature is not None
-    driven = Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic))
+    parts_of_query = Parts(topic, odometry_topic)
+    driven = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
     parts = Parts(topic, odometry_topic, poses)
     with map_of(
         reference, effective, feature_asked=asked, spacing_m=spacing, parts=parts
@@ -95,6 +100,14 @@ def _evaluate(
         print(json.dumps(figures(evaluation, within)))
     else:
         print_table(evaluation, pictures)
+
+
+def _refuse_to_thin(protocol: Protocol) -> None:
+    if protocol in THINS_REFERENCE:
+        raise ConfigError(
+            f"--protocol {protocol}: it thins the reference, and a map has all of its places; run "
+            f"'placefield study REFERENCE QUERY --protocol {protocol}' on the reference's frames"
+        )
 
 
 def _refuse_to_rebuild(

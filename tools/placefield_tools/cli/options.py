@@ -10,7 +10,14 @@ import typer
 
 from placefield.config import Config, Rule, load_config
 from placefield.errors import ConfigError
-from placefield.evaluation.protocols import Protocol
+from placefield.evaluation.protocols import (
+    DEFAULT_EVERY,
+    SHORT_REFERENCE,
+    SHORT_SPEED_EVERY,
+    SPEED_EVERY,
+    TAKES_EVERY,
+    Protocol,
+)
 from placefield.evaluation.truth import Truth, read_truth
 from placefield_tools.logs import log_as_json
 
@@ -145,15 +152,29 @@ Tolerance = Annotated[
     int | None,
     typer.Option(
         min=0,
-        help="query frame i is right at places i ± so many",
+        help="query frame i is right at places i ± so many; of a thinned reference, places i/n ±",
         show_default=str(_DEFAULTS.matching.tolerance),
     ),
 ]
 TruthFile = Annotated[
-    Path | None, typer.Option("--truth", help="ground truth as CSV: query,first,last")
+    Path | None,
+    typer.Option(
+        "--truth", help="ground truth as CSV: query,first,last, of frames before any thinning"
+    ),
 ]
 ProtocolOption = Annotated[
     Protocol, typer.Option("--protocol", help="how the query's frames are driven")
+]
+Every = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="take every N-th frame: --protocol speed and dense of the reference, sparse of the "
+        "query",
+        show_default=f"{DEFAULT_EVERY}; of speed {SPEED_EVERY}, or {SHORT_SPEED_EVERY} where the "
+        f"reference has fewer than {SHORT_REFERENCE} frames",
+    ),
 ]
 Other = Annotated[
     str | None,
@@ -247,15 +268,36 @@ def check_truth(tolerance: int | None, truth: Path | None) -> None:
         raise ConfigError("--tolerance and --truth: give one of them")
 
 
-def truth_of(queries: int, places: int, *, tolerance: int | None, truth: Path | None) -> Truth:
+def truth_of(
+    queries: int, references: int, every: int = 1, *, tolerance: int | None, truth: Path | None
+) -> Truth:
     """Return what is right, by the file or else within the tolerance.
 
+    Args:
+        queries: number of query frames.
+        references: number of frames of the reference, which the file's numbers are of.
+        every: every so many of these are places.
+        tolerance: places; of no effect where a file is given.
+        truth: the file.
+
     Raises:
-        TruthError: the file is not the truth of so many query frames and places.
+        TruthError: the file is not the truth of so many frames.
     """
     if truth is not None:
-        return read_truth(truth, queries, places)
-    return Truth.within(queries, places, tolerance or 0)
+        return read_truth(truth, queries, references).thinned(references, every)
+    return Truth.within(queries, references, tolerance or 0, every)
+
+
+def check_every(protocol: Protocol, every: int | None) -> None:
+    """Refuse a number of frames to take one of, where the protocol takes all.
+
+    Raises:
+        ConfigError: it is of no use.
+    """
+    if every is not None and protocol not in TAKES_EVERY:
+        raise ConfigError(
+            f"--every {every}: only --protocol speed, dense and sparse take every n-th frame"
+        )
 
 
 def check_other(protocol: Protocol, other: str | None) -> None:

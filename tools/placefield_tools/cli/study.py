@@ -23,6 +23,7 @@ def _study(
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
     protocol: options.ProtocolOption = "aligned",
+    every: options.Every = None,
     other: options.Other = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="folder for the report")] = Path(
         "study"
@@ -45,6 +46,7 @@ def _study(
     Examples:
       placefield study day/ dusk/ --tolerance 3
       placefield study day/ dusk/ --protocol kidnap
+      placefield study day/ dusk/ --protocol dense --every 5
     """
     from placefield_tools.evaluating import Query
     from placefield_tools.sources import Parts
@@ -66,6 +68,7 @@ def _study(
     )
     within = None if truth is not None else effective.matching.tolerance
     options.check_other(protocol, other)
+    options.check_every(protocol, every)
     if Path(reference).suffix == SUFFIX:
         raise ConfigError(
             f"{reference}: a map keeps no frames, and other methods want them; give the frames"
@@ -73,7 +76,7 @@ def _study(
     output.mkdir(parents=True, exist_ok=True)  # what cannot be written is to be told now
     study = run_study(
         reference,
-        Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic)),
+        Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every),
         partial(options.truth_of, tolerance=within, truth=truth),
         effective,
         tolerance=within,

@@ -5,11 +5,19 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from placefield.errors import SourceError
-from placefield.evaluation.protocols import Drive, Protocol, drive_of
+from placefield.errors import FrameError, SourceError
+from placefield.evaluation.protocols import DEFAULT_EVERY, Drive, Protocol, drive_of
 from placefield.features.frames import Frame
+from placefield.features.images import decode
 from placefield_tools.sources.source import Source
+
+SENSOR_NOISE = 2.0
+"""Deviation of the noise of a frame that is taken again, grey levels: a camera in fair light."""
+
+JPEG_QUALITY = 90
+"""Of a frame that is taken again."""
 
 _NOMINAL_NS = 100_000_000  # from frame to frame, where the query's stamps do not tell
 
@@ -21,15 +29,27 @@ class Driven(Source):
     the drive turns back or jumps; their odometry is left out. All frames are held in memory,
     encoded.
 
+    A frame that is repeated, since the vehicle stands still, is not the same picture twice: it is
+    decoded, gets Gaussian noise of a deviation of ``SENSOR_NOISE`` in every pixel and colour, and
+    becomes a JPEG of quality ``JPEG_QUALITY``. The same seed gives the same noise.
+
     Attributes:
         drive: how they are taken.
         undriven_count: how many frames the query has in its own order.
     """
 
     def __init__(
-        self, query: Source, protocol: Protocol, *, other: Source | None = None, seed: int
+        self,
+        query: Source,
+        protocol: Protocol,
+        *,
+        other: Source | None = None,
+        seed: int,
+        every: int = DEFAULT_EVERY,
     ) -> None:
         """Read the query, and the other route's frames where there are any.
+
+        See ``drive_of`` for seed and every.
 
         Raises:
             SourceError: a source is live, or fails.
@@ -39,19 +59,22 @@ class Driven(Source):
         self._other = [] if other is None else _held(other)
         self.undriven_count = len(self._query)
         self.drive: Drive = drive_of(
-            protocol, self.undriven_count, foreign_count=len(self._other), seed=seed
+            protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every
         )
+        self._seed = seed
         self.count: int = len(self.drive.frames)
         self._step_ns = _mean_step_ns(self._query)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames."""
-        for index, (number, foreign) in enumerate(
-            zip(self.drive.frames, self.drive.foreign, strict=True)
+        drive = self.drive
+        for index, (number, foreign, repeated) in enumerate(
+            zip(drive.frames, drive.foreign, drive.repeated, strict=True)
         ):
             frame = (self._other if foreign else self._query)[number]
             stamp_ns = round(index * self._step_ns)
-            yield replace(frame, index=index, stamp_ns=stamp_ns, odometry_m=None)
+            image = _taken_again(frame.image, [self._seed, index]) if repeated else frame.image
+            yield replace(frame, index=index, stamp_ns=stamp_ns, image=image, odometry_m=None)
 
 
 def _held(source: Source) -> list[Frame]:
@@ -60,11 +83,23 @@ def _held(source: Source) -> list[Frame]:
     return [replace(frame, image=_encoded(frame.image)) for frame in source]
 
 
+def _taken_again(image: bytes | NDArray[np.uint8], seed: list[int]) -> bytes:
+    """Return an image as the camera would take it once more; what is no image stays as it is."""
+    encoded = _encoded(image)
+    try:
+        pixels = decode(encoded)
+    except FrameError:
+        return encoded
+    noise = np.random.default_rng(seed).standard_normal(pixels.shape, np.float32)
+    noisy = np.clip(np.rint(pixels + SENSOR_NOISE * noise), 0, 255).astype(np.uint8)
+    return cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+
+
 def _mean_step_ns(frames: list[Frame]) -> float:
     duration_ns = frames[-1].stamp_ns - frames[0].stamp_ns
     return duration_ns / (len(frames) - 1) if duration_ns > 0 else _NOMINAL_NS
 
 
-def _encoded(image: bytes | np.ndarray) -> bytes:
+def _encoded(image: bytes | NDArray[np.uint8]) -> bytes:
     """Encode pixels as PNG, which loses nothing."""
     return image if isinstance(image, bytes) else cv2.imencode(".png", image)[1].tobytes()

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from placefield.baselines.fabmap import Vocabulary, learn_words
 from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
 from placefield.errors import FrameError
-from placefield.evaluation.protocols import Drive
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame
 from placefield.features.images import decode, grey
@@ -50,21 +49,6 @@ class Described:
     def seen(self) -> NDArray[np.bool_]:
         """Which frames can be read, (n,) bool."""
         return np.array([raw is not None for raw in self.raws], np.bool_)
-
-    def along(self, drive: Drive, other: "Described | None") -> "Described":
-        """Return the frames as a drive takes them, the foreign ones from another route."""
-        every = self if other is None else self._followed_by(other)
-        taken = drive.frames + np.where(drive.foreign, len(self.raws), 0)
-        return Described(
-            [every.raws[frame] for frame in taken], every.images[taken], every.words[taken]
-        )
-
-    def _followed_by(self, other: "Described") -> "Described":
-        return Described(
-            self.raws + other.raws,
-            np.concatenate([self.images, other.images]),
-            np.concatenate([self.words, other.words]),
-        )
 
 
 def learn_vocabulary(source: Source, seed: int) -> Vocabulary:

@@ -1,6 +1,6 @@
 """Every method on one trial."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,6 +24,9 @@ from placefield_tools.study.trial import Trial
 WINDOWS = (4, 8, 16, 32, 52)
 """Lengths of the fixed windows, frames."""
 
+LAG = 20
+"""Frames after the matched one that a method may look at, where it is run with a lag too."""
+
 Matcher = Callable[[Trial], list[Match]]
 
 
@@ -36,16 +39,23 @@ class Method:
         match: the way.
         ours: whether it is Placefield's own.
         is_window: whether it is one fixed window.
+        lag: how many frames after the matched one it may look at.
     """
 
     name: str
     match: Matcher
     ours: bool = False
     is_window: bool = False
+    lag: int = 0
 
 
-def methods_of(trial: Trial) -> list[Method]:
-    """Return all methods, with the windows that the route is long enough for."""
+def methods_of(trial: Trial, lag: int = LAG) -> list[Method]:
+    """Return all methods, with the windows that the route is long enough for.
+
+    Args:
+        trial: what they are to match.
+        lag: of the methods that are there a second time, with a lag; 0: none is.
+    """
     lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
     return [
         Method("one frame", partial(_window, length=1)),
@@ -59,6 +69,7 @@ def methods_of(trial: Trial) -> list[Method]:
             for n in lengths
         ),
         Method("SeqSLAM", _seqslam),
+        *(_with_lag(lengths, lag) if lag else []),
         Method("FAB-MAP", _fabmap),
         Method("MS", _multiscale),
         Method("AMS as published", _published),
@@ -68,24 +79,39 @@ def methods_of(trial: Trial) -> list[Method]:
     ]
 
 
-def run_methods(trial: Trial) -> tuple[MethodResult, ...]:
-    """Run and judge all methods, showing progress; one that fails does not stop the others."""
-    methods = methods_of(trial)
+def _with_lag(lengths: Sequence[int], lag: int) -> list[Method]:
+    """Return the methods that are there a second time."""
+    windows = [
+        Method(f"window of {n}, lag {lag}", partial(_window, length=n, lag=lag), False, True, lag)
+        for n in lengths
+    ]
+    return [*windows, Method(f"SeqSLAM, lag {lag}", partial(_seqslam, lag=lag), lag=lag)]
+
+
+def run_methods(trial: Trial, lag: int = LAG) -> tuple[MethodResult, ...]:
+    """Run and judge all methods, showing progress; one that fails does not stop the others.
+
+    See ``methods_of`` for the lag. The best window is chosen for each lag by itself.
+    """
+    methods = methods_of(trial, lag)
     with tracked(methods, "matching by every method", len(methods)) as in_turn:
         results = [_run(method, trial) for method in in_turn]
     windows = [r for m, r in zip(methods, results, strict=True) if m.is_window and r.judged]
-    best = max(windows, key=_merit, default=None)
-    return tuple(replace(result, oracle=result is best) for result in results)
+    best: dict[int, MethodResult] = {}
+    for window in windows:
+        best[window.lag] = max(best.get(window.lag, window), window, key=_merit)
+    return tuple(replace(result, oracle=result is best.get(result.lag)) for result in results)
 
 
 def _run(method: Method, trial: Trial) -> MethodResult:
+    named = MethodResult(method.name, method.ours, False, None, None, None, method.lag)
     try:
         judged = judge(method.match(trial), trial.truth)
     except PlacefieldError as error:
-        return MethodResult(method.name, method.ours, False, None, str(error), None)
+        return replace(named, failure=str(error))
     recovery = frames_to_recover(trial.jumps, judged.correct)
     median = float(np.median(recovery)) if len(recovery) else None
-    return MethodResult(method.name, method.ours, False, judged, None, median)
+    return replace(named, judged=judged, frames_to_recover=median)
 
 
 def _merit(result: MethodResult) -> tuple[float, float]:
@@ -94,9 +120,9 @@ def _merit(result: MethodResult) -> tuple[float, float]:
     return curve.auc, curve.recall_at_100_precision
 
 
-def _window(trial: Trial, length: int) -> list[Match]:
+def _window(trial: Trial, length: int, lag: int = 0) -> list[Match]:
     distances = _as_driven(_even_out_unseen(trial.distances, trial), trial)
-    matches = fixed_window(distances, length)
+    matches = fixed_window(distances, length, lag)
     return _turned_back(matches, trial)
 
 
@@ -105,9 +131,10 @@ def _window_by_evidence(trial: Trial, length: int) -> list[Match]:
     return match_channels([channel], trial.descriptors, trial.matching("evidence"))
 
 
-def _seqslam(trial: Trial) -> list[Match]:
+def _seqslam(trial: Trial, lag: int = 0) -> list[Match]:
     differences = image_differences(trial.reference.images, trial.query.images, PUBLISHED.patch)
-    matches = match_sequences(_as_driven(_even_out_unseen(differences, trial), trial))
+    differences = _as_driven(_even_out_unseen(differences, trial), trial)
+    matches = match_sequences(differences, lag=lag)
     return _turned_back(matches, trial)
 
 

@@ -22,11 +22,12 @@ class MethodResult:
     Attributes:
         name: of the method.
         ours: whether it is Placefield's own.
-        oracle: whether it is the best of the fixed windows, which only one who knows the answers
-            can choose.
+        oracle: whether it is the best of the fixed windows of its lag, which only one who knows the
+            answers can choose.
         judged: its matches; None where it failed.
         failure: one line that says why it failed; None where it did not.
         frames_to_recover: median over the drive's jumps; None where there are none, or it failed.
+        lag: how many frames after the matched one it may look at.
     """
 
     name: str
@@ -35,6 +36,7 @@ class MethodResult:
     judged: Judged | None
     failure: str | None
     frames_to_recover: float | None
+    lag: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,11 @@ class Study:
         reference: source of the reference's frames, as it was given.
         query: source of the query's frames, likewise.
         protocol: how the query was driven.
+        every: n of a protocol that takes every n-th frame; None: it is none.
+        lowered_min_scale: shortest segment of our maps, places, where the thinned reference was too
+            short for the one asked for.
         seed: of everything random.
-        tolerance: frames; None where a ground truth was given.
+        tolerance: places; None where a ground truth was given.
         placemap: our map of the reference.
         methods: in the order to show them.
         counts: for every rule, every number of channels combined, ascending; empty where the
@@ -109,6 +114,8 @@ class Study:
     reference: str
     query: str
     protocol: Protocol
+    every: int | None
+    lowered_min_scale: int | None
     seed: int
     tolerance: int | None
     placemap: Map

@@ -1,21 +1,26 @@
 """A reference and a query to a study."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from placefield.baselines.fabmap import Vocabulary
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
-from placefield.evaluation.protocols import drive_of
+from placefield.evaluation.protocols import TAKES_EVERY, THINS_REFERENCE, default_every
+from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of
+from placefield.features.network import Network
+from placefield.maps.map import Map
 from placefield.maps.metrics import identity_metric
-from placefield_tools.evaluating import Query, TruthOf
+from placefield.maps.traverse import Traverse
+from placefield_tools.evaluating import Query, drive_in
 from placefield_tools.progress import CONSOLE
 from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets
+from placefield_tools.sources.thinned import Thinned
 from placefield_tools.study.ablation import ablate
 from placefield_tools.study.channel_counts import count_channels
 from placefield_tools.study.describing import (
-    Described,
     describe_query_frames,
     describe_reference,
     learn_vocabulary,
@@ -29,6 +34,12 @@ from placefield_tools.study.trial import (
     descriptors_of,
 )
 
+SHORTEST_MIN_SCALE = 2
+
+TruthOf = Callable[[int, int, int], Truth]
+"""Gives the truth for so many frames of the query and of the reference, where every n-th of the
+latter is a place."""
+
 
 def run_study(
     reference: str, query: Query, truth_of: TruthOf, config: Config, *, tolerance: int | None
@@ -38,7 +49,7 @@ def run_study(
     Args:
         reference: source of the reference's frames.
         query: to match, and how it is driven.
-        truth_of: gives the truth for so many query frames, in their own order, and places.
+        truth_of: gives the truth of the query in its own order.
         config: of our map, its matching and all that is random.
         tolerance: for the record; None where a ground truth was given.
 
@@ -51,6 +62,8 @@ def run_study(
         reference=reference,
         query=query.where,
         protocol=query.protocol,
+        every=trial.every,
+        lowered_min_scale=trial.lowered_min_scale,
         seed=config.seed,
         tolerance=tolerance,
         placemap=trial.placemap,
@@ -62,30 +75,25 @@ def run_study(
 
 
 def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> Trial:
-    """Describe all frames once, build our map, and drive the query; see ``run_study``."""
+    """Describe all frames, build our map, and drive the query; see ``run_study``."""
     feature = feature_of(config.features.kind)
-    with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as source:
-        vocabulary = _vocabulary(source, reference, config.seed)
+    with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
+        if whole.live:
+            camera = without_secrets(reference)
+            raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
+        query, source = _agreed(query, whole)
+        vocabulary = _vocabulary(source, config.seed)
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
-    def describe(where: str) -> Described:
-        with open_source(where, spacing_m=query.spacing_m, parts=query.parts) as source:
-            return describe_query_frames(source, feature, vocabulary)
-
-    described_query = describe(query.where)
-    foreign = describe(query.other) if query.other is not None else None
-    drive = drive_of(
-        query.protocol,
-        len(described_query.raws),
-        foreign_count=len(foreign.raws) if foreign else 0,
-        seed=query.seed,
-    )
+    with query.open() as driven:
+        described_query = describe_query_frames(driven, feature, vocabulary)
+    drive, undriven = drive_in(driven, len(described_query.raws))
     CONSOLE.print("building our map")
-    placemap = build_reference(traverse, config, feature.network)
-    truth = truth_of(len(described_query.raws), placemap.places.count)
-    driven = described_query.along(drive, foreign)
+    placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
+    references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
+    truth = truth_of(undriven, references, drive.every)
     return Trial(
-        config=config.model_copy(update={"matching": query.matching(config.matching)}),
+        config=fitting.model_copy(update={"matching": query.matching(config.matching)}),
         traverse=traverse,
         network=feature.network,
         placemap=placemap,
@@ -94,18 +102,50 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
             metric=identity_metric(placemap.model.of_reference(traverse.raw)),
         ),
         reference=described_reference,
-        query=driven,
-        descriptors=descriptors_of(placemap.model, driven.raws),
+        query=described_query,
+        descriptors=descriptors_of(placemap.model, described_query.raws),
         truth=truth.along(drive.frames, drive.foreign),
         jumps=drive.jumps,
+        every=query.every,
+        lowered_min_scale=None if fitting is config else fitting.scales.min_scale,
     )
 
 
-def _vocabulary(source: Source, name: str, seed: int) -> Vocabulary | None:
+def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
+    """Return the query with its protocol's n, and the reference, thinned by it if it is to be."""
+    if query.protocol not in TAKES_EVERY:
+        return query, reference
+    count = sum(1 for _ in reference)
+    every = default_every(query.protocol, count) if query.every is None else query.every
+    query = replace(query, every=every)
+    if query.protocol not in THINS_REFERENCE:
+        return query, reference
+    return query, Thinned(reference, every, count)
+
+
+def _fitting_map(
+    traverse: Traverse, config: Config, network: Network | None, *, thinned: bool
+) -> tuple[Map, Config]:
+    """Build our map; where thinning left too few places, with shorter segments, and tell so.
+
+    Returns:
+        The map, and the configuration that it was built by: the same one if that did.
+    """
+    tried = config
+    while True:
+        try:
+            return build_reference(traverse, tried, network), tried
+        except MapError:
+            shorter = tried.scales.min_scale - 1
+            if not thinned or shorter < SHORTEST_MIN_SCALE or tried.scales.min_scale_metres:
+                raise
+        scales = tried.scales.model_copy(update={"min_scale": shorter})
+        tried = tried.model_copy(update={"scales": scales})
+        CONSOLE.print(f"the thinned reference is short: trying --min-scale {shorter}")
+
+
+def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
     """Learn FAB-MAP's words; None where the reference has none."""
-    if source.live:
-        camera = without_secrets(name)
-        raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
     try:
         return learn_vocabulary(source, seed)
     except MapError:

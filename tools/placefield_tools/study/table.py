@@ -16,6 +16,8 @@ def figures(study: Study) -> dict[str, Any]:
         "reference": study.reference,
         "query": study.query,
         "protocol": study.protocol,
+        "every": study.every,
+        "lowered_min_scale": study.lowered_min_scale,
         "seed": study.seed,
         "tolerance": study.tolerance,
         "places": study.placemap.places.count,
@@ -51,7 +53,12 @@ def figures(study: Study) -> dict[str, Any]:
 
 
 def _method_figures(result: MethodResult) -> dict[str, Any]:
-    named = {"name": result.name, "ours": result.ours, "oracle": result.oracle}
+    named: dict[str, Any] = {
+        "name": result.name,
+        "ours": result.ours,
+        "oracle": result.oracle,
+        "lag": result.lag,
+    }
     if result.judged is None:
         return named | {"failure": result.failure}
     curve = result.judged.curve
@@ -73,9 +80,10 @@ def print_study(study: Study, report: Path) -> None:
     recovers = any(result.frames_to_recover is not None for result in study.methods)
     table = Table(
         "method",
-        title=f"{study.query} along {study.reference}, {study.protocol}",
+        title=f"{study.query} along {study.reference}, {_driven(study)}",
         caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
-        "right matches. * The best window, which only one who knows the answers can choose.",
+        "right matches. Lag: frames after the matched one that may be looked at, else none. * The "
+        "best window of each lag, which only one who knows the answers can choose.",
     )
     headers = ["AUC", "recall at 100 % precision", "recall@1"]
     headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision"]
@@ -92,6 +100,10 @@ def print_study(study: Study, report: Path) -> None:
         elif result.judged is not None and (line := certainty_line(result.name, result.judged)):
             console.print(line, highlight=False, soft_wrap=True)
     console.print(str(report), highlight=False, soft_wrap=True)
+
+
+def _driven(study: Study) -> str:
+    return study.protocol if study.every is None else f"{study.protocol}, every {study.every}"
 
 
 def _cells(result: MethodResult, recovers: bool) -> list[str]:

@@ -38,6 +38,9 @@ class Trial:
         descriptors: Q descriptors (N,) float32 of the driven frames, None where not seen.
         truth: of the driven frames.
         jumps: (J,) int64, positions in the drive of the first frame after a jump.
+        every: n of a protocol that takes every n-th frame; None: it is none.
+        lowered_min_scale: shortest segment of all our maps, places, where the thinned reference is
+            too short for the one asked for, so that the configuration has this one.
     """
 
     config: Config
@@ -50,6 +53,8 @@ class Trial:
     descriptors: list[Array | None]
     truth: Truth
     jumps: NDArray[np.int64]
+    every: int | None = None
+    lowered_min_scale: int | None = None
 
     @property
     def places(self) -> int:
