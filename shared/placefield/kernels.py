@@ -21,16 +21,20 @@ _SUMS = 64  # that a compiler adds to side by side
 class _Cache(FunctionCache):
     """Keeps machine code where there is room for it, for the sources that it was made of.
 
-    numba looks at a function's own file alone. What it calls may be compiled into it, too.
+    numba looks at a function's own file alone. What it calls is compiled into it, too, and so are
+    the constants that it names, wherever they come from.
     """
 
     def __init__(self, function: FunctionType) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]
         self.sources = {_digest(__file__)}
         for name in function.__code__.co_names:
-            called = getattr(function.__globals__.get(name), "_cache", None)
+            named = function.__globals__.get(name)
+            called = getattr(named, "_cache", None)
             if isinstance(called, _Cache):
                 self.sources |= {_digest(called.file), *called.sources}
+            elif isinstance(named, (int, float, np.ndarray)):
+                self.sources.add(f"{name} = {np.asarray(named).tolist()}")
         self.file: str = function.__code__.co_filename
 
     def _index_key(self, sig: object, codegen: object) -> tuple[object, ...]:

@@ -45,16 +45,26 @@ def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cac
     assert not list(tmp_path.rglob("*.nbc"))
 
 
-def test_machine_code_is_made_anew_where_what_it_calls_has_changed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("outer", "inner"),
+    [
+        ("inner(x) + 1", "@kernel\ndef inner(x):\n    return {factor} * x\n"),
+        ("inner * x + 1", "inner = {factor}\n"),
+        ("inner[1] * x + 1", "import numpy\ninner = numpy.array([9, {factor}])\n"),
+    ],
+    ids=["function", "number", "array"],
+)
+def test_machine_code_is_made_anew_where_what_it_names_has_changed(
+    tmp_path: Path, outer: str, inner: str
+) -> None:
     (tmp_path / "outer.py").write_text(
         "from inner import inner\nfrom placefield.kernels import kernel\n"
-        "@kernel\ndef outer(x):\n    return inner(x) + 1\n"
+        f"@kernel\ndef outer(x):\n    return {outer}\n"
     )
 
     def outer_of_ten(factor: int) -> str:
         (tmp_path / "inner.py").write_text(
-            "from placefield.kernels import kernel\n"
-            f"@kernel\ndef inner(x):\n    return {factor} * x\n"
+            "from placefield.kernels import kernel\n" + inner.format(factor=factor)
         )
         path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
         return subprocess.run(

@@ -17,10 +17,14 @@ from placefield.kernels import kernel, sum_of
 Array = NDArray[np.float32]
 Rows = TypeVar("Rows", bound=NDArray[np.generic])
 
-SPEEDS = np.array([0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6])
-"""Places per frame."""
+SPEEDS = np.array([0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6, 7])
+"""Places per frame.
 
-REACH = 7
+The last one stands for all that is faster than the map resolves: who drives so is not known to be
+anywhere. Without it, a vehicle that is a little too fast would be taken for one that just is not.
+"""
+
+REACH = 8
 """Places that a step takes at most."""
 
 UNKNOWN = -1.0
@@ -35,7 +39,7 @@ LOSE = 0.003
 FIND = 0.2
 """Chance that one that is lost is on the map at the next frame."""
 
-_PRIOR = np.array([1, 0.5, 0.5, 0.5, 1, 1, 1, 4, 1, 1, 1, 1, 1, 0.5, 0.5]) / 15.5
+_PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 1]) / 32
 _PERSISTENCE = 60.0  # frames that a speed lasts
 _STOP = 5.0  # frames that a stop lasts
 _DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
@@ -141,6 +145,7 @@ def step_likelihoods(
         else:
             share = np.float32(speeds[row] - low)
             high = min(low, len(apart) - 1)
+            low = min(low, len(apart))
             for place in range(apart.shape[1]):
                 shorter, longer = apart[low - 1, place], apart[high, place]
                 length = max(shorter + (longer - shorter) * share, least)

@@ -272,8 +272,12 @@ class PlaceFilter:
 
     @property
     def belief(self) -> Array:
-        """Posterior of each place, (K,); what is missing to 1 is that of being on none of them."""
-        return np.asarray(self._of_place[0] * self._unit / self._total, np.float32)
+        """Posterior of each place, (K,), at a speed that the map resolves.
+
+        What is missing to 1 is the posterior of being on none of them, or faster.
+        """
+        resolved = self._of_place[0] - self._belief[0, -1]
+        return np.asarray(np.maximum(resolved, 0) * (self._unit / self._total), np.float32)
 
     @property
     def behind(self) -> Array:

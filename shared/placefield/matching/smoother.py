@@ -131,6 +131,6 @@ def _posterior(
 ) -> tuple[NDArray[np.int32], Array]:
     both = trace.belief * backward
     total = float(both.sum(dtype=np.float64)) + trace.lost * backward_lost
-    belief = both[:, 0].sum(axis=1) / np.float32(total)
+    belief = both[:, 0, :-1].sum(axis=1) / np.float32(total)  # at speeds that the map resolves
     kept = belief >= min(np.float32(NEGLIGIBLE), belief.max())
     return trace.places[kept], belief[kept]

@@ -12,9 +12,9 @@ from placefield.matching.textbook import State, Step, initial, predict, smooth, 
 
 Points = NDArray[np.float64]
 
-SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6]
-PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1]) / 31
-REACH = 7
+SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6, 7]
+PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 1]) / 32
+REACH = 8
 PERSISTENCE = 60  # frames
 STOP = 5
 STEP_DEVIATION = 0.3
@@ -98,7 +98,7 @@ class LiteralFilter:
     def step_chances(self, speed: float) -> list[float]:
         """Means over the speeds that one stands for."""
         number = SPEEDS.index(speed)
-        near = [abs(SPEEDS[other] - speed) for other in (number - 1, number + 1) if 0 <= other < 15]
+        near = [abs(SPEEDS[other] - speed) for other in (number - 1, number + 1) if 0 <= other < 16]
         width = max(near) / 2 if speed > 0 else 0
         around = [speed + width * (share / 100 - 1) for share in range(201)]
         return [
@@ -111,7 +111,7 @@ class LiteralFilter:
             one = np.maximum(self.apart[0], self.standing)
             return np.asarray(self.standing + (one - self.standing) * math.sqrt(speed))
         low = math.floor(speed)
-        shorter, longer = self.apart[low - 1], self.apart[min(low, 5)]
+        shorter, longer = self.apart[min(low, 6) - 1], self.apart[min(low, 5)]
         return np.maximum(shorter + (speed - low) * (longer - shorter), self.standing)
 
     def prior(self) -> Points:
@@ -148,8 +148,8 @@ class LiteralFilter:
         self.speeds = MEMORY * self.speeds + self.state.placed[0].sum(axis=1)
 
     def belief(self) -> Points:
-        """Posterior of each place on the map, (K,)."""
-        return np.asarray(self.state.placed[0].sum(axis=0))
+        """Posterior of each place on the map, (K,), but for the last speed, which is too fast."""
+        return np.asarray(self.state.placed[0, :-1].sum(axis=0))
 
     def smoothed(self) -> list[Points | None]:
         """Posterior of each place, (K,), at each frame, given all; None before an observation."""
@@ -157,7 +157,7 @@ class LiteralFilter:
             return [None] * len(self.frames)
         states = smooth(self.filtered, self.steps, self.likelihoods)
         return [
-            None if frame is None else np.asarray(states[frame].placed[0].sum(axis=0))
+            None if frame is None else np.asarray(states[frame].placed[0, :-1].sum(axis=0))
             for frame in self.frames
         ]
 

@@ -82,6 +82,15 @@ def test_a_query_is_followed_at_any_speed(route: Route, speed: float) -> None:
     assert np.mean(off <= 3) > 0.95
 
 
+@pytest.mark.parametrize("speed", [7.0, 7.5, 9.0, 12.0])
+def test_at_a_speed_that_the_map_does_not_resolve_nothing_is_known(
+    route: Route, speed: float
+) -> None:
+    positions = speed * np.arange(int(199 / speed))
+    _, lost = filtered(route.places, route.drive(positions))
+    assert lost[3:].min() > 0.01
+
+
 def test_a_query_is_followed_through_stops(route: Route) -> None:
     """A stop is noticed late, and what has rolled on in belief until then is taken back."""
     stops = [40, 80, 120]
