@@ -77,10 +77,15 @@ class ChannelStage:
             for comparisons in zip(*by_metric, strict=True):
                 yield dict(zip(self._places, comparisons, strict=True))
 
-    def new_stream(self, first: int = 0) -> "StreamMatcher":
-        """Begin a stream with the frame of this number."""
+    def new_stream(self, first: int = 0, lag: int | None = None) -> "StreamMatcher":
+        """Begin a stream.
+
+        Args:
+            first: number of its first frame.
+            lag: see ``ChannelShard.new_matcher``.
+        """
         matchers = {
-            number: (channel.metric, channel.new_matcher())
+            number: (channel.metric, channel.new_matcher(lag))
             for number, channel in self._parts.items()
         }
         return StreamMatcher(matchers, first)
@@ -165,8 +170,6 @@ class StreamMatcher:
         Args:
             compared: how the frame compares with the places; None is a missing observation.
         """
-        self.next += 1
-        return [
-            matcher.push(None if compared is None else compared[metric])
-            for metric, matcher in self._matchers.values()
-        ]
+        partials = self.local(compared, self.next)
+        candidates = self.reduce({number: [partial] for number, partial in partials.items()})
+        return list(candidates.values())
