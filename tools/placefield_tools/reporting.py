@@ -84,11 +84,11 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     frames = _counted(len(evaluation.raws), "frame")
     places = _counted(evaluation.placemap.places.count, "place")
     table = Table(
-        "rule",
         title=f"{evaluation.query.where}: {frames}, {places}",
         caption="recall: of all query frames that are on the route; best match per frame; "
         "mean lag: frames after it that a match looks at",
     )
+    table.add_column("rule", no_wrap=True)
     for column in ("mean lag", "AUC", "recall at 100 % precision", "recall@1"):
         table.add_column(column, justify="right")
     for name, result in _rows(evaluation):
