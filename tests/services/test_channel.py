@@ -1,5 +1,5 @@
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -199,7 +199,8 @@ def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
 def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stage = Stage(route_map, "filter")
+    channels = [replace(one, metric=replace(one.metric)) for one in route_map.channels]
+    stage = Stage(replace(route_map, channels=channels), "filter")
     batch = [
         stage.feature(header(sequence), descriptor, run=run)
         for sequence, descriptor in enumerate(descriptors[:8])

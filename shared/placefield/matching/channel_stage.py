@@ -5,6 +5,7 @@ With no bus: a library, a study and a channel worker compose it alike.
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ class ChannelStage:
             ConfigError: the map has too few places for so many shards.
         """
         self.channels = tuple(channels)
+        self._rule = matching.rule
         self.shard, self.shards = shard, shards
         shared = MetricShards()
         self._parts = {
@@ -84,11 +86,40 @@ class ChannelStage:
             first: number of its first frame.
             lag: see ``ChannelShard.new_matcher``.
         """
-        matchers = {
-            number: (channel.metric, channel.new_matcher(lag))
-            for number, channel in self._parts.items()
-        }
-        return StreamMatcher(matchers, first)
+        groups = [
+            _Group(numbers, part.metric, part.new_matcher(lag)) for numbers, part in self._groups()
+        ]
+        return StreamMatcher(groups, first)
+
+    def _groups(self) -> Iterator[tuple[tuple[int, ...], ChannelShard]]:
+        """Yield channels that answer alike: of the filter, those under one metric."""
+        alike: dict[object, list[int]] = {}
+        for number, part in self._parts.items():
+            alike.setdefault(part.metric if self._rule == "filter" else number, []).append(number)
+        for numbers in alike.values():
+            yield tuple(numbers), self._parts[numbers[0]]
+
+
+@dataclass
+class _Group:
+    """Channels that answer alike, so that one matcher answers for all.
+
+    Attributes:
+        numbers: of the channels.
+        metric: theirs.
+        matcher: of the stream.
+        partial: of the frame whose local step was done.
+        unsettled: frames that were answered, and not settled yet.
+    """
+
+    numbers: tuple[int, ...]
+    metric: MapMetric
+    matcher: Matcher
+    partial: Partial | None = None
+    unsettled: deque[int] = field(default_factory=deque)
+
+    def numbered(self, settled: list[Settled]) -> list[tuple[int, Settled]]:
+        return [(self.unsettled.popleft(), each) for each in settled]
 
 
 class StreamMatcher:
@@ -96,15 +127,14 @@ class StreamMatcher:
 
     Each frame takes a local step and a reduce step in all channels. Frames that were missed take
     them, too, as missing observations, so that none is left out but those that change nothing.
-    Should a channel fail in a step, the frame costs it its observation, and no other channel.
+    Should a channel fail in a step, the frame costs it its observation, and no other channel but
+    those that answer alike.
     """
 
-    def __init__(self, matchers: Mapping[int, tuple[MapMetric, Matcher]], first: int) -> None:
-        """Take each channel's metric and new matcher, and the number of the first frame."""
-        self._matchers = matchers
-        self._memory = max(matcher.memory for _, matcher in matchers.values())
-        self._partials: dict[int, Partial] = {}
-        self._unsettled: dict[int, deque[int]] = {number: deque() for number in matchers}
+    def __init__(self, groups: Sequence[_Group], first: int) -> None:
+        """Take the channels, and the number of the first frame."""
+        self._groups = groups
+        self._memory = max(group.matcher.memory for group in groups)
         self.next = first
         """The number of the frame whose steps are next."""
 
@@ -121,10 +151,16 @@ class StreamMatcher:
         """
         self.next = max(self.next, sequence - self._memory)
         frame = compared if self.next == sequence else None
-        for number, (metric, matcher) in self._matchers.items():
-            if number not in self._partials:  # it may be there if another channel failed
-                self._partials[number] = matcher.local(None if frame is None else frame[metric])
-        return self._partials
+        for group in self._groups:
+            if group.partial is None:  # it may be there if another channel failed
+                seen = None if frame is None else frame[group.metric]
+                group.partial = group.matcher.local(seen)
+        return {
+            number: group.partial
+            for group in self._groups
+            for number in group.numbers
+            if group.partial is not None
+        }
 
     def reduce(self, partials: Mapping[int, Sequence[Partial]]) -> dict[int, Candidate]:
         """Finish the frame whose local step was done.
@@ -135,41 +171,43 @@ class StreamMatcher:
         Returns:
             The candidate of each channel.
         """
-        self._partials = {}
         sequence, self.next = self.next, self.next + 1
-        candidates = {}
-        for number, (_, matcher) in self._matchers.items():
-            candidates[number] = matcher.reduce(partials[number])
-            self._unsettled[number].append(sequence)
+        for group in self._groups:
+            group.partial = None
+        candidates: dict[int, Candidate] = {}
+        for group in self._groups:
+            candidate = group.matcher.reduce(partials[group.numbers[0]])
+            group.unsettled.append(sequence)
+            candidates |= dict.fromkeys(group.numbers, candidate)
         return candidates
 
     def fits(self, number: int, partial: Partial) -> bool:
         """Whether what came from another shard of a channel can be its partial result."""
-        return self._matchers[number][1].fits(partial)
+        (group,) = (group for group in self._groups if number in group.numbers)
+        return group.matcher.fits(partial)
 
     def settled(self) -> dict[int, list[tuple[int, Settled]]]:
         """Return the frames that each channel has settled with the last one, by their numbers."""
-        return {
-            number: self._numbered(number, matcher.settled())
-            for number, (_, matcher) in self._matchers.items()
-        }
+        return self._by_channel([(g, g.matcher.settled()) for g in self._groups])
 
     def finish(self) -> dict[int, list[tuple[int, Settled]]]:
         """Return the frames that are left: the stream is over."""
-        return {
-            number: self._numbered(number, matcher.finish())
-            for number, (_, matcher) in self._matchers.items()
-        }
+        return self._by_channel([(g, g.matcher.finish()) for g in self._groups])
 
-    def _numbered(self, number: int, settled: list[Settled]) -> list[tuple[int, Settled]]:
-        return [(self._unsettled[number].popleft(), each) for each in settled]
+    def _by_channel(
+        self, settled: list[tuple[_Group, list[Settled]]]
+    ) -> dict[int, list[tuple[int, Settled]]]:
+        by_channel: dict[int, list[tuple[int, Settled]]] = {}
+        for group, frames in settled:
+            by_channel |= dict.fromkeys(group.numbers, group.numbered(frames))
+        return by_channel
 
     def push(self, compared: Compared | None) -> list[Candidate]:
-        """Return the candidates for the next frame, of whole channels, in their order.
+        """Return the candidates for the next frame, of whole channels, by ascending number.
 
         Args:
             compared: how the frame compares with the places; None is a missing observation.
         """
         partials = self.local(compared, self.next)
-        candidates = self.reduce({number: [partial] for number, partial in partials.items()})
-        return list(candidates.values())
+        candidates = self.reduce({number: [one] for number, one in partials.items()})
+        return [candidates[number] for number in sorted(candidates)]

@@ -1,6 +1,7 @@
 """Channels in one stage against each of them alone."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -108,7 +109,8 @@ def test_of_a_gap_of_any_length_no_more_is_taken_than_changes_anything(
 def test_a_frame_on_which_a_channel_fails_is_missing_in_that_alone(
     small_map: Map, query: list[Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig())
+    channels = [replace(one, metric=replace(one.metric)) for one in small_map.channels]
+    stage = ChannelStage(dict(enumerate(channels)), MatchingConfig())
     stream, frames = stage.new_stream(), list(stage.compare(query[:8]))
     failing, real = iter(range(100)), FilterMatcher.local
 
@@ -134,8 +136,28 @@ def test_a_frame_on_which_a_channel_fails_is_missing_in_that_alone(
     assert [bits(answers[sequence][1]) for sequence in range(8)] == damaged
 
 
+def test_channels_that_answer_alike_are_answered_for_once(
+    small_map: Map, query: list[Array], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    channel = small_map.channels[0]
+    stage = ChannelStage({0: channel, 3: channel, 5: channel}, MatchingConfig())
+    steps, real = iter(range(100)), FilterMatcher.local
+
+    def local(self: FilterMatcher, frame: Comparison | None) -> Partial:
+        next(steps)
+        return real(self, frame)
+
+    monkeypatch.setattr(FilterMatcher, "local", local)
+    stream = stage.new_stream()
+    expected = alone(small_map, 0, "filter", query[:8])
+    for frame, answer in zip(stage.compare(query[:8]), expected, strict=True):
+        candidates = stream.push(frame)
+        assert [bits(candidate) for candidate in candidates] == [answer] * 3
+    assert next(steps) == 8 + 8  # of the whole channel that was matched alone, too
+
+
 def test_shards_are_no_smaller_than_they_may_be(small_map: Map) -> None:
-    with pytest.raises(ConfigError, match="the longest scale"):
+    with pytest.raises(ConfigError, match="each needs 25; take 3"):
         ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(), 0, 80)
 
 
