@@ -1,8 +1,5 @@
 """All of recognition in one object, with no bus: frame in, match out."""
 
-import math
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,12 +8,11 @@ from placefield.errors import FrameError
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import checked
 from placefield.features.images import Image, check_pixels, load
+from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
-from placefield.fusion.settling import SettledJoiner
 from placefield.maps.map import Map
 from placefield.matching.channel_stage import ChannelStage
-from placefield.matching.matcher import Settled
 
 _DEFAULTS = MatchingConfig()
 
@@ -34,10 +30,8 @@ class Recognizer:
         self._dimensions = len(placemap.model.components)
         self._images = DescriptorStage(placemap.model).new_stream()
         self._channels = ChannelStage(dict(enumerate(placemap.channels)), config)
-        self._stream = self._channels.new_stream()
-        self._fusion = FusionStage(placemap.places.count, config)
-        self._joiner = SettledJoiner(self._channels.channels, config.lag)
-        self._smoothed: list[SmoothedMatch] = []
+        fusion = FusionStage(placemap.places.count, config)
+        self._stream = FusedStream(self._channels, fusion, config.lag)
 
     def push(self, image: Image) -> Match:
         """Match the next frame: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file.
@@ -75,29 +69,15 @@ class Recognizer:
         """
         observed = None if descriptor is None else checked(descriptor, self._dimensions)
         compared = None if observed is None else next(self._channels.compare([observed]))
-        frame = self._stream.next
-        match = self._fusion.fuse(self._stream.push(compared))
-        self._joiner.announce(frame)
-        self._settle(self._stream.settled(), frame)
-        return match
+        return self._stream.push(compared)
 
     def smoothed(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that have been made since they were last asked for.
 
         Every frame has one, in order, at most ``lag`` frames later, or when the stream is finished.
         """
-        smoothed, self._smoothed = self._smoothed, []
-        return smoothed
+        return self._stream.smoothed()
 
     def finish(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that are left: no frame will come any more."""
-        self._settle(self._stream.finish(), math.inf)
-        return self.smoothed()
-
-    def _settle(self, settled: Mapping[int, list[tuple[int, Settled]]], newest: float) -> None:
-        for channel, frames in settled.items():
-            for frame, each in frames:
-                self._joiner.add(frame, channel, each)
-        for joined in self._joiner.release(newest):
-            match = self._fusion.fuse(list(joined.candidates.values()))
-            self._smoothed.append(SmoothedMatch(joined.sequence, match, joined.lag))
+        return self._stream.finish()

@@ -53,16 +53,21 @@ def test_a_study_has_every_method_and_part(
     assert (study["protocol"], study["every"], study["tolerance"]) == (protocol, every, 3)
     assert study["places"] == {"speed": 30, "dense": 20}.get(protocol, 60)
     methods = {method["name"]: method for method in study["methods"]}
-    assert {"one frame", "SeqSLAM", "FAB-MAP", "MS"} < {*methods}
+    assert {"one frame", "SeqSLAM", "FAB-MAP", "MS", "Placefield, filter, lag 20"} < {*methods}
     for method in methods.values():
         assert all(0 <= method[figure] <= 1 + 1e-9 for figure in FIGURES)
         assert method["lag"] == (20 if "lag 20" in method["name"] else 0)
+        assert 0 <= method["mean_lag"] <= method["lag"]
         assert (method["frames_to_recover"] is not None) == (protocol == "kidnap")
         assert (method["frames_on_route"] < method["frames"]) == (protocol == "off-route")
     assert methods["Placefield, filter"]["recall_at_1"] > 0.7
     assert len(study["counts"]) == (0 if protocol == "dense" else 30)  # 20 places are too few
     assert len(study["scales"]) == 4
-    assert len(study["ablation"]) == 8  # of one traverse no metric is learned, to leave out
+    assert len(study["ablation"]) == 16  # of one traverse no metric is learned, to leave out
+    for part in study["ablation"]:
+        assert part["lag"] in (0, 20)
+        assert 0 <= part["mean_lag"] <= part["lag"]
+        assert ("known" in part) == (part["rule"] == "filter")
 
 
 def test_the_table_names_the_conventions_and_the_oracle(
@@ -72,7 +77,13 @@ def test_the_table_names_the_conventions_and_the_oracle(
     flags = flags_of("kidnap", query_dir)
     ended = run("study", reference_dir, query_dir, *flags, "-o", "[b]out")
     assert ended.exit_code == 0, ended.exception
-    for text in ("recall at 100 % precision", "recall@1", "VPR-Bench AUC", "frames to recover"):
+    for text in (
+        "recall at 100 % precision",
+        "recall@1",
+        "VPR-Bench AUC",
+        "mean lag",
+        "frames to recover",
+    ):
         assert text in ended.stdout
     lines = [line for line in ended.stdout.splitlines() if "window of" in line]
     best = [line for line in lines if re.search(r" \* +│", line)]

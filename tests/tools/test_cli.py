@@ -87,6 +87,9 @@ def test_build_inspect_and_evaluate_go_together(
     evaluated = placefield("evaluate", "maps/route.pfmap", query_dir)
     assert evaluated.code == 0, evaluated.err
     assert all(rule in evaluated.out for rule in RULES)
+    lines = [line for line in evaluated.out.splitlines() if " known, " in line]
+    names = [line.partition(":")[0] for line in lines]
+    assert names == ["filter", "filter, lag 20", "filter, in hindsight"]
     pictures = [line for line in evaluated.out.splitlines() if line.endswith(".png")]
     assert len(pictures) == 3
     assert all(is_picture(tmp_path / picture) for picture in pictures)
@@ -102,12 +105,22 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     assert (figures["frames"], figures["tolerance"]) == (60, 2)
     assert set(figures["rules"]) == {*RULES}
     for rule, shares in figures["rules"].items():
-        if rule == "filter":
-            known = shares.pop("known")
-            assert set(known) == {"count", "precision", "recall"}
-            assert 0 <= shares.pop("expected_calibration_error") <= 1
-        assert set(shares) == {"auc", "recall_at_100_precision", "recall_at_1"}
-        assert all(0 <= value <= 1 for value in shares.values())
+        lags = shares.pop("lag")
+        assert [*lags] == ["0", "10", "20", "all"]
+        assert lags["0"] == {"expected_calibration_error": None, "known": None} | shares | {
+            "mean_lag": 0
+        }
+        for at_lag in lags.values():
+            assert at_lag.pop("mean_lag") >= 0
+            known, error = at_lag.pop("known"), at_lag.pop("expected_calibration_error")
+            assert (known is None) == (error is None) == (rule != "filter")
+            if known is not None:
+                assert set(known) == {"count", "precision", "recall"}
+                assert 0 <= error <= 1
+            assert set(at_lag) == {"auc", "recall_at_100_precision", "recall_at_1"}
+            assert all(0 <= value <= 1 for value in at_lag.values())
+        certainty = {"expected_calibration_error", "known"} if rule == "filter" else set()
+        assert set(shares) == {"auc", "recall_at_100_precision", "recall_at_1"} | certainty
     assert figures["rules"]["evidence"]["recall_at_1"] == 1
     assert figures["rules"]["filter"]["recall_at_1"] > 0.9
     assert "describing the query" in evaluated.err
@@ -122,9 +135,10 @@ def test_evaluate_builds_the_map_itself_where_it_is_given_frames(
     now, before = json.loads(built_now.out), json.loads(built_before.out)
     # A map built with several BLAS threads differs in the last bits.
     for rules in (now["rules"], before["rules"]):
-        rules["filter"]["expected_calibration_error"] = pytest.approx(
-            rules["filter"]["expected_calibration_error"]
-        )
+        for shares in (rules["filter"], *rules["filter"]["lag"].values()):
+            shares["expected_calibration_error"] = pytest.approx(
+                shares["expected_calibration_error"]
+            )
     assert now == before
 
 

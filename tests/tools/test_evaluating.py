@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 from typing import get_args
@@ -5,17 +6,33 @@ from typing import get_args
 import numpy as np
 import pytest
 from frame_folders import uneven_drive
+from numpy.typing import NDArray
 
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import SourceError, TruthError
 from placefield.evaluation.protocols import drive_of
 from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of_model
-from placefield.fusion.match import Match
+from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
+from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluating import Query, describe_query, evaluate, judge, match_here
+from placefield_tools.evaluating import (
+    Query,
+    describe_query,
+    evaluate,
+    judge,
+    judge_smoothed,
+    match_here,
+)
 from placefield_tools.sources import open_source
+
+
+def raws_of(placemap: Map, folder: Path) -> list[NDArray[np.float32]]:
+    with open_source(str(folder)) as source:
+        described = describe_query(source, feature_of_model(placemap.model).describe)
+    return [raw for raw in described if raw is not None]
 
 
 def within_3(queries: int, places: int) -> Truth:
@@ -41,9 +58,13 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     files = sorted(damaged_query.iterdir())
     with open_source(str(damaged_query)) as source:
         matches = match_here(
-            route_map, describe_query(source, feature_of_model(route_map.model).describe), config
+            route_map,
+            describe_query(source, feature_of_model(route_map.model).describe),
+            config,
+            [config.lag],
         )
-    assert matches == [recognizer.push(file.read_bytes()) for file in files]
+    assert matches.causal == [recognizer.push(file.read_bytes()) for file in files]
+    assert matches.smoothed == {config.lag: recognizer.finish()}
 
 
 def test_a_frame_that_cannot_be_read_is_named_and_has_no_feature(
@@ -68,6 +89,81 @@ def test_a_query_without_a_frame_that_can_be_read_is_refused(
         pytest.raises(SourceError, match="no frame that can be read"),
     ):
         describe_query(source, feature_of_model(route_map.model).describe)
+
+
+@pytest.mark.parametrize("rule", get_args(Rule))
+def test_frames_are_compared_once_for_all_lags_of_a_rule(
+    route_map: Map, query_dir: Path, rule: Rule, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared: list[Comparison] = []
+    compare = MetricPlaces.compare
+
+    def counting(self: MetricPlaces, descriptors: NDArray[np.float32]) -> Iterator[Comparison]:
+        for comparison in compare(self, descriptors):
+            compared.append(comparison)
+            yield comparison
+
+    monkeypatch.setattr(MetricPlaces, "compare", counting)
+    config = MatchingConfig(rule=rule)
+    match_here(route_map, raws_of(route_map, query_dir), config, [10, 20, WHOLE_DRIVE])
+    assert len(compared) == 60  # all channels have one metric
+
+
+@pytest.mark.parametrize("rule", get_args(Rule))
+@pytest.mark.parametrize("end", [12, 31, 45])
+def test_a_smoothed_match_looks_at_no_frame_later_than_its_lag(
+    route_map: Map, query_dir: Path, rule: Rule, end: int
+) -> None:
+    noise = np.random.default_rng(3).normal(scale=0.1, size=(60, 512)).astype(np.float32)
+    raws = [raw + noise[n, : len(raw)] for n, raw in enumerate(raws_of(route_map, query_dir))]
+    lags = (1, 5, 10, 20)
+    config = MatchingConfig(rule=rule)
+    whole = match_here(route_map, raws, config, [*lags, WHOLE_DRIVE])
+    cut = match_here(route_map, raws[: end + 1], config, lags)
+    for lag in lags:
+        smoothed = whole.smoothed[lag]
+        assert [each.frame for each in smoothed] == [*range(60)]
+        assert all(each.lag <= min(lag, 59 - each.frame) for each in smoothed)
+        told = max(end + 1 - lag, 0)
+        assert cut.smoothed[lag][:told] == smoothed[:told]
+    assert cut.causal == whole.causal[: end + 1]
+
+
+def test_in_hindsight_every_frame_waits_for_the_end(route_map: Map, query_dir: Path) -> None:
+    raws = raws_of(route_map, query_dir)
+    smoothed = match_here(route_map, raws, MatchingConfig(), [WHOLE_DRIVE]).smoothed[WHOLE_DRIVE]
+    assert [each.lag for each in smoothed] == [*range(59, -1, -1)]
+    # The last frame has none after it, so that there is nothing to smooth.
+    causal = match_here(route_map, raws, MatchingConfig()).causal[-1]
+    assert smoothed[-1].match.place == causal.place
+    assert smoothed[-1].match.probability == pytest.approx(causal.probability)
+
+
+def test_every_lag_is_judged_and_more_of_it_waits_longer(map_path: Path, query_dir: Path) -> None:
+    config = Config.model_validate({"matching": {"lag": 7}})
+    evaluation = evaluate(map_path, Query(str(query_dir)), within_3, config, services=False)
+    assert evaluation.lag == 7
+    for smoothed in evaluation.smoothed.values():
+        assert [*smoothed] == [7, 10, 20, WHOLE_DRIVE]
+        mean_lags = [judged.mean_lag for judged in smoothed.values()]
+        assert mean_lags == sorted(mean_lags)
+        assert all(len(judged.places) == 60 for judged in smoothed.values())
+    assert evaluation.smoothed["filter"][WHOLE_DRIVE].correct.all()
+
+
+def test_without_a_lag_in_force_the_causal_matches_stand_for_it(
+    map_path: Path, query_dir: Path
+) -> None:
+    config = Config.model_validate({"matching": {"lag": 0}})
+    evaluation = evaluate(map_path, Query(str(query_dir)), within_3, config, services=False)
+    assert [*evaluation.smoothed["filter"]] == [10, 20, WHOLE_DRIVE]
+
+
+def test_judging_smoothed_matches_averages_their_lags() -> None:
+    matches = [SmoothedMatch(0, Match(0, 2.0), 4), SmoothedMatch(1, Match(9, 1.0), 1)]
+    result = judge_smoothed(matches, Truth.within(2, 20, 2))
+    assert result.correct.tolist() == [True, False]
+    assert result.mean_lag == 2.5
 
 
 def test_the_route_is_recognised_by_every_rule(map_path: Path, query_dir: Path) -> None:

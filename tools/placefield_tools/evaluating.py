@@ -1,8 +1,8 @@
 """A query against a map: matches, figures, pictures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar, get_args
@@ -17,13 +17,15 @@ from placefield.evaluation.curves import PrecisionRecall, precision_recall
 from placefield.evaluation.protocols import DEFAULT_EVERY, Drive, Protocol, aligned
 from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
+from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
-from placefield.fusion.match import Match
+from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
-from placefield.recognizer import Recognizer
+from placefield.matching.matcher import WHOLE_DRIVE
+from placefield_tools.drive_matching import Matches, match_drive
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import CONSOLE, tracked
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
@@ -31,6 +33,9 @@ from placefield_tools.sources.driven import Driven
 from placefield_tools.streaming import match_through_services
 
 RULES: tuple[Rule, ...] = get_args(Rule)
+
+LAGS = (10, 20)
+"""Of the smoothed matches that are judged beside those with the lag in force."""
 
 TruthOf = Callable[[int, int], Truth]
 
@@ -51,6 +56,7 @@ class Judged:
         curve: precision and recall.
         reliability: of the answers' probabilities, where the method gives them.
         claims: the matches that are known, likewise.
+        mean_lag: how many frames after it a match looks at, on average.
     """
 
     places: NDArray[np.int64]
@@ -59,6 +65,7 @@ class Judged:
     curve: PrecisionRecall
     reliability: Reliability | None = None
     claims: Claims | None = None
+    mean_lag: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -106,12 +113,24 @@ class Query:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A query that was matched and judged, and what it was matched against."""
+    """A query that was matched and judged, and what it was matched against.
+
+    Attributes:
+        placemap: the map.
+        query: the drive.
+        raws: raw feature of each frame.
+        lag: in force, frames.
+        results: of each rule's causal matches.
+        smoothed: of each rule's smoothed matches, by lag, ascending, the last one ``WHOLE_DRIVE``;
+            empty where services have matched.
+    """
 
     placemap: Map
     query: Query
     raws: list[RawFeature]
+    lag: int
     results: dict[Rule, Judged]
+    smoothed: dict[Rule, dict[int, Judged]]
 
 
 def drive_in(source: Source, count: int) -> tuple[Drive, int]:
@@ -155,10 +174,16 @@ def describe_query(
     return described
 
 
-def match_here(placemap: Map, raws: Sequence[RawFeature], config: MatchingConfig) -> list[Match]:
-    """Match a query's frames in this process."""
-    recognizer = Recognizer(placemap, config)
-    return [recognizer.push_raw(raw) for raw in raws]
+def match_here(
+    placemap: Map,
+    raws: Sequence[RawFeature],
+    config: MatchingConfig,
+    lags: Collection[int] = (),
+) -> Matches:
+    """Match a query's frames in this process, and smooth with these lags; see ``match_drive``."""
+    images = DescriptorStage(placemap.model).new_stream()
+    descriptors = [None if raw is None else images.push_raw(raw) for raw in raws]
+    return match_drive(placemap.channels, descriptors, config, lags)
 
 
 def judge(matches: Sequence[Match], truth: Truth) -> Judged:
@@ -182,10 +207,16 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
     )
 
 
+def judge_smoothed(matches: Sequence[SmoothedMatch], truth: Truth) -> Judged:
+    """Compare smoothed matches with the truth, frame by frame."""
+    judged = judge([smoothed.match for smoothed in matches], truth)
+    return replace(judged, mean_lag=float(np.mean([smoothed.lag for smoothed in matches])))
+
+
 def evaluate(
     map_path: Path, query: Query, truth_of: TruthOf, config: Config, *, services: bool
 ) -> Evaluation:
-    """Match a query against a map by every rule, and judge the matches.
+    """Match a query against a map by every rule, and judge the matches, causal and smoothed.
 
     Args:
         map_path: the map.
@@ -199,7 +230,9 @@ def evaluate(
         PlacefieldError: the map, the query or the truth cannot be read, or the services fail.
     """
     placemap = open_map(map_path)
-    results = {}
+    lag = config.matching.lag
+    lags = [*sorted({*LAGS, lag} - {0}), WHOLE_DRIVE]
+    results, smoothed = {}, {}
     with query.open() as source:
         raws = describe_query(source, feature_of_model(placemap.model).describe)
         drive, undriven = drive_in(source, len(raws))
@@ -208,8 +241,11 @@ def evaluate(
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
                 ruled = config.model_copy(update={"matching": matching})
-                matches = match_through_services(map_path, source, ruled)
+                matches = Matches(match_through_services(map_path, source, ruled), {})
             else:
-                matches = match_here(placemap, raws, matching)
-            results[rule] = judge(matches, truth)
-    return Evaluation(placemap, query, raws, results)
+                matches = match_here(placemap, raws, matching, lags)
+            results[rule] = judge(matches.causal, truth)
+            smoothed[rule] = {
+                each: judge_smoothed(of_lag, truth) for each, of_lag in matches.smoothed.items()
+            }
+    return Evaluation(placemap, query, raws, lag, results, smoothed)

@@ -1,6 +1,6 @@
 """The figures of an evaluation, for a person and as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -9,21 +9,41 @@ from rich.console import Console
 from rich.table import Table
 
 from placefield.evaluation.reliability import Reliability
+from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.evaluating import Evaluation, Judged
 
 
 def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
     """Return the figures as one JSON object; no tolerance where a ground truth was given."""
     rules = {
-        rule: {
-            "auc": result.curve.auc,
-            "recall_at_100_precision": result.curve.recall_at_100_precision,
-            "recall_at_1": result.curve.recall_at_1,
-        }
+        rule: _curve_figures(result)
         | certainty_figures(result)
+        | {"lag": _lag_figures(result, evaluation.smoothed[rule])}
         for rule, result in evaluation.results.items()
     }
     return {"rules": rules, "frames": len(evaluation.raws), "tolerance": tolerance}
+
+
+def _lag_figures(causal: Judged, smoothed: Mapping[int, Judged]) -> dict[str, dict[str, Any]]:
+    """Return the figures by lag: 0, which is causal, then others, and ``all`` of the drive."""
+    return {
+        "all" if lag == WHOLE_DRIVE else str(lag): {
+            **_curve_figures(judged),
+            "expected_calibration_error": None,
+            "known": None,
+            **certainty_figures(judged),
+            "mean_lag": judged.mean_lag,
+        }
+        for lag, judged in ({0: causal} | {**smoothed}).items()
+    }
+
+
+def _curve_figures(judged: Judged) -> dict[str, Any]:
+    return {
+        "auc": judged.curve.auc,
+        "recall_at_100_precision": judged.curve.recall_at_100_precision,
+        "recall_at_1": judged.curve.recall_at_1,
+    }
 
 
 def certainty_figures(judged: Judged) -> dict[str, Any]:
@@ -64,23 +84,33 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     frames = _counted(len(evaluation.raws), "frame")
     places = _counted(evaluation.placemap.places.count, "place")
     table = Table(
-        "rule",
         title=f"{evaluation.query.where}: {frames}, {places}",
-        caption="recall: of all query frames that are on the route; best match per frame",
+        caption="recall: of all query frames that are on the route; best match per frame; "
+        "mean lag: frames after it that a match looks at",
     )
-    for column in ("AUC", "recall at 100 % precision", "recall@1"):
+    table.add_column("rule", no_wrap=True)
+    for column in ("mean lag", "AUC", "recall at 100 % precision", "recall@1"):
         table.add_column(column, justify="right")
-    for rule, result in evaluation.results.items():
+    for name, result in _rows(evaluation):
         curve = result.curve
         values = (curve.auc, curve.recall_at_100_precision, curve.recall_at_1)
-        table.add_row(rule, *(f"{value:.3f}" for value in values))
+        table.add_row(name, f"{result.mean_lag:.1f}", *(f"{value:.3f}" for value in values))
     console = Console(markup=False)  # a path may hold brackets
     console.print(table)
-    for rule, result in evaluation.results.items():
-        if line := certainty_line(rule, result):
+    for name, result in _rows(evaluation):
+        if line := certainty_line(name, result):
             console.print(line, highlight=False, soft_wrap=True)
     for picture in pictures:
         console.print(str(picture), highlight=False, soft_wrap=True)
+
+
+def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:
+    """Give each rule's causal matches, smoothed ones with the lag in force, and in hindsight."""
+    names = {evaluation.lag: f"lag {evaluation.lag}", WHOLE_DRIVE: "in hindsight"}
+    for rule, causal in evaluation.results.items():
+        yield rule, causal
+        smoothed = evaluation.smoothed[rule]
+        yield from ((f"{rule}, {names[lag]}", smoothed[lag]) for lag in names if lag in smoothed)
 
 
 def _counted(count: int, name: str) -> str:

@@ -79,10 +79,15 @@ class ChannelStage:
             for comparisons in zip(*by_metric, strict=True):
                 yield dict(zip(self._places, comparisons, strict=True))
 
-    def new_stream(self, first: int = 0) -> "StreamMatcher":
-        """Begin a stream with the frame of this number."""
+    def new_stream(self, first: int = 0, lag: int | None = None) -> "StreamMatcher":
+        """Begin a stream.
+
+        Args:
+            first: number of its first frame.
+            lag: see ``ChannelShard.new_matcher``.
+        """
         groups = [
-            _Group(numbers, part.metric, part.new_matcher()) for numbers, part in self._groups()
+            _Group(numbers, part.metric, part.new_matcher(lag)) for numbers, part in self._groups()
         ]
         return StreamMatcher(groups, first)
 

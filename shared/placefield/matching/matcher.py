@@ -7,6 +7,7 @@ the partial results of all shards, each then reduces them to its candidate. Join
 rounding, under ``filter``.
 """
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,6 +20,9 @@ from placefield.matching.comparing import Comparison
 
 Partial = NDArray[np.float64]
 """(n,) float64, what the shards of a channel need of each other of a frame."""
+
+WHOLE_DRIVE = sys.maxsize
+"""A lag that ends with the stream: no frame is settled before."""
 
 
 class Settled(NamedTuple):

@@ -105,13 +105,19 @@ class ChannelShard:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
-    def new_matcher(self) -> Matcher:
-        """Return a matcher for a new stream; frames are compared under this shard's metric."""
-        matcher = self._filter() if self._matching.rule == "filter" else self._windows()
+    def new_matcher(self, lag: int | None = None) -> Matcher:
+        """Return a matcher for a new stream; frames are compared under this shard's metric.
+
+        Args:
+            lag: frames that one waits for at most, or ``WHOLE_DRIVE``; None: as configured.
+        """
+        if lag is None:
+            lag = self._matching.lag
+        matcher = self._filter(lag) if self._matching.rule == "filter" else self._windows()
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
-    def _filter(self) -> Matcher:
-        smoother = Smoother(self._lengths, self._matching.lag, self._matching.tolerance)
+    def _filter(self, lag: int) -> Matcher:
+        smoother = Smoother(self._lengths, lag, self._matching.tolerance)
         return FilterMatcher(self._lengths, self._driven, self._number, smoother, self._spread)
 
     def _windows(self) -> Matcher:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.matching.best_window import best_window
+from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.matching.motion import SPEEDS, StepLengths, motion, step_likelihoods
 from placefield.matching.place_filter import NEGLIGIBLE, Trace
 from placefield.matching.smooth_kernel import step_back
@@ -47,7 +48,7 @@ class Smoother:
 
         Args:
             lengths: of steps on the whole map.
-            lag: frames that a frame waits for at most.
+            lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``.
             tolerance: places within which a match is right.
         """
         self._lengths, self._lag, self._tolerance = lengths, lag, tolerance
@@ -59,6 +60,8 @@ class Smoother:
     def push(self, trace: Trace | None) -> list[Smoothed]:
         """Take the next frame's trace, None before the first observation; return who is settled."""
         self._waiting.append(trace)
+        if self._lag == WHOLE_DRIVE:
+            return []
         self._frames += 1
         oldest = len(self._waiting) - 1
         if oldest < self._lag and self._frames % _EVERY:

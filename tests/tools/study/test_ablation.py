@@ -51,19 +51,33 @@ def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learn
     }
     results = ablate(learned)
 
-    assert [(r.rule, r.left_out) for r in results] == [
-        (rule, part) for rule in ("filter", "evidence") for part in variants
+    assert [(r.rule, r.left_out, r.lag) for r in results] == [
+        (rule, part, lag) for rule in ("filter", "evidence") for part in variants for lag in (0, 20)
     ]
     for result in results:
         placemap = replace(learned.placemap, channels=tuple(variants[result.left_out]))
         recognizer = Recognizer(placemap, learned.matching(result.rule))
-        curve = judge([recognizer.push_raw(raw) for raw in learned.query.raws], learned.truth).curve
-        assert (result.auc, result.recall) == (curve.auc, curve.recall_at_100_precision)
+        matches = [recognizer.push_raw(raw) for raw in learned.query.raws]
+        smoothed = recognizer.finish()
+        if result.lag:
+            matches = [each.match for each in smoothed]
+            assert result.judged.mean_lag == np.mean([each.lag for each in smoothed])
+        expected = judge(matches, learned.truth)
+        assert result.judged.scores.tolist() == expected.scores.tolist()
+        assert result.judged.curve.auc == expected.curve.auc
+        assert result.judged.claims == expected.claims
 
 
 def test_no_two_parts_are_the_same(learned: Trial) -> None:
-    assert len({result.auc for result in ablate(learned) if result.rule == "evidence"}) == 5
+    results = [r for r in ablate(learned) if r.rule == "evidence" and not r.lag]
+    assert len({result.judged.curve.auc for result in results}) == 5
 
 
 def test_where_no_metric_was_learned_none_is_left_out(trial: Trial) -> None:
     assert "metric" not in {result.left_out for result in ablate(trial)}
+
+
+def test_without_a_lag_nothing_is_smoothed(trial: Trial) -> None:
+    matching = trial.config.matching.model_copy(update={"lag": 0})
+    config = trial.config.model_copy(update={"matching": matching})
+    assert {result.lag for result in ablate(replace(trial, config=config))} == {0}

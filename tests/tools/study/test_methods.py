@@ -27,6 +27,11 @@ def results(trial: Trial) -> dict[str, MethodResult]:
     return {result.name: result for result in run_methods(trial)}
 
 
+def with_lag(trial: Trial, lag: int) -> Trial:
+    matching = trial.config.matching.model_copy(update={"lag": lag})
+    return replace(trial, config=trial.config.model_copy(update={"matching": matching}))
+
+
 def assert_matches(result: MethodResult, matches: list[Match]) -> None:
     assert result.judged is not None
     assert result.judged.places.tolist() == [match.place for match in matches]
@@ -41,6 +46,35 @@ def test_ours_are_the_recognizers_matches(
     name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
     assert_matches(results[name], [recognizer.push_raw(raw) for raw in trial.query.raws])
     assert results[name].ours == (rule != "lowest-score")
+
+
+@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+def test_with_a_lag_they_are_its_smoothed_ones(
+    trial: Trial, results: dict[str, MethodResult], rule: Rule
+) -> None:
+    recognizer = Recognizer(trial.placemap, trial.matching(rule))
+    for raw in trial.query.raws:
+        recognizer.push_raw(raw)
+    smoothed = recognizer.finish()
+    name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
+    result = results[f"{name}, lag 20"]
+    assert_matches(result, [each.match for each in smoothed])
+    assert result.judged is not None
+    assert result.judged.mean_lag == np.mean([each.lag for each in smoothed]) <= result.lag == 20
+
+
+def test_the_lag_is_the_one_in_force(trial: Trial) -> None:
+    assert {method.lag for method in methods_of(with_lag(trial, 7))} == {0, 7}
+    assert {method.name for method in methods_of(with_lag(trial, 7)) if method.ours} == {
+        f"Placefield, {rule}{lag}" for rule in ("evidence", "filter") for lag in ("", ", lag 7")
+    }
+
+
+@pytest.mark.parametrize(("lag", "looked_at"), [(2, 2), (20, 4)])
+def test_a_window_looks_at_half_its_length_at_most(trial: Trial, lag: int, looked_at: int) -> None:
+    lagging = with_lag(trial, lag)
+    (window,) = [m for m in methods_of(lagging) if m.name == f"window of 8, lag {lag}"]
+    assert window.match(lagging).mean_lag == looked_at
 
 
 @pytest.mark.parametrize(("name", "lag"), [("window of 8", 0), ("window of 8, lag 20", 20)])
@@ -112,7 +146,7 @@ def test_windows_that_are_longer_than_the_drive_are_left_out(trial: Trial) -> No
 
 
 def test_without_a_lag_no_method_looks_ahead(trial: Trial) -> None:
-    without, all_methods = methods_of(trial, lag=0), methods_of(trial)
+    without, all_methods = methods_of(with_lag(trial, 0)), methods_of(trial)
     assert {method.lag for method in without} == {0}
     assert [m.name for m in all_methods if not m.lag] == [m.name for m in without]
 
@@ -135,17 +169,18 @@ def test_in_reverse_every_method_finds_what_it_finds_on_a_turned_reference(
         reference=replace(reference, images=reference.images[::-1]),
     )
     for method in methods_of(reverse_trial):
-        if method.name in ("MS", "AMS as published", "FAB-MAP"):  # built anew; in any order
-            continue
+        if method.name.startswith(("MS", "AMS as published", "FAB-MAP")):
+            continue  # built anew; in any order
         by_name = {other.name: other for other in methods_of(turned)}
-        back, forth = method.match(reverse_trial), by_name[method.name].match(turned)
+        back = method.match(reverse_trial).matches
+        forth = by_name[method.name].match(turned).matches
         assert [m.place for m in back] == [59 - m.place if m.place >= 0 else -1 for m in forth]
 
 
 def test_in_reverse_the_route_is_recognised(reverse_trial: Trial) -> None:
     for method in methods_of(reverse_trial):
         if method.name != "FAB-MAP" and "window of 52" not in method.name:
-            judged = judge(method.match(reverse_trial), reverse_trial.truth)
+            judged = judge(method.match(reverse_trial).matches, reverse_trial.truth)
             last = slice(36, 41) if method.lag else slice(-5, None)
             assert judged.correct[last].all(), method.name
 
@@ -177,4 +212,4 @@ def test_a_query_of_which_no_frame_was_seen_has_no_match(trial: Trial) -> None:
     blind = replace(trial, query=replace(trial.query, raws=unseen), descriptors=unseen)
     for method in methods_of(blind):
         if method.ours:
-            assert {match.place for match in method.match(blind)} == {-1}, method.name
+            assert {match.place for match in method.match(blind).matches} == {-1}, method.name

@@ -98,7 +98,7 @@ def a_study(placemap: Map, **changes: Any) -> Study:
             a_method("window of 8", 39, oracle=True),
             a_method("FAB-MAP", 0, judged=None, failure="no frame has a keypoint"),
             a_method("lost", 0),
-            a_method("filter", 38, ours=True),
+            a_method("filter", 38, ours=True, judged=replace(judged(38), mean_lag=3.24)),
         ),
         counts=tuple(
             CountResult(rule, n, np.full(3, 0.9), np.full(3, 0.8))
@@ -112,9 +112,10 @@ def a_study(placemap: Map, **changes: Any) -> Study:
             ScaleResult("AMS", "many", 0.8, 0.4),
         ),
         ablation=tuple(
-            AblationResult(rule, part, 0.9 - 0.1 * n, 0.8 + 0.05 * n)
+            AblationResult(rule, part, lag, judged(40 - 10 * n - lag))
             for n, part in enumerate(parts)
             for rule in _RULES
+            for lag in (0, 2)
         ),
     )
     return replace(study, **changes)
@@ -168,6 +169,7 @@ def test_every_method_has_its_figures_or_says_why_not(page_of: PageOf, route_map
             )
         ]
         assert page.cells[row + 6] == str(np.sum(method.judged.places < 0))
+        assert page.cells[row + 7] == f"{method.judged.mean_lag:.1f}"
 
 
 def test_ours_and_the_oracle_come_first(page_of: PageOf, route_map: Map) -> None:
@@ -187,12 +189,31 @@ def test_ours_and_the_oracle_come_first(page_of: PageOf, route_map: Map) -> None
 
 
 def test_what_was_left_out_is_compared_with_the_whole(page_of: PageOf, route_map: Map) -> None:
-    page = page_of(a_study(route_map))
+    claimed = {"nothing": Claims(30, 1.0, 0.75), "several scales": Claims(20, 0.9, 0.5)}
+    study = a_study(route_map)
+    ablation = tuple(
+        replace(result, judged=replace(result.judged, claims=claimed.get(result.left_out)))
+        if result.rule == "filter" and result.lag
+        else result
+        for result in study.ablation
+    )
+    page = page_of(replace(study, ablation=ablation))
 
-    metric = next(n for n, cell in enumerate(page.cells) if cell.startswith("metric"))
+    several = next(n for n, cell in enumerate(page.cells) if cell.startswith("several scales"))
     whole = next(n for n, cell in enumerate(page.cells) if cell.startswith("nothing"))
-    assert page.cells[whole + 1 : whole + 5] == ["0.900", "0.800"] * 2
-    assert page.cells[metric + 1 : metric + 5] == ["0.600−0.300", "0.950+0.150"] * 2
+    headers = page.cells[whole - 14 : whole]
+    assert headers[:4] == ["filter", "filter, lag 2", "evidence", "evidence, lag 2"]
+    all_right, two_wrong = ["1.000", "1.000"], ["0.950", "0.950"]
+    known = "0.7501.000 of the known"
+    assert page.cells[whole + 1 : whole + 10] == [
+        *all_right,
+        *two_wrong,
+        known,
+        *all_right,
+        *two_wrong,
+    ]
+    at_lag = page.cells[several + 3 : several + 6]
+    assert at_lag == ["0.700−0.250", "0.700−0.250", "0.500−0.2500.900 of the known"]
 
 
 def test_names_are_text_and_not_markup(page_of: PageOf, route_map: Map) -> None:

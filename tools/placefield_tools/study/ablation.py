@@ -1,13 +1,14 @@
 """What each part of the method is worth: it is left out, and all else stays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from placefield.config import Rule
 from placefield.maps.map import MapChannel
-from placefield_tools.evaluating import judge
+from placefield_tools.drive_matching import match_drive
+from placefield_tools.evaluating import judge, judge_smoothed
 from placefield_tools.progress import tracked
-from placefield_tools.study.matching import match_channels, median_scale, with_scales
+from placefield_tools.study.matching import median_scale, with_scales
 from placefield_tools.study.results import AblationResult, LeftOut
 from placefield_tools.study.trial import Trial
 
@@ -17,11 +18,14 @@ FIXED_SCALES = (8, 16, 32, 52)
 
 
 def ablate(trial: Trial) -> tuple[AblationResult, ...]:
-    """Match and judge without each part, by both of our rules, showing progress."""
+    """Match and judge without each part, by both of our rules, showing progress.
+
+    At once, and with the lag in force, unless that is 0.
+    """
     variants = variants_of(trial)
     runs = [(rule, part, channels) for rule in ABLATED_RULES for part, channels in variants.items()]
     with tracked(runs, "leaving parts out", len(runs)) as in_turn:
-        return tuple(_ablate(trial, *run) for run in in_turn)
+        return tuple(result for run in in_turn for result in _ablate(trial, *run))
 
 
 def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:
@@ -46,7 +50,10 @@ def variants_of(trial: Trial) -> dict[LeftOut, Sequence[MapChannel]]:
 
 def _ablate(
     trial: Trial, rule: Rule, part: LeftOut, channels: Sequence[MapChannel]
-) -> AblationResult:
-    matches = match_channels(channels, trial.descriptors, trial.matching(rule))
-    curve = judge(matches, trial.truth).curve
-    return AblationResult(rule, part, curve.auc, curve.recall_at_100_precision)
+) -> Iterator[AblationResult]:
+    matching = trial.matching(rule)
+    lags = [matching.lag] if matching.lag else []
+    matches = match_drive(channels, trial.descriptors, matching, lags)
+    yield AblationResult(rule, part, 0, judge(matches.causal, trial.truth))
+    for lag, smoothed in matches.smoothed.items():
+        yield AblationResult(rule, part, lag, judge_smoothed(smoothed, trial.truth))

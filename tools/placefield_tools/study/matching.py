@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
@@ -12,16 +11,14 @@ from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage
-
-Descriptors = Sequence[NDArray[np.float32] | None]
+from placefield_tools.drive_matching import Descriptors, match_drive
 
 
 def match_channels(
     channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
 ) -> list[Match]:
     """Match a stream of descriptors (N,), None for a missing observation, by some channels."""
-    fusion = FusionStage(len(channels[0].metric.places), config)
-    return fuse_channels(candidates_of(channels, descriptors, config), fusion)
+    return match_drive(channels, descriptors, config).causal
 
 
 def candidates_of(
@@ -32,7 +29,7 @@ def candidates_of(
     A frame is compared with the places once for all channels that share a metric.
     """
     stage = ChannelStage(dict(enumerate(channels)), config)
-    stream = stage.new_stream()
+    stream = stage.new_stream(lag=0)
     compared = stage.compare([one for one in descriptors if one is not None])
     candidates: list[list[Candidate]] = [[] for _ in channels]
     for descriptor in descriptors:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from placefield.config import Rule
 from placefield.errors import MapError, PlacefieldError
 from placefield.evaluation.protocols import frames_to_recover
 from placefield.fusion.match import Match
+from placefield.maps.map import MapChannel
 from placefield.matching.candidate import UNANSWERED
+from placefield_tools.drive_matching import match_drive
 from placefield_tools.evaluating import judge
 from placefield_tools.progress import tracked
 from placefield_tools.study.matching import match_channels, with_scales
@@ -24,10 +27,15 @@ from placefield_tools.study.trial import Trial
 WINDOWS = (4, 8, 16, 32, 52)
 """Lengths of the fixed windows, frames."""
 
-LAG = 20
-"""Frames after the matched one that a method may look at, where it is run with a lag too."""
 
-Matcher = Callable[[Trial], list[Match]]
+class Matched(NamedTuple):
+    """A method's matches, and how many frames after it one looks at, on average."""
+
+    matches: list[Match]
+    mean_lag: float = 0.0
+
+
+Matcher = Callable[[Trial], Matched]
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,7 @@ class Method:
         match: the way.
         ours: whether it is Placefield's own.
         is_window: whether it is one fixed window.
-        lag: how many frames after the matched one it may look at.
+        lag: how many frames after the matched one it may look at, at most.
     """
 
     name: str
@@ -49,13 +57,12 @@ class Method:
     lag: int = 0
 
 
-def methods_of(trial: Trial, lag: int = LAG) -> list[Method]:
+def methods_of(trial: Trial) -> list[Method]:
     """Return all methods, with the windows that the route is long enough for.
 
-    Args:
-        trial: what they are to match.
-        lag: of the methods that are there a second time, with a lag; 0: none is.
+    Those that can look ahead are there a second time with the lag in force, unless that is 0.
     """
+    lag = trial.config.matching.lag
     lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
     return [
         Method("one frame", partial(_window, length=1)),
@@ -71,11 +78,26 @@ def methods_of(trial: Trial, lag: int = LAG) -> list[Method]:
         Method("SeqSLAM", _seqslam),
         *(_with_lag(lengths, lag) if lag else []),
         Method("FAB-MAP", _fabmap),
-        Method("MS", _multiscale),
-        Method("AMS as published", _published),
-        Method("AMS, lowest-score", partial(_adaptive, rule="lowest-score")),
-        Method("Placefield, evidence", partial(_adaptive, rule="evidence"), ours=True),
-        Method("Placefield, filter", partial(_adaptive, rule="filter"), ours=True),
+        *_by_channels(0),
+        *(_by_channels(lag) if lag else []),
+    ]
+
+
+def _by_channels(lag: int) -> list[Method]:
+    """Return the methods that match by channels: at a lag of 0 at once, else smoothed."""
+    named = f", lag {lag}" if lag else ""
+    multiscale = partial(_channels, channels_of=_multiscale, rule="lowest-score", lag=lag)
+    published = partial(_channels, channels_of=_published, rule="lowest-score", lag=lag)
+    lowest, evidence, filtered = (
+        partial(_channels, channels_of=_adaptive, rule=rule, lag=lag)
+        for rule in ("lowest-score", "evidence", "filter")
+    )
+    return [
+        Method(f"MS{named}", multiscale, lag=lag),
+        Method(f"AMS as published{named}", published, lag=lag),
+        Method(f"AMS, lowest-score{named}", lowest, lag=lag),
+        Method(f"Placefield, evidence{named}", evidence, ours=True, lag=lag),
+        Method(f"Placefield, filter{named}", filtered, ours=True, lag=lag),
     ]
 
 
@@ -88,12 +110,12 @@ def _with_lag(lengths: Sequence[int], lag: int) -> list[Method]:
     return [*windows, Method(f"SeqSLAM, lag {lag}", partial(_seqslam, lag=lag), lag=lag)]
 
 
-def run_methods(trial: Trial, lag: int = LAG) -> tuple[MethodResult, ...]:
+def run_methods(trial: Trial) -> tuple[MethodResult, ...]:
     """Run and judge all methods, showing progress; one that fails does not stop the others.
 
-    See ``methods_of`` for the lag. The best window is chosen for each lag by itself.
+    The best window is chosen for each lag by itself.
     """
-    methods = methods_of(trial, lag)
+    methods = methods_of(trial)
     with tracked(methods, "matching by every method", len(methods)) as in_turn:
         results = [_run(method, trial) for method in in_turn]
     windows = [r for m, r in zip(methods, results, strict=True) if m.is_window and r.judged]
@@ -106,7 +128,8 @@ def run_methods(trial: Trial, lag: int = LAG) -> tuple[MethodResult, ...]:
 def _run(method: Method, trial: Trial) -> MethodResult:
     named = MethodResult(method.name, method.ours, False, None, None, None, method.lag)
     try:
-        judged = judge(method.match(trial), trial.truth)
+        matches, mean_lag = method.match(trial)
+        judged = replace(judge(matches, trial.truth), mean_lag=mean_lag)
     except PlacefieldError as error:
         return replace(named, failure=str(error))
     recovery = frames_to_recover(trial.jumps, judged.correct)
@@ -120,44 +143,53 @@ def _merit(result: MethodResult) -> tuple[float, float]:
     return curve.auc, curve.recall_at_100_precision
 
 
-def _window(trial: Trial, length: int, lag: int = 0) -> list[Match]:
+def _window(trial: Trial, length: int, lag: int = 0) -> Matched:
     distances = _as_driven(_even_out_unseen(trial.distances, trial), trial)
     matches = fixed_window(distances, length, lag)
-    return _turned_back(matches, trial)
+    return Matched(_turned_back(matches, trial), min(lag, length // 2))
 
 
-def _window_by_evidence(trial: Trial, length: int) -> list[Match]:
+def _window_by_evidence(trial: Trial, length: int) -> Matched:
     channel = with_scales(trial.plain, [length])
-    return match_channels([channel], trial.descriptors, trial.matching("evidence"))
+    return Matched(match_channels([channel], trial.descriptors, trial.matching("evidence")))
 
 
-def _seqslam(trial: Trial, lag: int = 0) -> list[Match]:
+def _seqslam(trial: Trial, lag: int = 0) -> Matched:
     differences = image_differences(trial.reference.images, trial.query.images, PUBLISHED.patch)
     differences = _as_driven(_even_out_unseen(differences, trial), trial)
     matches = match_sequences(differences, lag=lag)
-    return _turned_back(matches, trial)
+    return Matched(_turned_back(matches, trial), min(lag, PUBLISHED.length // 2))
 
 
-def _fabmap(trial: Trial) -> list[Match]:
+def _fabmap(trial: Trial) -> Matched:
     reference = trial.reference.words
     if not reference.size:
         raise MapError("the reference's frames show no keypoint: FAB-MAP has no words")
     tree = learn_tree(reference)
-    return fabmap(reference, trial.query.words, tree, seed=trial.config.seed)
+    return Matched(fabmap(reference, trial.query.words, tree, seed=trial.config.seed))
 
 
-def _multiscale(trial: Trial) -> list[Match]:
-    channels = trial.multiscale.channels
-    return match_channels(channels, trial.descriptors, trial.matching("lowest-score"))
+def _multiscale(trial: Trial) -> Sequence[MapChannel]:
+    return trial.multiscale.channels
 
 
-def _published(trial: Trial) -> list[Match]:
-    channels = trial.published.channels
-    return match_channels(channels, trial.descriptors, trial.matching("lowest-score"))
+def _published(trial: Trial) -> Sequence[MapChannel]:
+    return trial.published.channels
 
 
-def _adaptive(trial: Trial, rule: Rule) -> list[Match]:
-    return match_channels(trial.placemap.channels, trial.descriptors, trial.matching(rule))
+def _adaptive(trial: Trial) -> Sequence[MapChannel]:
+    return trial.placemap.channels
+
+
+def _channels(
+    trial: Trial, channels_of: Callable[[Trial], Sequence[MapChannel]], rule: Rule, lag: int
+) -> Matched:
+    channels, matching = channels_of(trial), trial.matching(rule)
+    if not lag:
+        return Matched(match_channels(channels, trial.descriptors, matching))
+    smoothed = match_drive(channels, trial.descriptors, matching, [lag]).smoothed[lag]
+    mean_lag = float(np.mean([each.lag for each in smoothed]))
+    return Matched([each.match for each in smoothed], mean_lag)
 
 
 def _even_out_unseen(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:

@@ -56,9 +56,9 @@ def _unanswered(method: MethodResult) -> int:
 
 def _by_part(
     ablation: Sequence[AblationResult],
-) -> Mapping[LeftOut, Mapping[Rule, AblationResult]]:
-    """Sort the results by the part that was left out, then by rule."""
-    parts: dict[LeftOut, dict[Rule, AblationResult]] = {}
+) -> Mapping[LeftOut, Mapping[tuple[Rule, int], AblationResult]]:
+    """Sort the results by the part that was left out, then by rule and lag."""
+    parts: dict[LeftOut, dict[tuple[Rule, int], AblationResult]] = {}
     for result in ablation:
-        parts.setdefault(result.left_out, {})[result.rule] = result
+        parts.setdefault(result.left_out, {})[result.rule, result.lag] = result
     return parts

@@ -27,7 +27,8 @@ class MethodResult:
         judged: its matches; None where it failed.
         failure: one line that says why it failed; None where it did not.
         frames_to_recover: median over the drive's jumps; None where there are none, or it failed.
-        lag: how many frames after the matched one it may look at.
+        lag: how many frames after the matched one it may look at, at most; ``judged`` has how many
+            it did on average.
     """
 
     name: str
@@ -73,21 +74,21 @@ class ScaleResult:
     recall: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AblationResult:
     """How the method did without one of its parts.
 
     Attributes:
         rule: that matched.
         left_out: the part.
-        auc: area under the precision-recall curve.
-        recall: at 100 % precision.
+        lag: how many frames after the matched one it may look at, at most.
+        judged: its matches.
     """
 
     rule: Rule
     left_out: LeftOut
-    auc: float
-    recall: float
+    lag: int
+    judged: Judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class Study:
         counts: for every rule, every number of channels combined, ascending; empty where the
             reference is too short for ten channels.
         scales: fixed against adaptive ones; adaptive ones alone where MS failed.
-        ablation: by two rules, each with every part left out.
+        ablation: by two rules, each with every part left out, at every lag.
     """
 
     reference: str

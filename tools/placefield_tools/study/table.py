@@ -44,8 +44,11 @@ def figures(study: Study) -> dict[str, Any]:
             {
                 "rule": result.rule,
                 "left_out": result.left_out,
-                "auc": result.auc,
-                "recall_at_100_precision": result.recall,
+                "lag": result.lag,
+                "mean_lag": result.judged.mean_lag,
+                "auc": result.judged.curve.auc,
+                "recall_at_100_precision": result.judged.curve.recall_at_100_precision,
+                **certainty_figures(result.judged),
             }
             for result in study.ablation
         ],
@@ -70,6 +73,7 @@ def _method_figures(result: MethodResult) -> dict[str, Any]:
         "recall_at_1": curve.recall_at_1,
         "auc_of_correct": curve.auc_of_correct,
         "recall_at_100_precision_of_correct": curve.recall_at_100_precision_of_correct,
+        "mean_lag": result.judged.mean_lag,
         "frames_to_recover": result.frames_to_recover,
         **certainty_figures(result.judged),
     }
@@ -82,11 +86,12 @@ def print_study(study: Study, report: Path) -> None:
         "method",
         title=f"{study.query} along {study.reference}, {_driven(study)}",
         caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
-        "right matches. Lag: frames after the matched one that may be looked at, else none. * The "
-        "best window of each lag, which only one who knows the answers can choose.",
+        "right matches. Lag: frames after the matched one that may be looked at, else none; its "
+        "mean: that were. * The best window of each lag, which only one who knows the answers can "
+        "choose.",
     )
     headers = ["AUC", "recall at 100 % precision", "recall@1"]
-    headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision"]
+    headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision", "mean lag"]
     headers += ["frames to recover"] if recovers else []
     for header in headers:
         table.add_column(header, justify="right")
@@ -117,5 +122,5 @@ def _cells(result: MethodResult, recovers: bool) -> list[str]:
         curve.auc_of_correct,
         curve.recall_at_100_precision_of_correct,
     )
-    cells = [f"{share:.3f}" for share in shares]
+    cells = [*(f"{share:.3f}" for share in shares), f"{result.judged.mean_lag:.1f}"]
     return [*cells, f"{result.frames_to_recover:g}"] if recovers else cells

@@ -1,0 +1,53 @@
+"""One stream from comparisons to matches, in one process: all channels, fused, and smoothed."""
+
+import math
+from collections.abc import Mapping
+
+from placefield.fusion.fusion_stage import FusionStage
+from placefield.fusion.match import Match, SmoothedMatch
+from placefield.fusion.settling import SettledJoiner
+from placefield.matching.channel_stage import ChannelStage, Compared
+from placefield.matching.matcher import Settled
+
+
+class FusedStream:
+    """Matches one stream in all channels of a stage, whole ones.
+
+    Streams of one stage may share the comparisons of the same frames.
+    """
+
+    def __init__(self, channels: ChannelStage, fusion: FusionStage, lag: int) -> None:
+        """Begin a stream, whose frames wait for so many others at most, or ``WHOLE_DRIVE``."""
+        self._stream = channels.new_stream(lag=lag)
+        self._fusion = fusion
+        self._joiner = SettledJoiner(channels.channels, lag)
+        self._smoothed: list[SmoothedMatch] = []
+
+    def push(self, compared: Compared | None) -> Match:
+        """Match the next frame; None is a missing observation."""
+        frame = self._stream.next
+        match = self._fusion.fuse(self._stream.push(compared))
+        self._joiner.announce(frame)
+        self._settle(self._stream.settled(), frame)
+        return match
+
+    def smoothed(self) -> list[SmoothedMatch]:
+        """Return the smoothed matches that have been made since they were last asked for.
+
+        Every frame has one, in order, at most ``lag`` frames later, or when the stream is finished.
+        """
+        smoothed, self._smoothed = self._smoothed, []
+        return smoothed
+
+    def finish(self) -> list[SmoothedMatch]:
+        """Return the smoothed matches that are left: no frame will come any more."""
+        self._settle(self._stream.finish(), math.inf)
+        return self.smoothed()
+
+    def _settle(self, settled: Mapping[int, list[tuple[int, Settled]]], newest: float) -> None:
+        for channel, frames in settled.items():
+            for frame, each in frames:
+                self._joiner.add(frame, channel, each)
+        for joined in self._joiner.release(newest):
+            match = self._fusion.fuse(list(joined.candidates.values()))
+            self._smoothed.append(SmoothedMatch(joined.sequence, match, joined.lag))

@@ -1,0 +1,56 @@
+from collections.abc import Callable
+from typing import get_args
+
+import pytest
+
+from placefield.config import MatchingConfig, Rule
+from placefield.fusion.fused_stream import FusedStream
+from placefield.fusion.fusion_stage import FusionStage
+from placefield.fusion.match import Match, SmoothedMatch
+from placefield.maps.map import Map
+from placefield.maps.traverse import Traverse
+from placefield.matching.channel_stage import ChannelStage
+from placefield.matching.matcher import WHOLE_DRIVE
+from placefield.recognizer import Recognizer
+
+
+@pytest.mark.parametrize("rule", get_args(Rule))
+def test_streams_of_one_comparison_match_as_alone(
+    small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
+) -> None:
+    descriptors = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
+    unseen = {0, 20, 21}
+    stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(rule=rule))
+    fusion = FusionStage(small_map.places.count, MatchingConfig(rule=rule))
+    streams = {lag: FusedStream(stage, fusion, lag) for lag in (0, 3, 20)}
+    together: dict[int, tuple[list[Match], list[SmoothedMatch]]]
+    together = {lag: ([], []) for lag in streams}  # causal, and smoothed before the end
+    for frame, descriptor in enumerate(descriptors):
+        compared = None if frame in unseen else next(stage.compare([descriptor]))
+        for lag, stream in streams.items():
+            together[lag][0].append(stream.push(compared))
+            together[lag][1].extend(stream.smoothed())
+    for lag, stream in streams.items():
+        recognizer = Recognizer(small_map, MatchingConfig(rule=rule, lag=lag))
+        alone = [
+            recognizer.push_descriptor(None if frame in unseen else descriptor)
+            for frame, descriptor in enumerate(descriptors)
+        ]
+        causal, smoothed = together[lag]
+        assert causal == alone
+        assert smoothed + stream.finish() == recognizer.finish()
+
+
+def test_of_a_whole_drive_nothing_is_settled_before_its_end(
+    small_map: Map, make_traverse: Callable[..., Traverse]
+) -> None:
+    stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig())
+    stream = FusedStream(stage, FusionStage(small_map.places.count, MatchingConfig()), WHOLE_DRIVE)
+    query = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
+    for compared in stage.compare(query):
+        stream.push(compared)
+        assert stream.smoothed() == []
+    settled = stream.finish()
+    assert [each.frame for each in settled] == [*range(len(query))]
+    assert [each.lag for each in settled] == [*range(len(query) - 1, -1, -1)]
+    assert stream.finish() == []
