@@ -89,9 +89,9 @@ class WindowSums:
         self.row_lengths = np.array(lengths, np.int64)
         self.delay = max(lengths) - 1 if ahead else 0
         """Frames from that whose windows these are to the newest one."""
-        self._ends = self.delay + 1 - self.row_lengths if ahead else np.zeros_like(self.row_lengths)
+        ends = self.delay + 1 - self.row_lengths if ahead else 0 * self.row_lengths
+        self._windows = np.stack([ends, self.row_lengths, 0 * ends])
         self._missing = recent.after if ahead else recent.before
-        self._constants = np.zeros_like(self.row_lengths)
         self.columns = np.zeros((len(lengths), recent.rows.shape[1]))  # exact up to 2⁵³
 
     @property
@@ -108,10 +108,8 @@ class WindowSums:
 
     def slide(self) -> None:
         """Move on by a frame, to the newest of the recent ones."""
-        ends = self._recent.frames - 1 - self._ends
-        begins = ends - self.row_lengths
-        shifts = _shifts(self._missing, begins, ends, self._constants)
-        _slide(self.columns, self._recent.rows, begins, ends, shifts, self._ahead)
+        rows, newest = self._recent.rows, self._recent.frames - 1
+        _slide(self.columns, rows, self._missing, newest, self._windows, self._ahead)
 
     def column(self, place: int) -> int:
         """Return where a place's sums are in ``columns``; the next ones' follow it, and wrap."""
@@ -129,48 +127,41 @@ def _enter(newest: Distances, distances: Distances, first: int, mean: int) -> No
 
 
 @kernel
-def _shifts(missing: Numbers, begins: Numbers, ends: Numbers, constants: Numbers) -> Sums:
-    """Bring up to date what each window has from missing observations; return by how much it grew.
-
-    Windows have the frames after ``begins`` up to ``ends``.
-    """
-    shifts = np.zeros(len(ends))
-    for row in range(len(ends)):
-        constant = 0
-        for frame in range(max(begins[row] + 1, 0), ends[row] + 1):
-            constant += missing[frame % len(missing)]
-        shifts[row] = constant - constants[row]
-        constants[row] = constant
-    return shifts
-
-
-@kernel
-def _slide(
-    sums: Sums, rows: Distances, begins: Numbers, ends: Numbers, shifts: Sums, turned: bool
-) -> None:
-    """Add the frame that enters each window, and take away that which leaves.
-
-    Frames before the stream are in rows that are 0 yet.
-    """
-    for row in range(len(sums)):
-        entering, leaving = rows[ends[row] % len(rows)], rows[begins[row] % len(rows)]
-        if turned:
-            _add_turned(sums[row], entering, leaving, shifts[row])
-        else:
-            _add(sums[row], entering, leaving, shifts[row])
-
-
-@kernel
-def _add(sums: NDArray[np.float64], entering: Distances, leaving: Distances, shift: float) -> None:
+def _add(sums: NDArray[np.float64], entering: Distances, leaving: Distances, shift: int) -> None:
     for column in range(len(sums)):
         sums[column] += np.float64(np.int32(entering[column] - leaving[column])) + shift
 
 
 @kernel
 def _add_turned(
-    sums: NDArray[np.float64], entering: Distances, leaving: Distances, shift: float
+    sums: NDArray[np.float64], entering: Distances, leaving: Distances, shift: int
 ) -> None:
     last = np.uint64(len(sums) - 1)  # a signed index might count from the end
     for column in range(len(sums)):
         other = last - np.uint64(column)
         sums[column] += np.float64(np.int32(entering[other] - leaving[other])) + shift
+
+
+@kernel
+def _slide(
+    sums: Sums, rows: Distances, missing: Numbers, newest: int, windows: Numbers, turned: bool
+) -> None:
+    """Add the frame that enters each window, and take away that which leaves.
+
+    Of each window, (3, n): how many frames it ends before the newest, its length, and what it has
+    from missing observations, which is brought up to date: theirs may just have become known.
+    Frames before the stream are in rows that are 0 yet.
+    """
+    for row in range(len(sums)):
+        end = newest - windows[0, row]
+        begin = end - windows[1, row]
+        constant = 0
+        for frame in range(max(begin + 1, 0), end + 1):
+            constant += missing[frame % len(missing)]
+        shift = constant - windows[2, row]
+        windows[2, row] = constant
+        entering, leaving = rows[end % len(rows)], rows[begin % len(rows)]
+        if turned:
+            _add_turned(sums[row], entering, leaving, shift)
+        else:
+            _add(sums[row], entering, leaving, shift)
