@@ -27,6 +27,14 @@ class Candidate:
     places: NDArray[np.int32]
     evidence: NDArray[np.float32]
 
+    def turned(self, count: int) -> "Candidate":
+        """Return the same for a map of so many places in reverse order."""
+        if self.place == UNANSWERED:
+            return self
+        last = count - 1
+        places, evidence = last - self.places[::-1], self.evidence[::-1].copy()
+        return Candidate(last - self.place, self.score, places, evidence)
+
 
 NO_PLACES: NDArray[np.int32] = np.empty(0, np.int32)
 NO_EVIDENCE: NDArray[np.float32] = np.empty(0, np.float32)

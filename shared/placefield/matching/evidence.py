@@ -1,7 +1,7 @@
 """The rule ``evidence``: what all window lengths say of every place, on one scale.
 
 For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean
-distance in the window that ends at place j, and mean and deviation are over all places. The
+distance in the window of place j, and mean and deviation are over all places. The
 evidence of place j is the mean of z_s(j) over s: the lower the better, in deviations below an
 average place. The sums give the same z_s as the means. A window in which all places are alike, as
 after some missing observations, says nothing and is left out.
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from placefield.kernels import kernel, sum_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.matcher import Partial
-from placefield.matching.window_matcher import WindowMatcher
-from placefield.matching.windows import Sums
+from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
+from placefield.matching.windows import Sums, WindowSums
 
 
 class EvidenceMatcher(WindowMatcher):
@@ -26,29 +26,30 @@ class EvidenceMatcher(WindowMatcher):
     the sum of their squared differences from their mean.
     """
 
-    def _partial(self) -> Partial:
-        windows = self._windows
-        places, lengths = windows.places - self._reached_back, len(windows.row_lengths)
+    def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:
+        lengths = len(windows.row_lengths)
         partial = np.empty(1 + 2 * lengths)
-        partial[0] = places
+        partial[0] = places.count
         totals, squares = partial[1 : 1 + lengths], partial[1 + lengths :]
-        _sum_up(windows.columns, windows.column(self._reached_back), places, totals, squares)
+        first = windows.column(places.skipped)
+        _sum_up(windows.columns, first, places.count, totals, squares)
         return partial
 
-    def _best(self, partials: Sequence[Partial]) -> Candidate:
+    def _best(
+        self, windows: WindowSums, places: ShardPlaces, partials: Sequence[Partial]
+    ) -> Candidate:
         """Return the candidate of lowest evidence.
 
         ``NO_CANDIDATE`` where no window tells places apart, as before the first observation.
         """
-        windows = self._windows
         means, deviations = _moments(np.array(partials))
-        scores = np.zeros(windows.places - self._reached_back)
-        first = windows.column(self._reached_back)
+        scores = np.zeros(places.count)
+        first = windows.column(places.skipped)
         if not _average_normalised(windows.columns, first, means, deviations, scores):
             return NO_CANDIDATE
         place = int(np.argmin(scores))
         evidence = scores.astype(np.float32)
-        return Candidate(self._first + place, float(scores[place]), NO_PLACES, evidence)
+        return Candidate(places.own.start + place, float(scores[place]), NO_PLACES, evidence)
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The published rule, to the letter: coarse to fine, lowest fine score (Eqs. 11 to 15).
 
-Causal: windows end at the newest query frame and at the place that is its answer, where the
-paper's begin there.
+The smoothed answer is by the paper's windows, which begin at the query frame and at the place that
+is its answer. The answer at once is by their mirror image, which end there.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from placefield.kernels import kernel
 from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, NO_PLACES, Candidate
 from placefield.matching.matcher import Partial
-from placefield.matching.window_matcher import WindowMatcher
-from placefield.matching.windows import Sums
+from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
+from placefield.matching.windows import Sums, WindowSums
 
 Hypotheses = NDArray[np.float64]
 """Of each coarse scale, (n, 3): its lowest sum, the hypothesis, and the sum at the smallest scale.
 
-All are infinite where the stream is shorter than the scale yet, or the map is.
+All are infinite where fewer frames are known than the scale has, or the map is shorter.
 """
 
 
@@ -29,50 +29,52 @@ class LowestScoreMatcher(WindowMatcher):
     s_c, ascending. A partial result is each coarse scale's hypothesis.
     """
 
-    def _partial(self) -> Partial:
-        windows = self._windows
+    def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:
         found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
         _find_hypotheses(
             windows.columns,
             windows.column(0),
-            self._reached_back,
-            windows.places,
+            places.skipped,
+            places.skipped + places.count,
             windows.row_lengths,
             windows.frames,
             found,
         )
-        found[:, 1] += self._first_observed
+        found[:, 1] += places.observed.start
         return found.ravel()
 
-    def _best(self, partials: Sequence[Partial]) -> Candidate:
+    def _best(
+        self, windows: WindowSums, places: ShardPlaces, partials: Sequence[Partial]
+    ) -> Candidate:
         """Return the candidate (Y_o, F(Y_o)), each scale's of the shard that it finds best.
 
-        ``NO_CANDIDATE`` while the stream is shorter than the smallest coarse scale, or the map is.
+        ``NO_CANDIDATE`` where fewer frames are known than the smallest coarse scale has, or the map
+        is shorter.
         """
         place, score = _best_of(np.array(partials))
         if score == np.inf:
             return NO_CANDIDATE
-        unit = self._windows.unit
-        return Candidate(int(place), score * unit**2, NO_PLACES, NO_EVIDENCE)
+        return Candidate(int(place), score * self._unit**2, NO_PLACES, NO_EVIDENCE)
 
 
 @kernel
 def _find_hypotheses(
     columns: Sums,
     first: int,
-    own: int,
-    places: int,
+    start: int,
+    stop: int,
     lengths: NDArray[np.int64],
     frames: int,
     found: Hypotheses,
 ) -> None:
+    """Write the hypotheses of windows that end at places from ``start`` up to ``stop``."""
     smallest, coarse = lengths[0], len(lengths) - len(found)
     for number in range(len(found)):
         row = coarse + number
         scale = lengths[row]
-        if scale > min(frames, places):
+        if scale > min(frames, stop):
             break
-        end = _lowest(columns[row], first, max(scale - 1, own), places)
+        end = _lowest(columns[row], first, max(scale - 1, start), stop)
         field = end - (scale - 1)  # H: its first place
         hypothesis = _lowest(columns[0], first, field + smallest - 1, field + scale)
         found[number, 0] = _at(columns[row], first, end)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison
 
 Partial = NDArray[np.float64]
@@ -94,7 +94,7 @@ class ReverseMatcher(Matcher):
     def __init__(self, matcher: Matcher, places: int) -> None:
         """Take the matcher, whose shard is counted from the map's end, and the map's places."""
         self._matcher = matcher
-        self._last = places - 1
+        self._places = places
         self.memory = matcher.memory
 
     def local(self, frame: Comparison | None) -> Partial:
@@ -103,7 +103,7 @@ class ReverseMatcher(Matcher):
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate in the order of the map."""
-        return self._turned(self._matcher.reduce(partials[::-1]))
+        return self._matcher.reduce(partials[::-1]).turned(self._places)
 
     def fits(self, partial: Partial) -> bool:
         """Whether what came from another shard can be its partial result for this frame."""
@@ -111,14 +111,8 @@ class ReverseMatcher(Matcher):
 
     def settled(self) -> list[Settled]:
         """Return the frames that were settled by the last reduce step."""
-        return [Settled(self._turned(each), lag) for each, lag in self._matcher.settled()]
+        return [Settled(each.turned(self._places), lag) for each, lag in self._matcher.settled()]
 
     def finish(self) -> list[Settled]:
         """Settle the frames that are left."""
-        return [Settled(self._turned(each), lag) for each, lag in self._matcher.finish()]
-
-    def _turned(self, turned: Candidate) -> Candidate:
-        if turned.place == UNANSWERED:
-            return turned
-        places, evidence = self._last - turned.places[::-1], turned.evidence[::-1].copy()
-        return Candidate(self._last - turned.place, turned.score, places, evidence)
+        return [Settled(each.turned(self._places), lag) for each, lag in self._matcher.finish()]

@@ -10,8 +10,7 @@ from placefield.matching.filter_matcher import HALO, LEAST_PLACES, FilterMatcher
 from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.smoother import Smoother
-from placefield.matching.window_matcher import MeanDistance
-from placefield.matching.windows import WindowSums
+from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.metric.spread import Spread, spread_of
 
 _WINDOW_RULES = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}
@@ -96,7 +95,9 @@ class ChannelShard:
             self._observed = slice(max(first, 0), min(last, self._places))
         else:
             self._mean_distance = shared.mean_distance(metric)
-            self._observed = slice(max(self._driven.start - longest + 1, 0), self._driven.stop)
+            ahead = reach(longest, matching.lag)
+            around = ShardPlaces.around(self._places, self._driven, longest - 1, ahead)
+            self._observed = around.observed
         self.metric = shared.cut(metric, self._turned(self._observed))
 
     def _turned(self, places: slice) -> slice:
@@ -113,18 +114,18 @@ class ChannelShard:
         """
         if lag is None:
             lag = self._matching.lag
-        matcher = self._filter(lag) if self._matching.rule == "filter" else self._windows()
+        matcher = self._filter(lag) if self._matching.rule == "filter" else self._windows(lag)
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
     def _filter(self, lag: int) -> Matcher:
         smoother = Smoother(self._lengths, lag, self._matching.tolerance)
         return FilterMatcher(self._lengths, self._driven, self._number, smoother, self._spread)
 
-    def _windows(self) -> Matcher:
-        scales = self._channel.scales.tolist()
-        windows = WindowSums(scales, len(self.metric.places), self.metric.unit)
+    def _windows(self, lag: int) -> Matcher:
+        scales, unit = self._channel.scales.tolist(), self.metric.unit
+        places = ShardPlaces(self._places, self._driven, self._observed)
         make = _WINDOW_RULES[self._matching.rule]
-        return make(windows, self._mean_distance, self._observed, self._driven)
+        return make(scales, places, unit, self._mean_distance, lag)
 
 
 def shard_range(places: int, shard: int, shards: int, least: int) -> slice:

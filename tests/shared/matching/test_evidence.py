@@ -80,7 +80,7 @@ def test_where_all_places_are_alike_there_is_no_candidate(places: int) -> None:
 def test_before_the_first_frame_that_was_seen_there_is_no_candidate() -> None:
     windows = Windowed(EvidenceMatcher, [2, 3], 10)
     for _ in range(5):
-        assert windows.push_unseen().place == UNANSWERED
+        assert windows.push_missing().place == UNANSWERED
     assert windows.push(made_up_distances(1, 10, 0)[0]).place != UNANSWERED
 
 
@@ -89,7 +89,7 @@ def test_in_darkness_the_longest_window_knows_until_it_is_dark_as_a_whole() -> N
     windows.push(made_up_distances(1, 1261, 0)[0])
     answered = []
     for _ in range(20):
-        answered.append(windows.push_unseen().place != UNANSWERED)
+        answered.append(windows.push_missing().place != UNANSWERED)
     assert answered == [True] * 8 + [False] * 12
 
 

@@ -1,7 +1,7 @@
 """The published rule against Eqs. 11 to 16, written out index by index.
 
-The mirror image in time: the paper's windows begin at the query frame and at its answer, these end
-there.
+The smoothed answer is the paper's, whose windows begin at the query frame and at its answer; the
+answer at once is its mirror image in time and place.
 """
 
 import numpy as np
@@ -105,10 +105,55 @@ def test_places_and_scores_are_those_of_the_equations(
             assert (-match.score * 16, match.place) == expected
 
 
+def published_hypothesis(D: Array, smallest: int, coarse: int) -> Scored:
+    """Eqs. 11 to 14: F(Y) and Y of the first row of D; of several minima the last is taken."""
+    F_H, H = float("inf"), -1
+    for q in range(D.shape[1] - coarse + 1):
+        F = sum(int(D[j - q, j]) for j in range(q, q + coarse))
+        if F <= F_H:
+            F_H, H = F, q
+    F_Y, Y = float("inf"), -1
+    for t in range(H, H + coarse - smallest + 1):
+        F = sum(int(D[j - t, j]) for j in range(t, t + smallest))
+        if F <= F_Y:
+            F_Y, Y = F, t
+    return F_Y, Y
+
+
+def published_match(channels: list[tuple[Array, list[int]]]) -> Scored | None:
+    """Eqs. 15 and 16, over the coarse scales that the query and the map are long enough for."""
+    hypotheses = [
+        published_hypothesis(D, scales[0], coarse)
+        for D, scales in channels
+        for coarse in (scales[1:] or scales)
+        if coarse <= min(D.shape)
+    ]
+    return min(hypotheses, key=lambda scored: scored[0], default=None)
+
+
+@given(streams())
+def test_smoothed_places_and_scores_are_those_that_were_published(
+    channels: list[tuple[Array, list[int]]],
+) -> None:
+    frames, places = channels[0][0].shape
+    settled = [
+        Windowed(LowestScoreMatcher, scales, places, unit=0.25, lag=20).settle_all(list(D))
+        for D, scales in channels
+    ]
+    for frame in range(frames):
+        candidates = [of_channel[frame].candidate for of_channel in settled]
+        match = fuse(candidates, MatchingConfig(rule="lowest-score"))
+        expected = published_match([(D[frame:], scales) for D, scales in channels])
+        if expected is None:
+            assert match.place == UNANSWERED
+        else:
+            assert (-match.score * 16, match.place) == expected
+
+
 def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
     windows = Windowed(LowestScoreMatcher, [2, 3], 10)
     for _ in range(5):
-        assert windows.push_unseen() is NO_CANDIDATE
+        assert windows.push_missing() is NO_CANDIDATE
     D = np.ones((3, 10), np.int32)
     for row in D[:2]:
         assert windows.push(row) is NO_CANDIDATE

@@ -21,8 +21,7 @@ from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher
 from placefield.matching.sharding import ChannelShard
-from placefield.matching.window_matcher import MeanDistance, WindowMatcher
-from placefield.matching.windows import WindowSums
+from placefield.matching.window_matcher import MeanDistance, ShardPlaces, WindowMatcher
 
 Array = NDArray[np.float32]
 WINDOW_RULES: list[Rule] = ["evidence", "lowest-score"]
@@ -54,8 +53,8 @@ def window_matcher(metric: MapMetric, scales: list[int], rule: Rule) -> WindowMa
     """Return a matcher of windows of these lengths over all places."""
     made = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}[rule]
     every = slice(0, len(metric.places))
-    windows = WindowSums(scales, len(metric.places), metric.unit)
-    return made(windows, MeanDistance(metric), every, every)
+    places = ShardPlaces(len(metric.places), every, every)
+    return made(scales, places, metric.unit, MeanDistance(metric), lag=20)
 
 
 def candidates_of(channel: Matcher, frames: list[Comparison | None]) -> list[Candidate]:
@@ -206,6 +205,28 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
         assert candidate.places.tolist() == [last - place for place in expected.places[::-1]]
         np.testing.assert_allclose(candidate.evidence, expected.evidence[::-1], rtol=rtol)
     assert count < 90 or candidate.place == 0
+
+
+@pytest.mark.parametrize("rule", WINDOW_RULES)
+def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_way(
+    small_map: Map, rule: Rule
+) -> None:
+    forth = small_map.channels[0]
+    places = descriptors_of(forth.metric)[:90]
+    forth = replace(forth, metric=identity_metric(places))
+    back = replace(forth, metric=identity_metric(places[::-1]))
+    query = [None, *places[::-1][:10], None, *places[::-1][11:], None]
+    settled = []
+    for channel, reverse in ((forth, True), (back, False)):
+        matcher, frames = matcher_of(channel, rule, reverse=reverse), []
+        for frame in compared(channel.metric, query):
+            matcher.push(frame)
+            frames += matcher.settled()
+        settled.append(frames + matcher.finish())
+    assert len(settled[0]) == len(settled[1]) == len(query)
+    for candidate, expected in zip(*settled, strict=True):
+        assert bits(candidate.candidate) == bits(expected.candidate.turned(90))
+        assert candidate.lag == expected.lag
 
 
 @pytest.mark.parametrize("places", [1, 7, 300])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from windowed import mean_of
 
-from placefield.matching.windows import WindowSums
+from placefield.matching.windows import RecentDistances, WindowSums
 
 Array = NDArray[np.int32]
 MOST = (2 * 4015) ** 2
@@ -20,14 +20,25 @@ def made_up_distances(frames: int, places: int, seed: int = 0) -> Array:
     return np.random.default_rng(seed).integers(0, MOST + 1, (frames, places), np.int32)
 
 
-def push(windows: WindowSums, distances: Array) -> None:
-    windows.push(distances, mean_of(distances))
+class Sums:
+    """The sums of a stream, of the windows that look back or of those that look ahead."""
 
+    def __init__(self, lengths: list[int], places: int, *, ahead: bool = False) -> None:
+        self.recent = RecentDistances(max(lengths), places)
+        self.windows = WindowSums(self.recent, lengths, ahead=ahead)
 
-def sums_of(windows: WindowSums) -> NDArray[np.float64]:
-    """By length and by the place at which the window ends."""
-    places = [windows.column(place) for place in range(windows.places)]
-    return windows.columns[:, places]
+    def push(self, distances: Array) -> None:
+        self.recent.push(distances, mean_of(distances))
+        self.windows.slide()
+
+    def push_missing(self) -> None:
+        self.recent.push_missing()
+        self.windows.slide()
+
+    def values(self) -> NDArray[np.float64]:
+        """By length and by the place at which the window ends, or begins in reverse order."""
+        places = [self.windows.column(place) for place in range(self.recent.places)]
+        return self.windows.columns[:, places]
 
 
 def literal_sum(distances: Array, length: int, place: int) -> int:
@@ -50,24 +61,52 @@ def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int,
     of one place, and streams whose columns have come around several times.
     """
     distances = made_up_distances(frames, places, seed)
-    windows = WindowSums(lengths, places)
+    windows = Sums(lengths, places)
     for newest in range(frames):
-        push(windows, distances[newest])
+        windows.push(distances[newest])
         expected = [
             [literal_sum(distances[: newest + 1], length, place) for place in range(places)]
             for length in lengths
         ]
-        np.testing.assert_array_equal(sums_of(windows), expected)
-    assert windows.frames == frames
+        np.testing.assert_array_equal(windows.values(), expected)
+    assert windows.windows.frames == frames
+
+
+@given(scales, st.integers(1, 12), st.integers(1, 30), st.integers(0, 99))
+def test_sums_ahead_are_the_literal_ones(
+    lengths: list[int], places: int, frames: int, seed: int
+) -> None:
+    """Of the frame whose longest window is complete, with the places in reverse order."""
+    distances = made_up_distances(frames, places, seed)
+    windows = Sums(lengths, places, ahead=True)
+    for newest in range(frames):
+        windows.push(distances[newest])
+        begin = newest - max(lengths) + 1
+        if begin < 0:
+            continue
+        expected = [
+            [
+                sum(
+                    int(distances[begin + i, place + i])
+                    if place + i < places
+                    else mean_of(distances[begin + i])
+                    for i in range(length)
+                )
+                for place in reversed(range(places))
+            ]
+            for length in lengths
+        ]
+        np.testing.assert_array_equal(windows.values(), expected)
+        assert windows.windows.frames == max(lengths)
 
 
 def test_sums_stay_exact_in_a_long_stream_of_the_largest_distances() -> None:
-    windows = WindowSums([1, 700], 40)
+    windows = Sums([1, 700], 40)
     for distances in made_up_distances(3000, 40):
-        push(windows, distances)
+        windows.push(distances)
     for _ in range(700):
-        push(windows, np.full(40, MOST, np.int32))
-    np.testing.assert_array_equal(sums_of(windows), [[MOST] * 40, [700 * MOST] * 40])
+        windows.push(np.full(40, MOST, np.int32))
+    np.testing.assert_array_equal(windows.values(), [[MOST] * 40, [700 * MOST] * 40])
 
 
 @given(scales, st.integers(1, 12), st.integers(0, 99), st.data())
@@ -76,12 +115,12 @@ def test_only_the_frames_in_the_window_count(
 ) -> None:
     frames = data.draw(st.integers(max(lengths), 40))
     distances = made_up_distances(frames, places, seed)
-    whole, last = WindowSums(lengths, places), WindowSums(lengths, places)
+    whole, last = Sums(lengths, places), Sums(lengths, places)
     for row in distances:
-        push(whole, row)
+        whole.push(row)
     for row in distances[-max(lengths) :]:
-        push(last, row)
-    assert sums_of(whole).tobytes() == sums_of(last).tobytes()
+        last.push(row)
+    assert whole.values().tobytes() == last.values().tobytes()
 
 
 @pytest.mark.parametrize("places", [7, 200, 1261])
@@ -89,25 +128,25 @@ def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_averag
     places: int,
 ) -> None:
     distances = made_up_distances(3, places)
-    windows, by_hand = WindowSums([2, 5], places), WindowSums([2, 5], places)
+    windows, by_hand = Sums([2, 5], places), Sums([2, 5], places)
     for row in distances:
-        push(windows, row)
-        push(by_hand, row)
+        windows.push(row)
+        by_hand.push(row)
     mean = round(Fraction(int(distances[-1].sum(dtype=np.int64)), places))
     for _ in range(4):
-        windows.push_unseen()
-        push(by_hand, np.full(places, mean, np.int32))
-        np.testing.assert_array_equal(sums_of(windows), sums_of(by_hand))
-    np.testing.assert_array_equal(sums_of(windows)[0], 2 * mean)
+        windows.push_missing()
+        by_hand.push(np.full(places, mean, np.int32))
+        np.testing.assert_array_equal(windows.values(), by_hand.values())
+    np.testing.assert_array_equal(windows.values()[0], 2 * mean)
 
 
 def test_a_stream_begins_with_the_first_frame_that_was_seen() -> None:
     distances = made_up_distances(6, 8)
-    late, prompt = WindowSums([3, 4], 8), WindowSums([3, 4], 8)
+    late, prompt = Sums([3, 4], 8), Sums([3, 4], 8)
     for _ in range(5):
-        late.push_unseen()
+        late.push_missing()
     for row in distances:
-        push(late, row)
-        push(prompt, row)
-        np.testing.assert_array_equal(sums_of(late), sums_of(prompt))
-        assert late.frames == prompt.frames
+        late.push(row)
+        prompt.push(row)
+        np.testing.assert_array_equal(late.values(), prompt.values())
+        assert late.windows.frames == prompt.windows.frames

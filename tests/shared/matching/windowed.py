@@ -8,8 +8,8 @@ from comparisons import comparison_at, metric_of_codes
 from numpy.typing import NDArray
 
 from placefield.matching.candidate import Candidate
-from placefield.matching.window_matcher import WindowMatcher
-from placefield.matching.windows import WindowSums
+from placefield.matching.matcher import Settled
+from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
 
 NOWHERE = metric_of_codes(np.zeros((1, 1), np.int16), 1.0)
 """Stands for the metric of distances that are of none."""
@@ -24,18 +24,35 @@ class Windowed:
     """A whole channel that is given its distances."""
 
     def __init__(
-        self, rule: type[WindowMatcher], lengths: Sequence[int], places: int, unit: float = 1.0
+        self,
+        rule: type[WindowMatcher],
+        lengths: Sequence[int],
+        places: int,
+        unit: float = 1.0,
+        lag: int = 0,
     ) -> None:
         every = slice(0, places)
-        windows = WindowSums(lengths, places, unit)
-        self._matcher = rule(windows, lambda _: mean_of(self._distances), every, every)
+        whole = ShardPlaces(places, every, every)
+        self.matcher = rule(lengths, whole, unit, lambda _: mean_of(self._distances), lag)
         self._distances = np.zeros(places, np.int32)
 
     def push(self, distances: NDArray[np.int32]) -> Candidate:
         """Return the candidate for a frame at these distances (K,)."""
         self._distances = distances
-        return self._matcher.push(comparison_at(NOWHERE, np.zeros(1, np.int16), distances))
+        return self.matcher.push(comparison_at(NOWHERE, np.zeros(1, np.int16), distances))
 
-    def push_unseen(self) -> Candidate:
+    def push_missing(self) -> Candidate:
         """Return the candidate for a missing observation."""
-        return self._matcher.push(None)
+        return self.matcher.push(None)
+
+    def push_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Candidate]:
+        """Return the candidates for frames at these distances (K,), None for a missing one."""
+        return [self.push_missing() if each is None else self.push(each) for each in frames]
+
+    def settle_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Settled]:
+        """Return what is settled of a whole stream."""
+        settled = []
+        for frame in frames:
+            self.push_all([frame])
+            settled += self.matcher.settled()
+        return settled + self.matcher.finish()

@@ -13,8 +13,7 @@ from placefield.fusion.rules import fuse
 from placefield.maps.metrics import identity_metric
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.evidence import EvidenceMatcher
-from placefield.matching.window_matcher import MeanDistance
-from placefield.matching.windows import WindowSums
+from placefield.matching.window_matcher import MeanDistance, ShardPlaces
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluating import judge
 from placefield_tools.study.methods import methods_of, run_methods
@@ -98,8 +97,8 @@ def test_windows_by_evidence_are_our_windows_of_one_length(
     query = np.stack([vector for vector in trial.descriptors if vector is not None])
     frames = MetricPlaces(trial.plain.metric, exact=True).compare(query)
     metric, every = trial.plain.metric, slice(0, len(trial.plain.metric.places))
-    windows = WindowSums([8], len(metric.places), metric.unit)
-    matcher = EvidenceMatcher(windows, MeanDistance(metric), every, every)
+    whole = ShardPlaces(len(metric.places), every, every)
+    matcher = EvidenceMatcher([8], whole, metric.unit, MeanDistance(metric), lag=0)
     config = trial.matching("evidence")
     matches = [fuse([matcher.push(frame)], config) for frame in frames]
     assert_matches(results["window of 8, evidence"], matches)
