@@ -38,7 +38,7 @@ class SettledJoiner:
         self._pending.setdefault(sequence, {})
 
     def add(self, sequence: int, channel: int, settled: Settled) -> None:
-        """Take what a channel has settled, after the frame was announced; a second one is dropped."""
+        """Take what a channel has settled of a frame that was announced; a second is dropped."""
         if sequence in self._pending and channel in self._channels:
             self._pending[sequence].setdefault(channel, settled)
 

@@ -72,7 +72,7 @@ class Manifest(_Record):
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
-    format: Literal[3] = 3
+    format: Literal[4] = 4
     placefield: str
     seed: int
     features: FeatureConfig

@@ -22,7 +22,7 @@ from placefield.maps.layout import (
     Layout,
 )
 from placefield.maps.manifest import REBUILD, Manifest, read_manifest
-from placefield.maps.map import Map, MapChannel, MapMetric, Places, fingerprint
+from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
 from placefield.maps.reading import ArrayFile, open_inside
 from placefield.metric.coarse import Coarse
 
@@ -43,7 +43,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
     manifest = read_manifest(path)
     files = _Files(path, manifest)
     count = manifest.places
-    sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3}
+    sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
     mean, deviation, components = files.load("features", MODEL_FILES, sizes)
     model = DescriptorModel(
         manifest.features.kind,

@@ -165,8 +165,5 @@ class StreamMatcher:
         Args:
             compared: how the frame compares with the places; None is a missing observation.
         """
-        self.next += 1
-        return [
-            matcher.push(None if compared is None else compared[metric])
-            for metric, matcher in self._matchers.values()
-        ]
+        partials = self.local(compared, self.next)
+        return list(self.reduce({number: [one] for number, one in partials.items()}).values())

@@ -177,7 +177,7 @@ def _near(distances: NDArray[np.int32], i: int) -> np.int32:
 
 @kernel
 def pick(values: Array, least: float, picked: NDArray[np.int32]) -> int:
-    """Write the indices of values (K,) of at least so much, ascending; return how many there are."""
+    """Write the indices of values (K,) of at least so much, ascending; return how many."""
     count, threshold = 0, np.float32(least)
     for i in range(len(values)):
         if values[i] >= threshold:

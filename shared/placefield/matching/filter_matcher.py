@@ -1,4 +1,4 @@
-"""The rule ``filter`` in one shard of a channel: comparisons to observations, and its partial results.
+"""The rule ``filter`` in one shard of a channel: what is observed, and what shards exchange.
 
 What the filter is, and what its shards need of each other, nobody else knows.
 """
@@ -181,7 +181,7 @@ class FilterMatcher(Matcher):
 def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
     """Return how long steps are on a map, in the order in which it is driven."""
     apart = _reversed_steps(metric.steps) if reverse else metric.steps
-    return step_lengths(np.asarray(apart), jumps_of(metric))
+    return step_lengths(np.array(apart), jumps_of(metric))  # what is mapped is read-only
 
 
 def jumps_of(metric: MapMetric) -> Array:

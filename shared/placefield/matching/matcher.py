@@ -73,7 +73,7 @@ class Matcher(ABC):
 
     @abstractmethod
     def finish(self) -> list[Settled]:
-        """Settle the frames that are left: the stream is over. Called once, after the last frame."""
+        """Settle the frames that are left: the stream is over."""
 
     def push(self, frame: Comparison | None) -> Candidate:
         """Return the candidate for the next frame; for a whole channel, which is its only shard.

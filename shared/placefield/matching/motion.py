@@ -38,7 +38,6 @@ FIND = 0.2
 _PRIOR = np.array([1, 0.5, 0.5, 0.5, 1, 1, 1, 4, 1, 1, 1, 1, 1, 0.5, 0.5]) / 15.5
 _PERSISTENCE = 60.0  # frames that a speed lasts
 _STOP = 5.0  # frames that a stop lasts
-_SLIP = 0.02  # share of steps that the speed does not explain
 _DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
 _NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
 _SAMPLE = 250  # places that stand for all where only a mean is wanted
@@ -80,26 +79,26 @@ class StepLengths(NamedTuple):
 def motion() -> Motion:
     """Return the transition of the speeds in ``SPEEDS``."""
     lasts = np.where(SPEEDS > 0, _PERSISTENCE, _STOP)
-    chances = np.array([_step_chances(speed) for speed in SPEEDS])
     return Motion(
         _PRIOR.astype(np.float32),
         (1 / lasts).astype(np.float32),
-        chances.astype(np.float32),
+        _step_chances().astype(np.float32),
     )
 
 
-def _step_chances(speed: float) -> NDArray[np.float64]:
-    """Chance of each whole step at a speed, (REACH + 1,): between two steps, the nearer oftener.
+def _step_chances() -> NDArray[np.float64]:
+    """Chance that a step takes 0, 1, … places at each speed, (S, REACH + 1).
 
-    Some steps slip: they are any from one place too few to one too many. Slow ones slip less, else
-    they would run.
+    Between two whole steps, the nearer oftener. A speed stands for those around it, half way to the
+    farther one of its neighbours, so that those that are not in ``SPEEDS`` are followed as well.
     """
-    steps = np.arange(REACH + 1)
-    exact = np.maximum(1 - np.abs(speed - steps), 0)
-    low, high = max(math.floor(speed) - (speed >= 1), 0), min(math.ceil(speed) + (speed > 0), REACH)
-    slipped = ((steps >= low) & (steps <= high)) / (high - low + 1)
-    slip = _SLIP * (speed if speed < 0.5 else 1)
-    return np.asarray((1 - slip) * exact + slip * slipped)
+    gaps = np.diff(SPEEDS)
+    width = np.maximum(np.append(0, gaps), np.append(gaps, 0)) / 2
+    width[0] = 0  # who stands, stands
+    around = SPEEDS[:, None] + width[:, None] * np.linspace(-1, 1, 201)
+    exact = np.maximum(1 - np.abs(around[:, :, None] - np.arange(REACH + 1)), 0)
+    chances = exact.mean(axis=1)
+    return np.asarray(chances / chances.sum(axis=1, keepdims=True))
 
 
 def step_lengths(apart: Array, jumps: Array) -> StepLengths:

@@ -37,6 +37,9 @@ from placefield.matching.motion import (
 NEGLIGIBLE = 1e-6
 """A belief below this is left out: no sum of a few of them changes a match."""
 
+MOST_PLACES = 512
+"""Places of most belief that the smoother knows of a frame."""
+
 
 class Observation(NamedTuple):
     """What a frame shows.
@@ -156,7 +159,7 @@ class PlaceFilter:
         both = self._of_place[0] + self._of_place[1]
         # At least those that will be of some belief among all shards.
         least = min(NEGLIGIBLE * (float(of_speed.sum()) + of_null), float(both.max()))
-        places = places[: pick(both, least, places)]
+        places = most(both, places[: pick(both, least, places)])
         halo = np.zeros_like(self._halo)
         edge = min(REACH, len(likelihood))
         halo[0, :, REACH - edge :] = self._belief[0, :, -edge:]
@@ -253,7 +256,8 @@ class PlaceFilter:
         likelihood = np.concatenate([unit * share.place_likelihood for unit, share in shares])
         places = np.concatenate([share.places for _, share in shares])
         believed = belief.sum(axis=(1, 2))
-        kept = np.flatnonzero(believed >= min(NEGLIGIBLE, believed.max()))
+        kept = np.flatnonzero(believed >= min(NEGLIGIBLE, believed.max())).astype(np.int32)
+        kept = most(believed, kept)
         return Trace(
             places[kept],
             belief[kept].astype(np.float32),
@@ -275,3 +279,11 @@ class PlaceFilter:
     def behind(self) -> Array:
         """Posterior of each of the places before the shard, (REACH,); 0 where there are none."""
         return np.asarray(self._halo[0].sum(axis=0))
+
+
+def most(belief: Array, places: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return those of these places that are among the ``MOST_PLACES`` of most belief, ascending."""
+    if len(places) <= MOST_PLACES:
+        return places
+    first = np.argsort(-belief[places], kind="stable")[:MOST_PLACES]
+    return np.sort(places[first])

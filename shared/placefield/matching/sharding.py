@@ -139,8 +139,7 @@ def shard_range(places: int, shard: int, shards: int, least: int) -> slice:
     if shards > 1 and places // shards < least:
         most = max(places // least, 1)
         raise ConfigError(
-            f"{shards} shards of {places} places: each needs {least}, the longest scale; "
-            f"take {most} at most"
+            f"{shards} shards of {places} places: each needs {least}; take {most} at most"
         )
     return slice(places * shard // shards, places * (shard + 1) // shards)
 

@@ -107,7 +107,7 @@ def update_likelihood(backward: State, likelihood: Array, lost_likelihood: float
 
 
 def predict_backward(seen: State, step: Step) -> State:
-    """Return how likely what follows is from each state of the frame before: ``predict``'s adjoint."""
+    """Return how likely what follows is from each state of the frame before; see ``predict``."""
     count = seen.placed.shape[2]
     anywhere = initial(step.prior, count).placed / 0.5
     lost = (1 - FIND) * step.stray * seen.lost + FIND * step.stray * float(

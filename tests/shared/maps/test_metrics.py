@@ -57,18 +57,21 @@ def test_places_have_as_many_codes_whatever_the_scale_of_the_projection(scale: f
 
 @pytest.mark.parametrize("make", [identity_metric, learned_of])
 @pytest.mark.parametrize("count", [1, 2, 3, 16, 17, 18, 100])
-def test_steps_are_to_each_place_from_the_one_and_the_two_before_it(
+def test_steps_are_to_each_place_from_those_up_to_six_before_it(
     make: Make, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where there is none before it, of mean length; in maps of any number of blocks."""
+    """Where there is none before it, of mean length; on a map that is shorter, as one less."""
     monkeypatch.setattr(metrics, "_BLOCK", 16)
     metric = make(random_walk(count))
     points = metric.unit * metric.places.astype(np.float64)
     assert metric.steps.dtype == np.float32
-    for step, lengths in zip((1, 2), metric.steps, strict=True):
+    assert len(metric.steps) == 6
+    shorter = np.zeros(count)
+    for step, lengths in enumerate(metric.steps, 1):
         made = [float(np.linalg.norm(points[j] - points[j - step])) for j in range(step, count)]
-        missing = [sum(made) / len(made) if made else 0.0] * min(step, count)
-        np.testing.assert_allclose(lengths, missing + made, rtol=1e-6)
+        expected = [sum(made) / len(made)] * step + made if made else shorter
+        np.testing.assert_allclose(lengths, expected, rtol=1e-6)
+        shorter = lengths
 
 
 @pytest.mark.parametrize("make", [identity_metric, learned_of])

@@ -4,7 +4,6 @@ Predicting, updating and smoothing are the textbook's, which is tested by itself
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ Points = NDArray[np.float64]
 SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6]
 PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1]) / 31
 REACH = 7
-SLIP = 0.02
 PERSISTENCE = 60  # frames
 STOP = 5
 STEP_DEVIATION = 0.3
@@ -84,7 +82,7 @@ class LiteralFilter:
         self.last = frame
 
     def step(self, length: float | None) -> Step:
-        chances = np.array([list(self.step_chances(speed)) for speed in SPEEDS])
+        chances = np.array([self.step_chances(speed) for speed in SPEEDS])
         change = np.array([1 / (PERSISTENCE if speed > 0 else STOP) for speed in SPEEDS])
         if length is None:
             every = np.ones((len(SPEEDS), len(self.places)))
@@ -97,12 +95,15 @@ class LiteralFilter:
         jump = float(student(length - jumps).mean())
         return Step(self.prior(), change, chances, likelihood, stray, jump)
 
-    def step_chances(self, speed: float) -> Iterator[float]:
-        low, high = math.floor(speed) - (speed >= 1), min(math.ceil(speed) + (speed > 0), REACH)
-        slip = SLIP * (speed if speed < 0.5 else 1)
-        for step in range(REACH + 1):
-            slipped = 1 / (high - low + 1) if low <= step <= high else 0
-            yield (1 - slip) * max(1 - abs(speed - step), 0) + slip * slipped
+    def step_chances(self, speed: float) -> list[float]:
+        """Means over the speeds that one stands for."""
+        number = SPEEDS.index(speed)
+        near = [abs(SPEEDS[other] - speed) for other in (number - 1, number + 1) if 0 <= other < 15]
+        width = max(near) / 2 if speed > 0 else 0
+        around = [speed + width * (share / 100 - 1) for share in range(201)]
+        return [
+            sum(max(1 - abs(each - step), 0) for each in around) / 201 for step in range(REACH + 1)
+        ]
 
     def expected(self, speed: float) -> Points:
         """Length of a step at a speed, by the place that it leads to."""

@@ -135,7 +135,7 @@ def test_a_frame_on_which_a_channel_fails_is_missing_in_that_alone(
 
 
 def test_shards_are_no_smaller_than_they_may_be(small_map: Map) -> None:
-    with pytest.raises(ConfigError, match="the longest scale"):
+    with pytest.raises(ConfigError, match="each needs 25; take 3"):
         ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(), 0, 80)
 
 

@@ -78,8 +78,8 @@ def test_a_query_is_followed_at_any_speed(route: Route, speed: float) -> None:
     positions = 20 + speed * np.arange(min(int(170 / speed), 400))
     places, _ = filtered(route.places, route.drive(positions))
     off = np.abs(places - positions)[8:]
-    assert off.mean() < 1
-    assert np.mean(off <= 3) > 0.9
+    assert off.mean() < 2
+    assert np.mean(off <= 3) > 0.95
 
 
 def test_a_query_is_followed_through_stops(route: Route) -> None:

@@ -39,22 +39,18 @@ def test_speeds_reach_from_standing_to_six_places_a_frame() -> None:
 
 
 def test_chances_of_steps_are_those_of_the_page() -> None:
-    """Between two whole steps, the nearer oftener; a fiftieth slips by up to a place."""
+    """Between two whole steps, the nearer oftener, for all speeds that one stands for."""
     made = motion()
     assert made.prior.sum() == pytest.approx(1)
     np.testing.assert_allclose(made.chances.sum(axis=1), 1, rtol=1e-6)
-    mean = made.chances @ np.arange(REACH + 1)
-    np.testing.assert_allclose(mean, SPEEDS, atol=0.021)
+    np.testing.assert_allclose(made.chances @ np.arange(REACH + 1), SPEEDS, atol=1e-6)
     by_speed = dict(zip(SPEEDS.tolist(), made.chances.tolist(), strict=True))
     assert by_speed[0] == [1, *[0] * REACH]
-    third = 0.02 / 3
-    assert by_speed[1] == pytest.approx([third, 0.98 + third, third, 0, 0, 0, 0, 0], abs=1e-6)
-    quarter = 0.02 / 4
-    expected = [quarter, 0.49 + quarter, 0.49 + quarter, quarter, 0, 0, 0, 0]
-    assert by_speed[1.5] == pytest.approx(expected, abs=1e-6)
-    slip = 0.02 / 4 / 3
-    expected = [0.995 * 0.75 + slip, 0.995 * 0.25 + slip, slip, 0, 0, 0, 0, 0]
-    assert by_speed[0.25] == pytest.approx(expected, abs=1e-6)
+    assert by_speed[0.25] == pytest.approx([0.75, 0.25, *[0] * 6])
+    assert by_speed[1.5] == pytest.approx([0, 0.5, 0.5, *[0] * 5])
+    # The mean of max(1 - |s - 1|, 0) for s from 7/8 to 9/8, and for s from 5/2 to 7/2.
+    assert by_speed[1] == pytest.approx([1 / 32, 15 / 16, 1 / 32, *[0] * 5], abs=1e-3)
+    assert by_speed[3] == pytest.approx([0, 0, 1 / 8, 3 / 4, 1 / 8, 0, 0, 0], abs=2e-3)
 
 
 def test_a_stop_lasts_five_frames_and_a_speed_sixty() -> None:

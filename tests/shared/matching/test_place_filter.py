@@ -23,7 +23,7 @@ points = st.lists(st.integers(-6, 6), min_size=3, max_size=3)
 
 
 def assert_the_model_is_followed(places: Codes, unit: float, query: list[Codes | None]) -> None:
-    """Assert that the posteriors are those of the literal filter, and in hindsight its smoother's."""
+    """Assert that the posteriors are the literal filter's, and in hindsight its smoother's."""
     metric = metric_of_codes(places, unit)
     matcher = filter_of(metric, lag=1000)
     literal = LiteralFilter(unit * places.astype(np.float64))

@@ -42,7 +42,7 @@ def probability_of_moving(before: object, after: object, step: Step) -> float:
     """Of one state from another, times how likely the step is."""
     anywhere = 0.0
     if isinstance(after, tuple):
-        hypothesis, speed, place = after
+        hypothesis, speed, _ = after
         anywhere = HYPOTHESES[hypothesis] * step.prior[speed] / PLACES
     if not isinstance(before, tuple):
         return step.stray * (FIND * anywhere if isinstance(after, tuple) else 1 - FIND)
