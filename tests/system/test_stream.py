@@ -17,6 +17,8 @@ from hosting import (
     free_endpoint,
     offline,
     placefield,
+    smoothed_of,
+    smoothed_offline,
     wait_until,
 )
 
@@ -41,7 +43,11 @@ def test_the_stream_gives_what_is_given_offline_frame_for_frame(
     files = sorted(damaged_dir.iterdir())
     unreadable = listener.count("featurizer", "unreadable")
     assert "60 frames replayed" in host.replay(damaged_dir).stdout
-    assert answers_of(listener.answers()) == offline(route_map, files)
+    stream = listener.answers()
+    assert answers_of(stream) == offline(route_map, files)
+    smoothed = smoothed_of(listener.smoothed(stream[0][0].stream))
+    assert smoothed == smoothed_offline(route_map, files)
+    assert len({lag for *_, lag, _ in smoothed}) > 1
     wait_until(
         lambda: listener.count("featurizer", "unreadable") >= unreadable + len(UNREADABLE),
         "unreadable frames are counted",
@@ -54,8 +60,11 @@ def test_so_does_the_stream_under_the_rules_that_are_not_the_default(
 ) -> None:
     with Host(logs, map_path, "--rule", rule) as own, own.listener() as listener:
         own.replay(damaged_dir)
-        answers = answers_of(listener.answers())
-    assert answers == offline(route_map, sorted(damaged_dir.iterdir()), rule)
+        stream = listener.answers()
+        smoothed = smoothed_of(listener.smoothed(stream[0][0].stream))
+    answers, files = answers_of(stream), sorted(damaged_dir.iterdir())
+    assert answers == offline(route_map, files, rule)
+    assert smoothed == smoothed_offline(route_map, files, rule)
     assert sum(place >= 0 for place, _, _ in answers) > 40
 
 
