@@ -44,7 +44,7 @@ class MatchQueue:
             key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts)
             for key, kind in kinds.items()
         }
-        self._last = list(kinds)[-1]  # its end is that of the stream
+        self._ended = dict.fromkeys(kinds, "")  # stream, by key
         for key in kinds:
             bus.subscribe(key, self._received.put, self.counts)
 
@@ -67,9 +67,11 @@ class MatchQueue:
         return self._taken.popleft()
 
     def _keep(self, key: str, taken: Iterable[Taken]) -> None:
-        self._taken += [
-            (header, match) for header, match in taken if match is not None or key == self._last
-        ]
+        for header, match in taken:
+            if match is None:
+                self._ended[key] = header.stream
+            if match is not None or set(self._ended.values()) == {header.stream}:
+                self._taken.append((header, match))
 
 
 class _InOrder:
