@@ -32,7 +32,6 @@ class Poses:
         ``smoothed`` says whether the matches are smoothed ones.
         """
         self._kind = SmoothedMessage if smoothed else MatchMessage
-        self._counted_as = "smoothed_poses" if smoothed else "poses"
         self._of_map = of_map
         self._tolerance = tolerance
         self._publisher = publisher
@@ -53,4 +52,7 @@ class Poses:
             raise MessageError(f"a match of another map: this one has {len(self._of_map)} places")
         covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
         self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
-        self._counts[self._counted_as] += 1
+        if self._kind is SmoothedMessage:
+            self._counts["smoothed_poses"] += 1
+        else:
+            self._counts["poses"] += 1
