@@ -243,16 +243,18 @@ class SettledFrames(_Strict):
 
     def frames(self, sequence: int) -> Iterator[SettledFrame]:
         """Yield what came with the frame of this number."""
-        places = np.split(self.places, np.cumsum(self.place_counts)[:-1])
-        evidence = np.split(self.evidence, np.cumsum(self.evidence_counts)[:-1])
-        for row, channel in enumerate(self.channels.tolist()):
-            place, score = int(self.best[row]), float(self.scores[row])
-            yield SettledFrame(
-                channel,
-                sequence - int(self.before[row]),
-                int(self.lags[row]),
-                Candidate(place, score, places[row], evidence[row]),
-            )
+        numbers = (self.channels, self.before, self.lags, self.best, self.scores)
+        counts = (self.place_counts, self.evidence_counts)
+        place_end = evidence_end = 0
+        for channel, before, lag, best, score, places, evidence in zip(
+            *(vector.tolist() for vector in (*numbers, *counts)), strict=True
+        ):
+            first, place_end = place_end, place_end + places
+            own_places = self.places[first:place_end]
+            first, evidence_end = evidence_end, evidence_end + evidence
+            own_evidence = self.evidence[first:evidence_end]
+            candidate = Candidate(best, score, own_places, own_evidence)
+            yield SettledFrame(channel, sequence - before, lag, candidate)
 
 
 class CandidatesMessage(_OfShard):
