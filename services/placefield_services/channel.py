@@ -66,7 +66,7 @@ def run_channels(
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             if shards > 1:
                 bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
-            outlets[run] = _outlet(bus, keys, process.identity)
+            outlets[run] = _outlet(bus, keys, process.identity, config.matching.lag)
             process.answers[run] = outlets[run].candidates.history
         worker = ChannelWorker(placemap.model, served, outlets, process.counts)
         served.rehearse()
@@ -75,12 +75,15 @@ def run_channels(
         process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
 
 
-def _outlet(bus: Bus, keys: Keys, identity: str) -> Outlet:
+def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
+    # Of frames that are under way, and of those that a new fuser may have to smooth.
+    candidates = Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag))
+    share(bus, keys.history(keys.all_candidates), candidates.history)
     borders = Outbox(bus.publisher(keys.borders(identity)), History())
     history = keys.history(keys.all_borders)
     share(bus, history, borders.history)
     return Outlet(
-        candidates=Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW)),
+        candidates=candidates,
         recall=recalling(bus, keys.history(keys.feature)),
         borders=borders,
         recall_borders=partial(recall_all, bus, history, patience_s=_PATIENCE_S),

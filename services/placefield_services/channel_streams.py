@@ -20,13 +20,16 @@ from placefield.bus.messages import (
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
+    FinishedMessage,
     Header,
+    SettledFrame,
+    SettledFrames,
 )
-from placefield.config import Rule
+from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage, Compared
-from placefield.matching.matcher import Partial
+from placefield.matching.matcher import Partial, Settled
 
 _ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 
@@ -76,17 +79,22 @@ class ChannelStream:
     it.
     """
 
-    def __init__(self, stage: ChannelStage, rule: Rule, first: int, outlet: Outlet) -> None:
+    def __init__(
+        self, stage: ChannelStage, matching: MatchingConfig, first: int, outlet: Outlet
+    ) -> None:
         """Begin a stream.
 
         Args:
             stage: of the channels.
-            rule: how it makes candidates.
+            matching: how it makes candidates.
             first: number of the first frame.
             outlet: of its run.
         """
         self._stage = stage
-        self._rule: Rule = rule
+        self._rule: Rule = matching.rule
+        self._lag = matching.lag
+        self._settled: list[SettledFrame] = []
+        """Not published yet."""
         self._outlet = outlet
         self._waiting: deque[Frame] = deque()
         self._partials: defaultdict[int, dict[tuple[int, int], Partial]] = defaultdict(dict)
@@ -153,7 +161,7 @@ class ChannelStream:
             frame = self._waiting[0]
             if frame.header.end:
                 self._waiting.popleft()
-                self._outlet.candidates.put(frame.header)
+                self._finish(frame.header)
                 continue
             try:
                 if self._own is None:
@@ -205,16 +213,44 @@ class ChannelStream:
         del self._partials[self._stream.next]
         self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
         candidates = self._stream.reduce(partials)
-        if self._stream.next <= frame.header.sequence:
+        self._keep_settled(self._stream.settled())
+        sequence = frame.header.sequence
+        if self._stream.next <= sequence:
             return
         self._waiting.popleft()
         if frame.is_awaited:
-            self._outlet.candidates.put(frame.header, self._message(candidates))
+            self._outlet.candidates.put(frame.header, self._message(sequence, candidates))
+        else:  # it was answered, and so nobody waits for what is older by the lag
+            self._settled = [old for old in self._settled if old.sequence + self._lag > sequence]
 
-    def _message(self, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
+    def _message(self, sequence: int, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
         return CandidatesMessage(
             rule=self._rule,
             shard=self._stage.shard,
             shards=self._stage.shards,
             candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
+            settled=self._take_settled(sequence),
         )
+
+    def _finish(self, end: Header) -> None:
+        """Settle what is left, and publish it with the end of the stream."""
+        self._keep_settled(self._stream.finish())
+        message = FinishedMessage(
+            rule=self._rule,
+            shard=self._stage.shard,
+            shards=self._stage.shards,
+            channels=self._stage.channels,
+            settled=self._take_settled(end.sequence),
+        )
+        self._outlet.candidates.put(end, message)
+
+    def _keep_settled(self, settled: Mapping[int, list[tuple[int, Settled]]]) -> None:
+        self._settled += [
+            SettledFrame(channel, sequence, each.lag, each.candidate)
+            for channel, frames in settled.items()
+            for sequence, each in frames
+        ]
+
+    def _take_settled(self, sequence: int) -> SettledFrames | None:
+        settled, self._settled = self._settled, []
+        return SettledFrames.of(sequence, settled)

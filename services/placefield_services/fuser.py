@@ -4,20 +4,23 @@ import math
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import MOMENTS, History, Memory, Outbox, remembering, share
+from placefield.bus.history import MOMENTS, History, Memory, Outbox, recall_all, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
     CandidatesMessage,
     FeatureMessage,
+    FinishedMessage,
     Header,
     MatchMessage,
     MomentsMessage,
 )
-from placefield.bus.session import Publisher, open_bus
+from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
 from placefield.errors import MessageError
@@ -29,6 +32,7 @@ from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
+from placefield_services.smoothing import Smoothing
 
 SERVICE = "fuser"
 
@@ -47,18 +51,27 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
         fusers = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
-            bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run])
+            bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run], ends_empty=False)
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
             features = remembering(bus, keys.history(keys.feature))
             moments = remembering(bus, keys.history(keys.moments), MOMENTS)
             bus.subscribe(keys.moments, partial(_remember, moments.history), process.counts[run])
-            matches = Outbox(bus.publisher(keys.match), History())
-            process.answers[run] = matches.history
-            share(bus, keys.history(keys.match), matches.history)
-            outlets = matches, bus.publisher(keys.ack)
+            outlets = Outlets(
+                _shared(bus, keys, keys.match),
+                _shared(bus, keys, keys.smoothed),
+                bus.publisher(keys.ack),
+            )
+            process.answers[run] = outlets.matches.history
+            candidates = partial(recall_all, bus, keys.history(keys.all_candidates))
             fusers[run] = Fuser(
-                placemap, config, keys, channels, (features, moments), *outlets, process.counts[run]
+                placemap,
+                config,
+                keys,
+                channels,
+                Memories(features, moments, candidates),
+                outlets,
+                process.counts[run],
             )
         FusionStage(placemap.places.count, config.matching).rehearse()
         end = time.monotonic() + config.bus.connect_timeout_s
@@ -75,15 +88,48 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             )
 
 
+def _shared(bus: Bus, keys: Keys, key: str) -> Outbox:
+    """Return what publishes on a key and shares what it remembers."""
+    history = History()
+    share(bus, keys.history(key), history)
+    return Outbox(bus.publisher(key), history)
+
+
 def _remember(history: History, received: Received) -> None:
     MomentsMessage.decode(received.payload)
     history.remember(received.header, received.payload)
 
 
+@dataclass(frozen=True)
+class Memories:
+    """What a fuser remembers for others, and what others do for it.
+
+    Attributes:
+        features: descriptors of the stream.
+        moments: of the stream.
+        recall_candidates: yields what channel workers have published of a stream, of frames from
+            one up to another.
+    """
+
+    features: Memory
+    moments: Memory
+    recall_candidates: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
+
+
+@dataclass(frozen=True)
+class Outlets:
+    """Where a fuser publishes matches, smoothed ones, and the headers of those answered."""
+
+    matches: Outbox
+    smoothed: Outbox
+    acks: Publisher
+
+
 class Fuser:
     """Joins the candidates of a run's stream and answers each frame once, with what came in time.
 
-    The stream ends when the featurizer has said so and every frame has been answered.
+    The stream ends when the featurizer has said so and every frame has been answered. Its source is
+    told so when all smoothed matches are out, too.
     """
 
     def __init__(
@@ -92,9 +138,8 @@ class Fuser:
         config: Config,
         keys: Keys,
         channels: LiveChannels,
-        memories: tuple[Memory, Memory],
-        matches: Outbox,
-        acks: Publisher,
+        memories: Memories,
+        outlets: Outlets,
         counts: Counter[str],
     ) -> None:
         self._map = placemap
@@ -103,8 +148,7 @@ class Fuser:
         self._feature_key = keys.feature
         self.channels = channels
         self._memories = memories
-        self._matches = matches
-        self._acks = acks
+        self._outlets = outlets
         self._counts = counts
         self._switch = StreamSwitch(counts)
         self._early: deque[Received] = deque()
@@ -119,6 +163,9 @@ class Fuser:
             gaps_expected=live,
         )
         self._shards = self._stage.new_joiner()
+        self._smoothing = Smoothing(
+            self._map, self._stage, self._config, self._outlets.smoothed, self._counts
+        )
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
 
@@ -129,7 +176,7 @@ class Fuser:
         """
         header = received.header
         is_feature = received.key == self._feature_key
-        message = None if header.end else self._decode(received)
+        message = None if header.end and is_feature else self._decode(received)
         if is_feature and not self._follow(received):
             return
         if self._switch.has_left(header.stream):
@@ -139,19 +186,38 @@ class Fuser:
             self._keep_early(received)
             return
         if not header.live:
-            self._joiner.skip_to(header.oldest)
+            self._skip_to(header)
             if header.sequence > self._joiner.next + 2 * WINDOW:  # none is under way
                 self._counts["early"] += 1
                 return
+        now = time.monotonic()
+        if isinstance(message, FinishedMessage | CandidatesMessage):
+            self._smoothing.add(header.sequence, message, now)
+        if header.end:
+            self._end = header if is_feature else self._end
+            return
         if not self._joiner.is_released(header.sequence):
             self._headers[header.sequence] = header
-        now = time.monotonic()
         if isinstance(message, CandidatesMessage):
             self._add(header.sequence, message, now)
-        elif header.end and is_feature:
-            self._end = header
         elif is_feature:
             self._joiner.announce(header.sequence, now)
+
+    def _skip_to(self, header: Header) -> None:
+        """Take frames that the source awaits no more as answered, by a fuser before this one."""
+        if header.oldest > self._joiner.next:
+            self._joiner.skip_to(header.oldest)
+            self._smooth_answered(header.stream, header.oldest)
+
+    def _smooth_answered(self, stream: str, end: int) -> None:
+        """Smooth the newest frames before this one: the fuser that answered them may not have.
+
+        Those that it had smoothed are published a second time.
+        """
+        first = max(0, end - self._smoothing.lag)
+        for header in self._memories.features.history.headers(stream, first, end):
+            if not header.end:
+                self._smoothing.announce(header)
 
     def _follow(self, received: Received) -> bool:
         """Enter the stream of a descriptor; False if it was left."""
@@ -161,22 +227,37 @@ class Fuser:
             return False
         if arrival is Arrival.NEW_STREAM:
             self._release(math.inf)  # what the stream before it still owes
+            self._smoothing.abandon()
             self._begin(header.oldest, live=header.live)
-            if header.sequence > 0:  # others may forget what they know of it
-                for memory in self._memories:
-                    memory.fill(header)
+            if header.sequence > 0:
+                self._go_on(header)
             early, self._early = self._early, deque()
             for candidates in early:
                 try:
                     self.handle(candidates)
                 except MessageError:  # it must not cost the descriptor
                     self._counts["malformed"] += 1
-        features, _ = self._memories
+        features = self._memories.features
         came_again = features.history.find(header) is not None
         features.history.remember(header, received.payload)
         if came_again and self._joiner.is_released(header.sequence) and not header.live:
             self._answer_again(header)
         return True
+
+    def _go_on(self, header: Header) -> None:
+        """Go on with a stream that was on: others may forget what they know of it."""
+        self._memories.features.fill(header)
+        self._memories.moments.fill(header)
+        answered = header.sequence if header.live else header.oldest
+        self._smooth_answered(header.stream, answered)
+        first, now = max(0, answered - self._smoothing.lag), time.monotonic()
+        recall = self._memories.recall_candidates
+        for old, payload in recall(header.stream, first, header.sequence + 2 * WINDOW):
+            try:
+                message = self._decode_candidates(old, payload)
+                self._smoothing.add(old.sequence, message, now)
+            except MessageError:
+                self._counts["malformed"] += 1
 
     def _keep_early(self, received: Received) -> None:
         self._early.append(received)
@@ -202,20 +283,29 @@ class Fuser:
 
     def _answer_again(self, header: Header) -> None:
         """Publish the match of a frame whose source has not heard of it."""
-        if self._matches.put_again(header):
-            self._acks.put(header)
+        if self._outlets.matches.put_again(header):
+            self._outlets.acks.put(header)
 
-    def _decode(self, received: Received) -> FeatureMessage | CandidatesMessage:
+    def _decode(self, received: Received) -> FeatureMessage | CandidatesMessage | FinishedMessage:
         if received.key == self._feature_key:
             return FeatureMessage.decode(received.payload)
-        message = CandidatesMessage.decode(received.payload)
+        return self._decode_candidates(received.header, received.payload)
+
+    def _decode_candidates(
+        self, header: Header, payload: bytes
+    ) -> CandidatesMessage | FinishedMessage:
+        kind = FinishedMessage if header.end else CandidatesMessage
+        message = kind.decode(payload)
         rule = self._config.matching.rule
         if message.rule != rule:
             raise MessageError(
                 f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
             )
-        for each in message.candidates:  # a message is taken as a whole or not at all
-            self._check(each.candidate, message.shards)
+        # A message is taken as a whole or not at all.
+        self._smoothing.check(message)
+        if isinstance(message, CandidatesMessage):
+            for each in message.candidates:
+                self._check(each.candidate, message.shards)
         return message
 
     def _check(self, candidate: Candidate, shards: int) -> None:
@@ -224,7 +314,10 @@ class Fuser:
             raise MessageError(f"candidate of another map: this fuser's has {places} places")
 
     def release(self) -> None:
-        """Publish the matches of frames that are complete or due, and the last one's credit."""
+        """Publish the matches of frames that are complete or due, and the last one's credit.
+
+        Smoothed ones likewise.
+        """
         self._joiner.set_alive(self.channels.alive)
         self._release(time.monotonic())
 
@@ -233,13 +326,17 @@ class Fuser:
         for joined in self._joiner.release(now):
             last = self._headers[joined.sequence]
             self._publish(last, joined)
+            self._smoothing.announce(last)
         if last is not None:
             self._forget_before(last.sequence)
+        self._smoothing.release()
         if self._end is not None and self._is_over(self._end):
-            last, self._end = self._end, None
-            self._matches.put(last)
+            self._outlets.matches.put(self._end)
+            self._smoothing.end(self._end, now)
+            self._end = None
+        last = self._smoothing.finish(self.channels.alive, now) or last
         if last is not None:  # stands for all before it
-            self._acks.put(last)
+            self._outlets.acks.put(last)
 
     def _forget_before(self, sequence: int) -> None:
         self._shards.forget_before(sequence)
@@ -251,17 +348,8 @@ class Fuser:
         return not self._joiner.pending and (end.live or self._joiner.next >= end.sequence)
 
     def _publish(self, header: Header, joined: Joined) -> None:
-        match = self._fuse(joined)
-        answered = match.place != UNANSWERED
-        message = MatchMessage(
-            place=match.place,
-            score=match.score,
-            missing=match.missing,
-            probability=match.probability,
-            known=match.known,
-            pose=self._map.places.pose(match.place) if answered else None,
-        )
-        self._matches.put(header, message)
+        message = MatchMessage.of(self._fuse(joined), self._map.places.pose)
+        self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
 
     def _fuse(self, joined: Joined) -> Match:

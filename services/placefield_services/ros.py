@@ -97,9 +97,11 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.take)
         bus.subscribe_raw(keys.all_stats, stats)
         if len(placemap.places.poses):
-            publisher = node.publisher(f"{NAMESPACE}/{run}/pose", POSE)
-            poses = Poses(placemap.places.poses, config.matching.tolerance, publisher, counts)
-            bus.subscribe(keys.match, partial(_offer_match, inbox, poses), counts)
+            of_map = placemap.places.poses, config.matching.tolerance
+            for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
+                publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
+                poses = Poses(*of_map, publisher, counts, smoothed=key == keys.smoothed)
+                bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
         else:
             log.warning("the map has no poses: none goes out to ROS")
 

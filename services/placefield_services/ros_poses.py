@@ -1,11 +1,11 @@
-"""A run's matches as poses of ROS 2."""
+"""A run's matches, or its smoothed ones, as poses of ROS 2."""
 
 from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.bus.ros import RosPublisher
 from placefield.errors import MessageError
 from placefield.ros.covariance import pose_covariance
@@ -16,7 +16,7 @@ FRAME = "map"
 
 
 class Poses:
-    """Publishes the poses of known matches, and counts them as ``poses``."""
+    """Publishes the poses of known matches, and counts them as ``poses``, or ``smoothed_poses``."""
 
     def __init__(
         self,
@@ -24,8 +24,14 @@ class Poses:
         tolerance: int,
         publisher: RosPublisher,
         counts: Counter[str],
+        *,
+        smoothed: bool = False,
     ) -> None:
-        """Take the map's poses, (K, 3), and how many places off a known match may be."""
+        """Take the map's poses, (K, 3), and how many places off a known match may be.
+
+        ``smoothed`` says whether the matches are smoothed ones.
+        """
+        self._kind = SmoothedMessage if smoothed else MatchMessage
         self._of_map = of_map
         self._tolerance = tolerance
         self._publisher = publisher
@@ -39,11 +45,14 @@ class Poses:
         """
         if header.end:
             return
-        match = MatchMessage.decode(data)
+        match = self._kind.decode(data)
         if not match.known or match.probability is None or match.pose is None:
             return
         if not 0 <= match.place < len(self._of_map):
             raise MessageError(f"a match of another map: this one has {len(self._of_map)} places")
         covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
         self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
-        self._counts["poses"] += 1
+        if self._kind is SmoothedMessage:
+            self._counts["smoothed_poses"] += 1
+        else:
+            self._counts["poses"] += 1

@@ -52,7 +52,7 @@ class ServedChannels:
             MapError: somebody has written to the map meanwhile.
         """
         self._check_unchanged()
-        return ChannelStream(self._stage, self._matching.rule, first, outlet)
+        return ChannelStream(self._stage, self._matching, first, outlet)
 
     def comparing(self, descriptors: Sequence[Descriptor | None]) -> Comparing:
         """Yield what returns how each descriptor compares, None for a missing observation.

@@ -70,6 +70,8 @@ def fields_of(model: type[BaseModel]) -> Iterator[str]:
     for name, field in model.model_fields.items():
         yield name
         for part in get_args(field.annotation):
+            if part is messages.SettledFrames and model is not messages.CandidatesMessage:
+                continue  # said once
             if inspect.isclass(part) and issubclass(part, BaseModel):
                 yield from fields_of(part)
 

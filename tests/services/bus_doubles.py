@@ -9,12 +9,15 @@ from placefield.bus.session import Publisher
 class RecordingPublisher(Publisher):
     """Keeps what is published, of one kind of message."""
 
-    def __init__(self, kind: type[Message]) -> None:
-        self._kind = kind
+    def __init__(self, kind: type[Message], end: type[Message] | None = None) -> None:
+        """Take the kind, and that of the end of a stream, where that has a payload."""
+        self._kind, self._end = kind, end
         self.sent: list[tuple[Header, Message | None]] = []
 
     def send(self, header: Header, payload: bytes) -> None:
-        self.sent.append((header, self._kind.decode(payload) if payload else None))
+        kind = self._end if header.end else self._kind
+        assert kind is not None or not payload
+        self.sent.append((header, kind.decode(payload) if kind is not None and payload else None))
 
     @property
     def sequences(self) -> list[int]:

@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import BordersMessage, CandidatesMessage, FeatureMessage, Header
+from placefield.bus.messages import (
+    BordersMessage,
+    CandidatesMessage,
+    FeatureMessage,
+    FinishedMessage,
+    Header,
+    SettledFrame,
+)
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, fingerprint
+from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.sharding import ChannelShard
 from placefield_services.channel import ChannelWorker
@@ -24,6 +32,9 @@ RUNS = ("day", "night")
 
 RULES: tuple[Rule, ...] = get_args(Rule)
 Descriptor = NDArray[np.float32]
+Settled = tuple[int, int, int, float, bytes, bytes]
+"""Sequence, lag, place, score, places and evidence."""
+
 Told = tuple[int, int, float, bytes, bytes]
 """Sequence, place, score, places and evidence of a candidate."""
 
@@ -41,7 +52,9 @@ class Stage:
     ) -> None:
         self.model = fingerprint(placemap.model)
         self.channels = channels
-        self.publishers = {run: RecordingPublisher(CandidatesMessage) for run in RUNS}
+        self.publishers = {
+            run: RecordingPublisher(CandidatesMessage, FinishedMessage) for run in RUNS
+        }
         self.elsewhere = {run: Memory() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
@@ -85,6 +98,39 @@ class Stage:
             for each in message.candidates
             if each.channel == channel
         ]
+
+    def settled(self, channel: int, *, run: str = RUNS[0], first: int = 0) -> list[Settled]:
+        """What was published of a channel in hindsight, from message ``first`` on."""
+        return [
+            _as_settled(each)
+            for about, message in self.publishers[run].sent[first:]
+            if isinstance(message, CandidatesMessage | FinishedMessage) and message.settled
+            for each in message.settled.frames(about.sequence)
+            if each.channel == channel
+        ]
+
+
+def _as_settled(frame: SettledFrame) -> Settled:
+    candidate = frame.candidate
+    arrays = candidate.places.tobytes(), candidate.evidence.tobytes()
+    return frame.sequence, frame.lag, candidate.place, candidate.score, *arrays
+
+
+def settled_offline(
+    placemap: Map, channel: int, rule: Rule, descriptors: list[Descriptor | None]
+) -> list[Settled]:
+    """Return what a channel settles of a whole stream."""
+    stage = ChannelStage({channel: placemap.channels[channel]}, MatchingConfig(rule=rule))
+    stream = stage.new_stream()
+    settled = []
+    for descriptor in descriptors:
+        stream.push(None if descriptor is None else next(stage.compare([descriptor])))
+        settled += stream.settled()[channel]
+    settled += stream.finish()[channel]
+    return [
+        _as_settled(SettledFrame(channel, sequence, each.lag, each.candidate))
+        for sequence, each in settled
+    ]
 
 
 def offline(

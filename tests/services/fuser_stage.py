@@ -13,21 +13,26 @@ from placefield.bus.messages import (
     CandidatesMessage,
     ChannelCandidate,
     FeatureMessage,
+    FinishedMessage,
     Header,
     MatchMessage,
     Message,
+    SettledFrame,
+    SettledFrames,
+    SmoothedMessage,
 )
 from placefield.config import Config, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser import Fuser
+from placefield_services.fuser import Fuser, Memories, Outlets
 from placefield_services.live_channels import LiveChannels
 
 KEYS = Keys("test")
 CANDIDATES = KEYS.candidates("worker")
 DEADLINE_S = 2.0
+LAG = 3
 CHANNELS = 3
 
 
@@ -47,13 +52,20 @@ class Stage:
     def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
         self.places = placemap.places.count
         self.config = Config.model_validate(
-            {"runs": ["test"], "matching": {"rule": rule}, "fusion": {"deadline_s": DEADLINE_S}}
+            {
+                "runs": ["test"],
+                "matching": {"rule": rule, "lag": LAG},
+                "fusion": {"deadline_s": DEADLINE_S},
+            }
         )
         self.channels = LiveChannels(CHANNELS)
         for channel in range(CHANNELS):
             self.set_alive(channel, True)
         self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
+        self.smoothed = RecordingPublisher(SmoothedMessage)
         self.features, self.elsewhere = History(), Memory()
+        self.remembered: list[tuple[Header, bytes]] = []
+        """Messages of channel workers that they can send again."""
         unasked = Remembered(History(), Memory().recall)
         self.counts: Counter[str] = Counter()
         self._clock = clock
@@ -62,11 +74,19 @@ class Stage:
             self.config,
             KEYS,
             self.channels,
-            (Remembered(self.features, self.elsewhere.recall), unasked),
-            Outbox(self.matches, History()),
-            self.acks,
+            Memories(
+                Remembered(self.features, self.elsewhere.recall), unasked, self._recall_candidates
+            ),
+            Outlets(Outbox(self.matches, History()), Outbox(self.smoothed, History()), self.acks),
             self.counts,
         )
+
+    def _recall_candidates(self, stream: str, first: int, end: int) -> list[tuple[Header, bytes]]:
+        return [
+            (about, payload)
+            for about, payload in self.remembered
+            if about.stream == stream and first <= about.sequence < end
+        ]
 
     def set_alive(self, channel: int, is_alive: bool) -> None:
         token = KEYS.alive("channel", Part(channel).identity("worker"))
@@ -100,6 +120,36 @@ class Stage:
         numbers = channels if isinstance(channels, tuple) else (channels,)
         candidates = [self.written(channel, about.sequence) for channel in numbers]
         self.handle(CANDIDATES, about, self.message(*candidates))
+
+    def settled(self, channel: int, sequence: int, lag: int) -> SettledFrame:
+        return SettledFrame(channel, sequence, lag, self.candidate(channel + 100, sequence))
+
+    def settling(self, about: Header, *settled: SettledFrame) -> Message:
+        """Return what a worker says of a frame, with what it has settled; or at the end."""
+        packed = SettledFrames.of(about.sequence, settled)
+        rule, channels = self.config.matching.rule, sorted({each.channel for each in settled})
+        if about.end:
+            return FinishedMessage(
+                rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
+            )
+        candidates = [self.written(channel, about.sequence) for channel in channels]
+        return CandidatesMessage(rule=rule, candidates=tuple(candidates), settled=packed)
+
+    def settle(self, about: Header, *settled: SettledFrame) -> None:
+        self.handle(CANDIDATES, about, self.settling(about, *settled))
+
+    def smoothed_as(self, sequence: int, *missing: int) -> Match:
+        settling = sorted({*range(CHANNELS)} - {*missing})
+        candidates = [self.candidate(channel + 100, sequence) for channel in settling]
+        return fuse(candidates, self.config.matching, missing=missing)
+
+    @property
+    def published_smoothed(self) -> list[tuple[int, Match, int]]:
+        return [
+            (about.sequence, message.match, message.lag)
+            for about, message in self.smoothed.sent
+            if isinstance(message, SmoothedMessage)
+        ]
 
     def pass_time(self, seconds: float) -> None:
         self._clock.now += seconds

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from bus_doubles import header, received
-from channel_stage import RULES, RUNS, Descriptor, Stage, offline
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offline
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import CandidatesMessage, FeatureMessage
+from placefield.bus.messages import CandidatesMessage, FeatureMessage, FinishedMessage
 from placefield.config import Config, Rule
 from placefield.errors import ConfigError, MessageError
 from placefield.maps.map import Map
@@ -96,7 +96,34 @@ def test_a_frame_is_answered_by_one_message_of_all_channels(
 def test_the_end_of_the_stream_is_passed_on(route_map: Map) -> None:
     stage = Stage(route_map, "evidence")
     stage.handle(stage.feature(header(0, end=True)))
-    assert stage.publishers[RUNS[0]].sent == [(header(0, end=True), None)]
+    finished = FinishedMessage(rule="evidence", channels=(0, 2))
+    assert stage.publishers[RUNS[0]].sent == [(header(0, end=True), finished)]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_frame_is_settled_once_and_the_last_ones_with_the_end(
+    route_map: Map, descriptors: list[Descriptor], rule: Rule
+) -> None:
+    stage = Stage(route_map, rule)
+    seen: list[Descriptor | None] = [*descriptors, *descriptors[::-1]]
+    seen[3] = seen[11] = None
+    batch = [stage.feature(header(s), descriptor) for s, descriptor in enumerate(seen)]
+    stage.handle(*batch[:7])
+    stage.handle(*batch[7:], stage.feature(header(len(seen), end=True)))
+    for channel in stage.channels:
+        assert stage.settled(channel) == settled_offline(route_map, channel, rule, seen)
+
+
+def test_a_frame_that_comes_again_is_answered_by_the_same_message(
+    route_map: Map, descriptors: list[Descriptor]
+) -> None:
+    stage = Stage(route_map, "filter")
+    batch = [stage.feature(header(s), descriptor) for s, descriptor in enumerate(descriptors)]
+    batch.append(stage.feature(header(len(descriptors), end=True)))
+    stage.handle(*batch)
+    first = stage.settled(0)
+    stage.handle(*batch)
+    assert stage.settled(0, first=len(batch)) == first
 
 
 def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(

@@ -1,8 +1,8 @@
 import pytest
 from bus_doubles import header
-from channel_stage import RULES, RUNS, Descriptor, Stage, offline
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offline
 
-from placefield.config import Rule
+from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map
 from placefield_services import channel as channel_module
 
@@ -19,6 +19,11 @@ def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
     awaited = 12 if live else 10
     assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])[awaited:]
     assert stage.counts[RUNS[0]]["gaps"] == 0
+    stage.handle(stage.feature(header(len(descriptors), end=True, live=live)))
+    newest = (12 if live else 10) - 1  # that was answered while it was away
+    expected = settled_offline(route_map, 0, rule, [*descriptors])
+    awaited_still = [each for each in expected if each[0] + MatchingConfig().lag > newest]
+    assert stage.settled(0) == awaited_still
 
 
 @pytest.mark.parametrize("rule", RULES)

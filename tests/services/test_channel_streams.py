@@ -19,6 +19,7 @@ from placefield.bus.messages import (
     CandidatesMessage,
     ChannelSummary,
     FeatureMessage,
+    FinishedMessage,
     Header,
     HistoryQuery,
 )
@@ -59,7 +60,7 @@ class Shards:
     def start(self, shard: int) -> None:
         """Start a worker, in the place of another perhaps."""
         self.told[shard] = RecordingPublisher(BordersMessage)
-        self.answered[shard] = RecordingPublisher(CandidatesMessage)
+        self.answered[shard] = RecordingPublisher(CandidatesMessage, FinishedMessage)
         self.borders[shard] = History()
         outlet = Outlet(
             candidates=Outbox(self.answered[shard], History()),
@@ -263,7 +264,10 @@ def test_the_end_comes_behind_the_last_answer(
     assert not shards.answered[0].sent
     shards.exchange()
     assert shards.answered[0].sequences == [0, 1]
-    assert shards.answered[0].sent[-1] == (header(1, end=True), None)
+    about, finished = shards.answered[0].sent[-1]
+    assert about == header(1, end=True)
+    assert isinstance(finished, FinishedMessage)
+    assert (finished.shard, finished.shards, finished.channels) == (0, SHARDS, (0, 1, 2))
 
 
 def test_what_is_told_of_another_cut_or_map_is_not_taken(

@@ -70,6 +70,7 @@ def test_a_stream_is_not_over_before_its_last_frames_have_been_heard_of(stage: S
     stage.announce(header(1))
     stage.answer((0, 1, 2), header(1))
     assert [about.sequence for about, _ in stage.matches.sent] == [0, 1, 2]
+    stage.pass_time(DEADLINE_S)
     assert stage.acks.sequences[-1] == 2
 
 

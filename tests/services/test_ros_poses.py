@@ -5,7 +5,7 @@ import pytest
 from bus_doubles import header
 from ros_doubles import RecordingTopic
 
-from placefield.bus.messages import MatchMessage
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.errors import MessageError
 from placefield.ros.covariance import pose_covariance
 from placefield.ros.messages import POSE
@@ -65,3 +65,12 @@ def test_the_end_of_a_stream_is_no_pose(stage: Stage) -> None:
 def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
     with pytest.raises(MessageError, match="another map"):
         stage.take(place=20)
+
+
+def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
+    smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
+    poses = Poses(PLACES, TOLERANCE, stage.topic, stage.counts, smoothed=True)
+    poses.take(header(5), smoothed.encode())
+    stage.take()
+    assert str(stage.topic.sent[0]) == str(stage.topic.sent[1])
+    assert stage.counts == {"poses": 1, "smoothed_poses": 1}

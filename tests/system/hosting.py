@@ -16,7 +16,7 @@ import psutil
 from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import Header, MatchMessage, StatsMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import ENV_PREFIX, BusConfig, MatchingConfig, Rule
 from placefield.errors import MessageError
@@ -219,6 +219,7 @@ class Listener:
         self.bus = bus
         self.keys = Keys(run)
         self._matches = MatchQueue(bus, self.keys)
+        self._smoothed = MatchQueue(bus, self.keys, smoothed=True)
         self._counts: dict[tuple[str, str], dict[str, int]] = {}
         bus.subscribe_raw(self.keys.all_stats, self._receive)
 
@@ -257,6 +258,20 @@ class Listener:
             answers.append((header, match))
         return answers
 
+    def smoothed(self, stream: str) -> list[tuple[int, SmoothedMessage]]:
+        """Return all smoothed matches of a stream, with the numbers of their frames."""
+        smoothed: list[tuple[int, SmoothedMessage]] = []
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            taken = self._smoothed.take(0.1)
+            if taken is None or taken[0].stream != stream:
+                continue
+            if taken[0].end:
+                return smoothed
+            if isinstance(taken[1], SmoothedMessage):
+                smoothed.append((taken[0].sequence, taken[1]))
+        raise AssertionError("the smoothed matches have no end")
+
     def until_flagged(self, first: int) -> list[Answer]:
         """Return the next answers, of frames from ``first`` on, to the first with a flag."""
         answers = self.answers(first, count=1)
@@ -279,3 +294,23 @@ def offline(
         for image in images
     ]
     return [(match.place, match.score, match.missing) for match in matches]
+
+
+Smoothed = tuple[int, int, float | None, int, tuple[int, ...]]
+"""Frame, place, probability, lag and missing channels of a smoothed match."""
+
+
+def smoothed_of(stream: Sequence[tuple[int, SmoothedMessage]]) -> list[Smoothed]:
+    return [(n, one.place, one.probability, one.lag, one.missing) for n, one in stream]
+
+
+def smoothed_offline(
+    placemap: Map, images: Sequence[Path], rule: Rule = _DEFAULT_RULE
+) -> list[Smoothed]:
+    """Return what the recognizer says of the same frames in hindsight."""
+    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    for image in images:
+        recognizer.push(image.read_bytes())
+    smoothed = recognizer.smoothed() + recognizer.finish()
+    matches = [(each.frame, each.match, each.lag) for each in smoothed]
+    return [(n, one.place, one.probability, lag, one.missing) for n, one, lag in matches]

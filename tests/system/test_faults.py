@@ -10,8 +10,11 @@ from hosting import (
     Host,
     Listener,
     Process,
+    Smoothed,
     answers_of,
     offline,
+    smoothed_of,
+    smoothed_offline,
     wait_until,
 )
 
@@ -39,6 +42,11 @@ def undisturbed(route_map: Map, query_dir: Path) -> list[tuple[int, float, tuple
     return offline(route_map, sorted(query_dir.iterdir()))
 
 
+@pytest.fixture(scope="module")
+def smoothed(route_map: Map, query_dir: Path) -> list[Smoothed]:
+    return smoothed_offline(route_map, sorted(query_dir.iterdir()))
+
+
 @contextmanager
 def replaying(endpoint: str, frames: Path, logs: Path) -> Iterator[Process]:
     """Replay inside the block, and to its end."""
@@ -55,6 +63,7 @@ def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
     host: Host,
     query_dir: Path,
     undisturbed: list[tuple[int, float, tuple[int, ...]]],
+    smoothed: list[Smoothed],
     service: str,
 ) -> None:
     with host.listener() as listener, replaying(host.endpoint, query_dir, tmp_path):
@@ -62,6 +71,7 @@ def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
         (process,) = host.service(service)
         process.kill()
         answers = first + listener.answers(first=BEFORE)
+        assert smoothed_of(listener.smoothed(answers[0][0].stream)) == smoothed
     assert answers_of(answers) == undisturbed
 
 
@@ -71,6 +81,7 @@ def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_e
     host: Host,
     query_dir: Path,
     undisturbed: list[tuple[int, float, tuple[int, ...]]],
+    smoothed: list[Smoothed],
     number: signal.Signals,
 ) -> None:
     with host.listener() as listener, replaying(host.endpoint, query_dir, tmp_path) as replay:
@@ -83,6 +94,12 @@ def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_e
                 worker.resume()
             wait_until(lambda: len(listener.alive("channel")) == 3, "the worker is back")
         answers = answers_of(first + listener.answers(first=len(first)))
+        in_hindsight = smoothed_of(listener.smoothed(first[0][0].stream))
+    assert [number for number, *_ in in_hindsight] == list(range(len(smoothed)))
+    told = [known for known, one in zip(smoothed, in_hindsight, strict=True) if not one[-1]]
+    assert [one for one in in_hindsight if not one[-1]] == told
+    assert {one[-1] for one in in_hindsight} <= {(), (1,)}
+    assert in_hindsight[-1] in told
     flagged = [number for number, (_, _, missing) in enumerate(answers) if missing]
     assert len(answers) == len(undisturbed)
     assert flagged

@@ -8,6 +8,7 @@ import numpy as np
 from hosting import Host, Listener, Process, placefield, refusal, wait_until
 from mcap.reader import make_reader
 
+from placefield.bus.messages import SmoothedMessage
 from placefield.features.images import decode
 from placefield_tools.recording.records import Record, read_records
 
@@ -32,22 +33,24 @@ def test_recordings_hold_what_was_on_the_bus(
         for _ in range(2):
             host.replay(query_dir, "--stride", "3")
             streams.append(listener.answers())
-        wait_until(lambda: lines.read_text().count("\n") == 42, "all is recorded")
+        wait_until(lambda: lines.read_text().count("\n") == 82, "all is recorded")
         assert listen.stop(signal.SIGINT) == 0
         assert [process.stop(signal.SIGINT) for process in both] == [0, 0]
         assert not lines_process.err + mcap_process.err
-    assert lines_process.out.splitlines()[-1] == f"{lines}: 40 matches"
-    assert mcap_process.out.splitlines()[-1] == f"{mcap}: 40 matches, 40 frames"
+    assert lines_process.out.splitlines()[-1] == f"{lines}: 40 matches, 40 smoothed"
+    assert mcap_process.out.splitlines()[-1] == f"{mcap}: 40 matches, 40 smoothed, 40 frames"
 
     sent = [Record(header, match) for stream in streams for header, match in stream]
-    recorded = read_records(lines)
+    everything = read_records(lines)
+    recorded = [each for each in everything if not isinstance(each.match, SmoothedMessage)]
+    assert len(everything) == 2 * len(recorded)
     assert [record.match for record in recorded] == [record.match for record in sent]
     for record, original in zip(recorded, sent, strict=True):
         for name in ("stream", "sequence", "stamp_ns"):
             assert getattr(record.header, name) == getattr(original.header, name)
-    printed = listen.out.splitlines()
-    assert printed == lines.read_text().splitlines()[-len(printed) :]
-    assert len(printed) >= 21
+    printed = listen.out.splitlines()  # the two kinds come on keys of their own
+    assert set(printed) <= set(lines.read_text().splitlines())
+    assert len(printed) >= 41
 
     with mcap.open("rb") as file:
         messages = [
@@ -55,7 +58,10 @@ def test_recordings_hold_what_was_on_the_bus(
             for _, channel, message in make_reader(file).iter_messages(log_time_order=False)
         ]
     objects = [read for topic, _, read in messages if topic == "/placefield/match"]
-    assert objects == [told(json.loads(line)) for line in lines.read_text().splitlines()]
+    smoothed = [read for topic, _, read in messages if topic == "/placefield/smoothed/match"]
+    written = [told(json.loads(line)) for line in lines.read_text().splitlines()]
+    assert objects == [one for one in written if not one["smoothed"]]
+    assert smoothed == [one for one in written if one["smoothed"]]
     images = [read["data"] for topic, _, read in messages if topic == "/placefield/frame"]
     files = sorted(query_dir.iterdir())[::3]
     for image, file in zip(images, files * 2, strict=True):

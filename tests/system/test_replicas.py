@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hosting import Host, Process, answers_of, offline, wait_until
+from hosting import Host, Process, answers_of, offline, smoothed_of, smoothed_offline, wait_until
 
 from placefield.maps.map import Map
 
@@ -27,4 +27,7 @@ def test_while_one_of_two_replicas_is_killed_no_answer_is_flagged_or_another(
             worker.kill()
             answers += listener.answers(first=BEFORE)
         assert answers_of(answers) == expected
-        assert listener.count("fuser", "duplicate") > 0
+        smoothed = smoothed_of(listener.smoothed(answers[0][0].stream))
+        assert smoothed == smoothed_offline(route_map, sorted(query_dir.iterdir()))
+        second = listener.count("fuser", "duplicate") + listener.count("fuser", "late")
+        assert second > 0

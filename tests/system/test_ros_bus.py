@@ -181,6 +181,7 @@ def ros(logs: Path, posed_map: Path) -> Iterator[Ros]:
 def test_the_robot_sees_what_is_spoken(ros: Ros) -> None:
     seen = ros.robot.topics()
     assert seen["/placefield/default/pose"] == [POSE]
+    assert seen["/placefield/default/smoothed_pose"] == [POSE]
     assert seen["/diagnostics"] == [DIAGNOSTICS]
     assert COMPRESSED_IMAGE in seen[CAMERA]
     assert seen[ODOM] == [ODOMETRY]

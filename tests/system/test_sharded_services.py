@@ -6,7 +6,16 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from hosting import Answer, Listener, Process, offline, wait_until
+from hosting import (
+    Answer,
+    Listener,
+    Process,
+    Smoothed,
+    offline,
+    smoothed_of,
+    smoothed_offline,
+    wait_until,
+)
 
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
@@ -53,6 +62,13 @@ def places_and_scores(answers: list[Answer]) -> list[tuple[int, float]]:
     return [(match.place, match.score) for _, match in answers]
 
 
+def assert_close(smoothed: list[Smoothed], expected: list[Smoothed]) -> None:
+    """Check that frames, places, lags and flags are the same, and probabilities to rounding."""
+    assert [(*one[:2], *one[3:]) for one in smoothed] == [(*one[:2], *one[3:]) for one in expected]
+    for (_, _, probability, *_), (_, _, known, *_) in zip(smoothed, expected, strict=True):
+        assert probability == pytest.approx(known, abs=1e-5)
+
+
 def test_shards_answer_as_the_whole_and_so_does_one_that_was_killed_and_started_again(
     host: ShardedHost, route_map: Map, query_dir: Path
 ) -> None:
@@ -64,6 +80,9 @@ def test_shards_answer_as_the_whole_and_so_does_one_that_was_killed_and_started_
     for (_, score), (_, expected, _) in zip(places_and_scores(answers), whole, strict=True):
         assert score == pytest.approx(expected, abs=1e-3)
 
+    in_hindsight = smoothed_of(host.listener.smoothed(answers[0][0].stream))
+    assert_close(in_hindsight, smoothed_offline(route_map, sorted(query_dir.iterdir())))
+
     replay = host.replay(query_dir, "--rate", "12")
     first = host.listener.answers(count=15)
     host.workers[1].stop(signal.SIGKILL)
@@ -73,6 +92,7 @@ def test_shards_answer_as_the_whole_and_so_does_one_that_was_killed_and_started_
         wait_until(lambda: len(host.listener.alive("channel")) == SHARDS * 3, "the shard is back")
     again = [*first, *host.listener.answers(first=len(first))]
     assert len(again) == len(whole)
+    assert smoothed_of(host.listener.smoothed(again[0][0].stream)) == in_hindsight
     assert any(match.missing for _, match in again)
     assert not again[-1][1].missing
     for (_, told), known in zip(again, answers, strict=True):

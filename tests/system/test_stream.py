@@ -17,6 +17,8 @@ from hosting import (
     free_endpoint,
     offline,
     placefield,
+    smoothed_of,
+    smoothed_offline,
     wait_until,
 )
 
@@ -41,7 +43,11 @@ def test_the_stream_gives_what_is_given_offline_frame_for_frame(
     files = sorted(damaged_dir.iterdir())
     unreadable = listener.count("featurizer", "unreadable")
     assert "60 frames replayed" in host.replay(damaged_dir).stdout
-    assert answers_of(listener.answers()) == offline(route_map, files)
+    stream = listener.answers()
+    assert answers_of(stream) == offline(route_map, files)
+    smoothed = smoothed_of(listener.smoothed(stream[0][0].stream))
+    assert smoothed == smoothed_offline(route_map, files)
+    assert len({lag for *_, lag, _ in smoothed}) > 1
     wait_until(
         lambda: listener.count("featurizer", "unreadable") >= unreadable + len(UNREADABLE),
         "unreadable frames are counted",
@@ -54,8 +60,11 @@ def test_so_does_the_stream_under_the_rules_that_are_not_the_default(
 ) -> None:
     with Host(logs, map_path, "--rule", rule) as own, own.listener() as listener:
         own.replay(damaged_dir)
-        answers = answers_of(listener.answers())
-    assert answers == offline(route_map, sorted(damaged_dir.iterdir()), rule)
+        stream = listener.answers()
+        smoothed = smoothed_of(listener.smoothed(stream[0][0].stream))
+    answers, files = answers_of(stream), sorted(damaged_dir.iterdir())
+    assert answers == offline(route_map, files, rule)
+    assert smoothed == smoothed_offline(route_map, files, rule)
     assert sum(place >= 0 for place, _, _ in answers) > 40
 
 
@@ -124,18 +133,22 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
         time.sleep(0.5)  # a subscription needs a moment to get around
         host.replay(query_dir, "--stride", "6")
         stream = listener.answers()
-        wait_until(lambda: all(p.out.count("\n") == 11 for p in both), "all is printed")
+        smoothed = listener.smoothed(stream[0][0].stream)
+        wait_until(lambda: all(p.out.count("\n") == 21 for p in both), "all is printed")
         assert [process.stop(signal.SIGINT) for process in both] == [0, 0]
         assert not lines.err + json_lines.err
         printed = lines.out.splitlines()
         parsed = [json.loads(line) for line in json_lines.out.splitlines()]
+    at_once = [line for line in printed[:-1] if not line.startswith("  smoothed ")]
+    later = [line for line in printed[:-1] if line.startswith("  smoothed ")]
     for number, (header, match) in enumerate(stream):
-        assert printed[number].startswith(f"frame {number}: place {match.place}, score ")
-        assert parsed[number] == {
+        assert at_once[number].startswith(f"frame {number}: place {match.place}, score ")
+        assert [one for one in parsed if not one["smoothed"]][number] == {
             "stream": header.stream,
             "sequence": number,
             "stamp_ns": header.stamp_ns,
             "end": False,
+            "smoothed": False,
             "place": match.place,
             "score": match.score,
             "missing": [],
@@ -143,6 +156,11 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "known": match.known,
             "pose": None,
         }
+    for number, one in smoothed:
+        assert later[number].startswith(f"  smoothed frame {number}: place {one.place}, score ")
+        assert later[number].endswith(f", {one.lag} frames later")
+        told = [each for each in parsed if each["smoothed"]][number]
+        assert (told["place"], told["lag"], told["end"]) == (one.place, one.lag, False)
     assert printed[-1].startswith("end of stream")
     assert printed[-1].endswith("10 frames")
     assert parsed[-1]["end"] is True

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 import pytest
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage, StatsMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import MessageError
@@ -51,3 +51,22 @@ def test_what_is_no_match_is_refused_and_the_next_one_still_comes(buses: tuple[B
     with pytest.raises(MessageError):
         matches.take(10)
     assert matches.take(10) == (header(1), MatchMessage(place=3, score=1.0))
+
+
+def test_smoothed_matches_come_in_order_too_and_the_end_behind_them(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    both = MatchQueue(listener, KEYS, smoothed=True)
+    time.sleep(0.2)
+    matches, smoothed = fuser.publisher(KEYS.match), fuser.publisher(KEYS.smoothed)
+    at_once = [MatchMessage(place=s, score=0.0) for s in range(5)]
+    later = [SmoothedMessage(place=s + 1, score=0.0, lag=3) for s in range(5)]
+    for sequence in range(5):
+        matches.put(header(sequence), at_once[sequence])
+    matches.put(header(5, end=True))
+    for sequence in (0, 1, 0, 2, 3, 4):  # one is published a second time, by a new fuser
+        smoothed.put(header(sequence), later[sequence])
+    smoothed.put(header(5, end=True))
+    taken = list(stream_matches(both, 10))
+    kinds = [[t for t in taken if isinstance(t[1], SmoothedMessage) == is_one] for is_one in (0, 1)]
+    assert kinds[0] == [(header(s), one) for s, one in enumerate(at_once)]
+    assert kinds[1] == [(header(s), one) for s, one in enumerate(later)]

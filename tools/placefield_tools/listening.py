@@ -4,12 +4,12 @@ import logging
 import queue
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from placefield.bus.history import LENGTH, recalling
+from placefield.bus.history import LENGTH, Recall, recalling
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield_tools.standing import other_runs
@@ -28,20 +28,25 @@ def warn_of_other_runs(bus: Bus, run: str) -> None:
 
 
 class MatchQueue:
-    """The matches of a run from now on, each once.
+    """The matches of a run from now on, each once; smoothed ones, too, if they are wanted.
 
-    They come in order. In a lossless stream what was lost on the way is asked for.
+    Either come in order, and the end of a stream after the last of all. In a lossless stream what
+    was lost on the way is asked for.
     """
 
-    def __init__(self, bus: Bus, keys: Keys) -> None:
+    def __init__(self, bus: Bus, keys: Keys, *, smoothed: bool = False) -> None:
+        """Take whether smoothed matches are wanted: they are taken as ``SmoothedMessage``."""
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._taken: deque[Taken] = deque()
-        self._follower = StreamFollower(self.counts, lambda header: header.sequence)
-        self._open_stream: str | None = None
-        self._ask_at = 0.0
-        self._recall = recalling(bus, keys.history(keys.match))
-        bus.subscribe(keys.match, self._received.put, self.counts)
+        kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
+        self._in_order = {
+            key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts)
+            for key, kind in kinds.items()
+        }
+        self._ended = dict.fromkeys(kinds, "")  # stream, by key
+        for key in kinds:
+            bus.subscribe(key, self._received.put, self.counts)
 
     def take(self, timeout: float) -> Taken | None:
         """Return the next match with its header, no match at the end of a stream; None: none yet.
@@ -54,36 +59,58 @@ class MatchQueue:
             try:
                 received = self._received.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
-                self._ask_if_quiet()
+                for key, in_order in self._in_order.items():
+                    self._keep(key, in_order.ask_if_quiet())
                 return self._taken.popleft() if self._taken else None
-            self._receive(received.header, received.payload)
-            self._ask_at = time.monotonic() + _QUIET_S
+            in_order = self._in_order[received.key]
+            self._keep(received.key, in_order.receive(received.header, received.payload))
         return self._taken.popleft()
 
-    def _ask_if_quiet(self) -> None:
+    def _keep(self, key: str, taken: Iterable[Taken]) -> None:
+        for header, match in taken:
+            if match is None:
+                self._ended[key] = header.stream
+            if match is not None or set(self._ended.values()) == {header.stream}:
+                self._taken.append((header, match))
+
+
+class _InOrder:
+    """Puts what comes on one key in order, and asks for what is missing."""
+
+    def __init__(self, kind: type[MatchMessage], recall: Recall, counts: Counter[str]) -> None:
+        self._kind = kind
+        self._recall = recall
+        self._follower = StreamFollower(counts, lambda header: header.sequence)
+        self._open_stream: str | None = None
+        self._ask_at = 0.0
+
+    def ask_if_quiet(self) -> list[Taken]:
         """Ask for what comes next: it, and all behind it, may have been lost on the way."""
         if self._open_stream is None or time.monotonic() < self._ask_at:
-            return
+            return []
         self._ask_at = time.monotonic() + _QUIET_S
         first = self._follower.next
-        for header, payload in self._recall(self._open_stream, first, first + LENGTH).values():
-            self._receive(header, payload)
+        recalled = self._recall(self._open_stream, first, first + LENGTH).values()
+        return [taken for old in recalled for taken in self.receive(*old)]
 
-    def _receive(self, header: Header, payload: bytes) -> None:
-        match = None if header.end else MatchMessage.decode(payload)
+    def receive(self, header: Header, payload: bytes) -> list[Taken]:
+        """Return what has its turn now."""
+        self._ask_at = time.monotonic() + _QUIET_S
+        match = None if header.end else self._kind.decode(payload)
         turn = self._follower.follow(header)
+        taken: list[Taken] = []
         if turn is Turn.AHEAD:
-            missed = [] if header.live else self._missed(header)
-            self._taken += missed
+            taken = [] if header.live else self._missed(header)
             gap = header.sequence - self._follower.next
-            self._follower.leap(header.sequence, gap - len(missed))
+            self._follower.leap(header.sequence, gap - len(taken))
         if turn in (Turn.NEXT, Turn.AHEAD):
-            self._taken.append((header, match))
+            taken.append((header, match))
             self._open_stream = None if header.end or header.live else header.stream
+        return taken
 
     def _missed(self, header: Header) -> list[Taken]:
         recalled = self._recall(header.stream, self._follower.next, header.sequence)
-        return [(old, MatchMessage.decode(payload)) for old, payload in recalled.values()]
+        return [(old, self._kind.decode(payload)) for old, payload in recalled.values()]
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:

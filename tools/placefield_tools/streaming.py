@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from placefield.bus.keys import Keys
+from placefield.bus.messages import SmoothedMessage
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
-from placefield.fusion.match import Match
+from placefield.fusion.match import Match, SmoothedMatch
 from placefield_tools.hosting import await_ready, free_endpoint
 from placefield_tools.listening import MatchQueue, stream_matches
 from placefield_tools.replaying import replay
@@ -27,15 +28,34 @@ def match_through_services(map_path: Path, source: Source, config: Config) -> li
     Raises:
         BusError: the services do not start or stop answering.
     """
+    return match_and_smooth_through_services(map_path, source, config)[0]
+
+
+def match_and_smooth_through_services(
+    map_path: Path, source: Source, config: Config
+) -> tuple[list[Match], list[SmoothedMatch]]:
+    """Do likewise, and return the smoothed matches, too.
+
+    Raises:
+        BusError: the services do not start or stop answering.
+    """
     bus = BusConfig(endpoint=free_endpoint(), connect_timeout_s=config.bus.connect_timeout_s)
     alone = config.model_copy(update={"bus": bus})
     with _host(map_path, alone), open_bus(bus) as session:
-        matches = MatchQueue(session, Keys(alone.run))
+        matches = MatchQueue(session, Keys(alone.run), smoothed=True)
         sent = replay(source, session, alone, threading.Event())
-        answered = [message.match for _, message in stream_matches(matches, _LAST_MATCH_S)]
-    if len(answered) != sent:
-        raise BusError(f"{sent} frames were sent through the services, {len(answered)} matched")
-    return answered
+        answered, smoothed = [], []
+        for header, message in stream_matches(matches, _LAST_MATCH_S):
+            if isinstance(message, SmoothedMessage):
+                smoothed.append(SmoothedMatch(header.sequence, message.match, message.lag))
+            else:
+                answered.append(message.match)
+    if len(answered) != sent or len(smoothed) != sent:
+        raise BusError(
+            f"{sent} frames were sent through the services, {len(answered)} matched and "
+            f"{len(smoothed)} smoothed"
+        )
+    return answered, smoothed
 
 
 @contextmanager
@@ -46,6 +66,7 @@ def _host(map_path: Path, config: Config) -> Iterator[None]:
     command += ["--rule", config.matching.rule]
     command += ["--set", f"matching.tolerance={config.matching.tolerance}"]
     command += ["--precision", str(config.matching.precision)]
+    command += ["--set", f"matching.lag={config.matching.lag}"]
     command += ["--set", f"matching.neighbourhood={config.matching.neighbourhood}"]
     command += ["--set", f"matching.reverse={str(config.matching.reverse).lower()}"]
     command += ["--set", f"matching.exact={str(config.matching.exact).lower()}"]

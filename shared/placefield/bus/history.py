@@ -64,6 +64,13 @@ class History:
                 return None
             return self._kept[header.sequence][1]
 
+    def headers(self, stream: str, first: int, end: int) -> list[Header]:
+        """Return the headers that are kept of frames ``first`` to ``end`` - 1, in order."""
+        with self._lock:
+            kept = list(self._kept.values()) if stream == self._stream else []
+        headers = (header for header, _ in kept if first <= header.sequence < end)
+        return sorted(headers, key=lambda header: header.sequence)
+
     def reply(self, asked: bytes) -> Iterator[tuple[bytes, bytes]]:
         """Yield payloads and attachments of what a query asks for.
 

@@ -42,6 +42,11 @@ class Keys:
         return f"{ROOT}/{self.run}/match"
 
     @property
+    def smoothed(self) -> str:
+        """Smoothed matches, likewise."""
+        return f"{ROOT}/{self.run}/smoothed"
+
+    @property
     def odometry(self) -> str:
         """Metres travelled, from the vehicle to whoever takes its camera's frames by distance."""
         return f"{ROOT}/{self.run}/odometry"

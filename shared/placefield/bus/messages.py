@@ -4,9 +4,11 @@ Every data message has a ``Header`` in its attachment; the payload is one of the
 Decoding checks everything: what does not parse raises ``MessageError`` and goes no further.
 """
 
-from typing import Annotated, Literal, Self
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import msgpack
+import numpy as np
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -21,12 +23,13 @@ from placefield.bus.wire import FloatVector, Image, IndexVector, NumberVector, S
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
-from placefield.matching.candidate import Candidate
+from placefield.matching.candidate import UNANSWERED, Candidate
 
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
+Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 class _Strict(BaseModel):
@@ -158,16 +161,130 @@ class _OfShard(Message):
         return self
 
 
+class SettledFrame(NamedTuple):
+    """What a channel, or a shard of one, has settled of a frame in hindsight.
+
+    Attributes:
+        channel: whose it is.
+        sequence: number of the frame.
+        lag: how many frames after it are known.
+        candidate: for the frame.
+    """
+
+    channel: int
+    sequence: int
+    lag: int
+    candidate: Candidate
+
+
+class SettledFrames(_Strict):
+    """Settled frames of a worker's channels, in a few arrays: they may be many.
+
+    Attributes:
+        channels: (m,) whose each is.
+        before: (m,) how many frames before that of the message each is.
+        lags: (m,) how many frames after it are known.
+        best: (m,) index of its place, or -1 where there is no answer.
+        scores: (m,) of that place.
+        place_counts: (m,) how many of ``places`` are its own.
+        places: those of all, one after the other; as in ``ChannelCandidate``.
+        evidence_counts: (m,) how many of ``evidence`` are its own.
+        evidence: that of all.
+    """
+
+    channels: IndexVector
+    before: IndexVector
+    lags: IndexVector
+    best: IndexVector
+    scores: NumberVector
+    place_counts: IndexVector
+    places: IndexVector
+    evidence_counts: IndexVector
+    evidence: FloatVector
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        counts = self.place_counts, self.evidence_counts
+        each = (self.channels, self.before, self.lags, self.best, self.scores, *counts)
+        if len({len(vector) for vector in each}) > 1:
+            raise PydanticCustomError("settled", "of some frames there is more than of others")
+        if any((vector < 0).any() for vector in (self.channels, self.before, self.lags, *counts)):
+            raise PydanticCustomError("settled", "a number is negative")
+        if (self.channels >= 2**16).any() or (self.best < -1).any():
+            raise PydanticCustomError("settled", "there is no such channel or place")
+        if not np.isfinite(self.scores).all():
+            raise PydanticCustomError("settled", "a score is not finite")
+        for count, vector in zip(counts, (self.places, self.evidence), strict=True):
+            if int(count.sum(dtype=np.int64)) != len(vector):
+                raise PydanticCustomError("settled", "places or evidence are not as many as said")
+        return self
+
+    @classmethod
+    def of(cls, sequence: int, frames: Sequence[SettledFrame]) -> Self | None:
+        """Pack what goes with the frame of this number; None if there is nothing.
+
+        What is 2**31 frames before it, or more, is left out.
+        """
+        frames = [frame for frame in frames if sequence - frame.sequence < 2**31]
+        if not frames:
+            return None
+        candidates = [frame.candidate for frame in frames]
+        return cls(
+            channels=np.array([frame.channel for frame in frames], np.int32),
+            before=np.array([sequence - frame.sequence for frame in frames], np.int32),
+            lags=np.array([frame.lag for frame in frames], np.int32),
+            best=np.array([candidate.place for candidate in candidates], np.int32),
+            scores=np.array([candidate.score for candidate in candidates], np.float64),
+            place_counts=np.array([len(each.places) for each in candidates], np.int32),
+            places=np.concatenate([each.places for each in candidates]),
+            evidence_counts=np.array([len(each.evidence) for each in candidates], np.int32),
+            evidence=np.concatenate([each.evidence for each in candidates]),
+        )
+
+    def frames(self, sequence: int) -> Iterator[SettledFrame]:
+        """Yield what came with the frame of this number."""
+        numbers = (self.channels, self.before, self.lags, self.best, self.scores)
+        counts = (self.place_counts, self.evidence_counts)
+        place_end = evidence_end = 0
+        for channel, before, lag, best, score, places, evidence in zip(
+            *(vector.tolist() for vector in (*numbers, *counts)), strict=True
+        ):
+            first, place_end = place_end, place_end + places
+            own_places = self.places[first:place_end]
+            first, evidence_end = evidence_end, evidence_end + evidence
+            own_evidence = self.evidence[first:evidence_end]
+            candidate = Candidate(best, score, own_places, own_evidence)
+            yield SettledFrame(channel, sequence - before, lag, candidate)
+
+
 class CandidatesMessage(_OfShard):
     """The candidates of a worker's channels: together, for each message costs the fuser a wake-up.
 
     Attributes:
         rule: how they were made.
         candidates: one of each channel.
+        settled: frames that the channels have settled since the message before; none: no frame.
     """
 
     rule: Rule
     candidates: tuple[ChannelCandidate, ...] = Field(min_length=1)
+    settled: SettledFrames | None = None
+
+
+class FinishedMessage(_OfShard):
+    """What a worker's channels settle at the end of a stream: all frames that are left.
+
+    It goes with the end's header, and is the only end that has a payload.
+
+    Attributes:
+        rule: how candidates were made.
+        channels: of the worker.
+        settled: the frames; none: all had been settled.
+    """
+
+    rule: Rule
+    channels: tuple[Channel, ...] = Field(min_length=1)
+    settled: SettledFrames | None = None
 
 
 class ChannelSummary(_Strict):
@@ -205,12 +322,28 @@ class MatchMessage(Message):
     missing: tuple[Channel, ...] = ()
     probability: float | None = Field(None, ge=0, le=1)
     known: bool | None = None
-    pose: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = None
+    pose: Pose | None = None
+
+    @classmethod
+    def of(cls, match: Match, pose_of: Callable[[int], Pose | None], **more: Any) -> Self:
+        """Say where the place is, too; ``pose_of`` returns it for a place that there is."""
+        pose = None if match.place == UNANSWERED else pose_of(match.place)
+        return cls(**vars(match), pose=pose, **more)
 
     @property
     def match(self) -> Match:
         """The match, without the pose."""
         return Match(self.place, self.score, self.missing, self.probability, self.known)
+
+
+class SmoothedMessage(MatchMessage):
+    """The smoothed match of a frame: what ``MatchMessage`` has, given frames after it.
+
+    Attributes:
+        lag: how many.
+    """
+
+    lag: int = Field(ge=0, lt=2**31)
 
 
 class MomentsMessage(Message):

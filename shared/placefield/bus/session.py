@@ -76,11 +76,17 @@ class Bus:
         self._session.put(key, payload, attachment=attachment)
 
     def subscribe(
-        self, key: str, receive: Callable[[Received], None], counts: Counter[str]
+        self,
+        key: str,
+        receive: Callable[[Received], None],
+        counts: Counter[str],
+        *,
+        ends_empty: bool = True,
     ) -> None:
         """Call ``receive`` for what comes on a key, on the bus's thread, which must not wait.
 
-        What has no good header is dropped and counted as ``malformed``.
+        What has no good header is dropped and counted as ``malformed``; and so is the end of a
+        stream that has a payload, where none is due (``ends_empty``).
         """
 
         def call(sample: zenoh.Sample) -> None:
@@ -89,7 +95,7 @@ class Bus:
                 header = Header.decode(attachment.to_bytes() if attachment else b"")
                 if len(sample.payload) > MAX_BYTES:
                     raise MessageError(f"{len(sample.payload)} bytes, more than {MAX_BYTES}")
-                if header.end and len(sample.payload):
+                if ends_empty and header.end and len(sample.payload):
                     raise MessageError("the end of a stream has no payload")
                 receive(Received(str(sample.key_expr), header, sample.payload.to_bytes()))
             except MessageError as error:

@@ -16,6 +16,7 @@ from placefield.bus.messages import (
     ChannelCandidate,
     ChannelSummary,
     FeatureMessage,
+    FinishedMessage,
     FrameMessage,
     Header,
     HistoryQuery,
@@ -23,12 +24,24 @@ from placefield.bus.messages import (
     Message,
     MomentsMessage,
     OdometryMessage,
+    SettledFrame,
+    SettledFrames,
+    SmoothedMessage,
     StatsMessage,
 )
 from placefield.errors import MessageError
+from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 VECTOR = np.linspace(-1, 1, 5, dtype=np.float32)
 PLACES = np.arange(5, dtype=np.int32)
+SETTLED = SettledFrames.of(
+    9,
+    [
+        SettledFrame(3, 4, 5, Candidate(2, 0.5, PLACES, VECTOR)),
+        SettledFrame(3, 5, 4, NO_CANDIDATE),
+        SettledFrame(4, 8, 1, Candidate(0, 0.25, PLACES[:2], VECTOR[:2])),
+    ],
+)
 EXAMPLES: list[Message] = [
     Header(stream="s" * 32, sequence=2**40, stamp_ns=-5, live=True),
     FrameMessage(image=bytes(range(90))),
@@ -39,6 +52,7 @@ EXAMPLES: list[Message] = [
         candidates=(
             ChannelCandidate(channel=3, place=4, score=0.5, places=PLACES, evidence=VECTOR + 1),
         ),
+        settled=SETTLED,
     ),
     BordersMessage(
         shard=1,
@@ -50,11 +64,20 @@ EXAMPLES: list[Message] = [
     MatchMessage(
         place=7, score=0.9, missing=(1, 2), probability=0.4, known=False, pose=(1.0, 2.0, 3.0)
     ),
+    FinishedMessage(rule="filter", channels=(3, 4), settled=SETTLED),
+    SmoothedMessage(place=7, score=0.9, missing=(1,), probability=0.4, known=False, lag=3),
     OdometryMessage(metres=12.5),
     StatsMessage(service="fuser", counts={"matches": 9, "stale": 0}),
 ]
 KINDS = sorted({type(example) for example in EXAMPLES}, key=lambda kind: kind.__name__)
-PARTS = {*ChannelCandidate.model_fields, "summary", "dtype", "shape", "data"}
+PARTS = {
+    *ChannelCandidate.model_fields,
+    *SettledFrames.model_fields,
+    "summary",
+    "dtype",
+    "shape",
+    "data",
+}
 FIELDS = sorted({name for kind in KINDS for name in kind.model_fields} | PARTS)
 
 kinds = st.sampled_from(KINDS)
@@ -86,9 +109,10 @@ candidates = st.fixed_dictionaries(
         "evidence": arrays,
     }
 )
+settled = st.fixed_dictionaries(dict.fromkeys(SettledFrames.model_fields, arrays))
 summaries = st.fixed_dictionaries({"channel": st.integers(0, 9) | leaves, "summary": arrays})
 values = st.recursive(
-    leaves | arrays | candidates | st.lists(candidates | summaries, max_size=3),
+    leaves | arrays | candidates | settled | st.lists(candidates | summaries, max_size=3),
     lambda inner: (
         st.lists(inner, max_size=4)
         | st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), inner, max_size=4)
@@ -148,6 +172,12 @@ def check_bounds(message: Message) -> None:
             assert message.candidates
             for candidate in message.candidates:
                 check_candidate(candidate)
+            check_settled(message.settled)
+        case FinishedMessage():
+            assert message.rule in ("filter", "evidence", "lowest-score")
+            assert message.channels
+            assert all(0 <= channel < 2**16 for channel in message.channels)
+            check_settled(message.settled)
         case MatchMessage():
             assert -1 <= message.place < 2**31
             assert np.isfinite(message.score)
@@ -155,6 +185,7 @@ def check_bounds(message: Message) -> None:
             assert message.probability is None or 0 <= message.probability <= 1
             assert message.known in (None, False, True)
             assert message.pose is None or np.isfinite(message.pose).all()
+            assert not isinstance(message, SmoothedMessage) or 0 <= message.lag < 2**31
         case BordersMessage():
             assert message.summaries
             assert 0 <= message.shard < message.shards <= 2**16
@@ -188,6 +219,17 @@ def check_candidate(candidate: ChannelCandidate) -> None:
     check_vector(candidate.evidence)
     assert candidate.places.dtype == np.int32
     assert candidate.places.ndim == 1
+
+
+def check_settled(settled: SettledFrames | None) -> None:
+    frames = [] if settled is None else list(settled.frames(2**48))
+    for frame in frames:
+        assert 2**48 - 2**31 < frame.sequence <= 2**48
+        assert 0 <= frame.lag < 2**31
+        check_candidate(ChannelCandidate.of(frame.channel, frame.candidate))
+    if settled is not None:
+        assert sum(len(frame.candidate.places) for frame in frames) == len(settled.places)
+        assert sum(len(frame.candidate.evidence) for frame in frames) == len(settled.evidence)
 
 
 def check_vector(vector: Any) -> None:

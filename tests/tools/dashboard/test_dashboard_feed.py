@@ -6,7 +6,7 @@ import pytest
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage, StatsMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus
 from placefield.maps.map import Map
 from placefield_tools.dashboard.feed import Feed, Newest
@@ -24,7 +24,12 @@ class PlainBus:
         self.change: Callable[[str, bool], None] = lambda key, is_alive: None
 
     def subscribe(
-        self, key: str, receive: Callable[[Received], None], counts: Counter[str]
+        self,
+        key: str,
+        receive: Callable[[Received], None],
+        counts: Counter[str],
+        *,
+        ends_empty: bool = True,
     ) -> None:
         self.receive[key] = receive
 
@@ -65,6 +70,15 @@ def test_a_match_waits_for_what_it_was_made_of(bus: PlainBus, feed: Feed, state:
     feed.drain()
     [answer] = state.answers
     assert state.frame(answer) == b"a frame"
+
+
+def test_the_newest_smoothed_match_is_told(bus: PlainBus, feed: Feed, state: LiveState) -> None:
+    for sequence in (4, 5, 3):
+        smoothed = SmoothedMessage(place=sequence, score=1.0, lag=7)
+        bus.put(KEYS.smoothed, sequence, smoothed.encode())
+    feed.drain()
+    assert state.smoothed is not None
+    assert (state.smoothed[0].sequence, state.smoothed[1].place) == (5, 5)
 
 
 def test_garbage_is_counted_and_holds_nothing_up(

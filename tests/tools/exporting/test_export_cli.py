@@ -10,7 +10,7 @@ import pytest
 from evo.tools.file_interface import read_tum_trajectory_file
 from typer.testing import CliRunner, Result
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import ConfigError, MapError, PlacefieldError
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map
@@ -59,6 +59,24 @@ def refusal(kind: type[PlacefieldError], *arguments: str | Path) -> str:
     assert not ended.output
     assert "\n" not in str(ended.exception)
     return str(ended.exception)
+
+
+@pytest.mark.parametrize("recording", ["drive.jsonl", "drive.csv"])
+def test_of_a_frame_that_has_a_smoothed_match_that_one_is_exported(
+    earth_map: Path, tmp_path: Path, recording: str
+) -> None:
+    drive, out = tmp_path / recording, tmp_path / "out.tum"
+    with recorder_of(drive) as recorder:
+        for number, (at_once, later) in enumerate([(3, 4), (9, 5), (6, None)]):
+            header = Header(stream="first", sequence=number, stamp_ns=number * 10**9)
+            recorder.write_match(header, match(at_once))
+            if later is not None:
+                smoothed = SmoothedMessage(**match(later).model_dump(), lag=2)
+                recorder.write_match(header, smoothed)
+    ended = run_export(drive, out, "--map", earth_map)
+    assert ended.output == f"{out}: 3 of 3 matches\n"
+    positions = read_tum_trajectory_file(out).positions_xyz
+    assert np.allclose(positions[:, :2], POSES[[4, 5, 6], :2])
 
 
 @pytest.mark.parametrize("recording", ["drive.jsonl", "drive.csv"])

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 
 Written = tuple[Header, MatchMessage | None]
 
@@ -27,6 +27,8 @@ UNKNOWN = MatchMessage(place=9, score=-2.0, probability=0.25, known=False, pose=
 UNTOLD = MatchMessage(place=3, score=4.0, missing=(0, 12), pose=(3.0, 4.0, -3.0))
 UNANSWERED = MatchMessage(place=-1, score=0.0, missing=(1,))
 ALL_KINDS = (KNOWN, UNKNOWN, UNTOLD, UNANSWERED)
+
+SMOOTHED = SmoothedMessage(**KNOWN.model_dump() | {"place": 8}, lag=3)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 headers = st.builds(

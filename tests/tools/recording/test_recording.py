@@ -7,7 +7,7 @@ from typing import cast
 import cv2
 import numpy as np
 import pytest
-from made_matches import ALL_KINDS, KNOWN, Written, stream_of
+from made_matches import ALL_KINDS, KNOWN, SMOOTHED, Written, stream_of
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -44,6 +44,8 @@ class StillBus:
 
     def deliver_match(self, header: Header, match: MatchMessage | None) -> None:
         self.deliver(KEYS.match, header, match.encode() if match else b"")
+        if match is None:
+            self.deliver(KEYS.smoothed, header, b"")
 
     def deliver_frame(self, header: Header, image: bytes | np.ndarray = PIXELS) -> None:
         self.deliver(KEYS.frame, header, FrameMessage(image=image).encode())
@@ -80,6 +82,18 @@ def drain(recording: Recording) -> dict[str, int]:
     while recording.take(0):
         pass
     return dict(recording.counts)
+
+
+def test_smoothed_matches_are_written_too_and_the_end_once(
+    bus: StillBus, recording: Recording, kept: Kept
+) -> None:
+    *matches, end = stream_of([KNOWN, KNOWN])
+    for header, match in matches:
+        bus.deliver_match(header, match)
+        bus.deliver(KEYS.smoothed, header, SMOOTHED.encode())
+    bus.deliver_match(*end)
+    assert drain(recording) == {"matches": 2, "smoothed matches": 2}
+    assert [match for _, match in kept.matches] == [KNOWN, SMOOTHED, KNOWN, SMOOTHED, None]
 
 
 def test_every_match_of_every_stream_is_written_in_order(

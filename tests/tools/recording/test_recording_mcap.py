@@ -12,7 +12,7 @@ import cv2
 import jsonschema
 import numpy as np
 import pytest
-from made_matches import ALL_KINDS, KNOWN, STAMPS_NS, UNTOLD, Written, stream_of
+from made_matches import ALL_KINDS, KNOWN, SMOOTHED, STAMPS_NS, UNTOLD, Written, stream_of
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message, Schema
@@ -81,7 +81,7 @@ def test_every_match_and_the_end_are_there_at_the_frames_stamps(drive: Read) -> 
     for read, match in zip(objects, ALL_KINDS, strict=False):
         expected = json.loads(match.model_dump_json(exclude={"version"}, exclude_none=True))
         assert {name: read[name] for name in expected} == expected
-        assert set(read) - set(expected) == {"stream", "sequence", "stamp_ns", "end"}
+        assert set(read) - set(expected) == {"stream", "sequence", "stamp_ns", "end", "smoothed"}
     assert [read["sequence"] for read in objects] == [0, 1, 2, 3, 4]
     assert objects[-1]["end"] is True
     times = [message.log_time for _, message, _ in drive["/placefield/match"]]
@@ -157,6 +157,13 @@ def test_the_schemas_keep_to_what_foxglove_can_parse(drive: Read) -> None:
 def test_without_an_origin_there_are_no_positions_on_earth(tmp_path: Path) -> None:
     drive = recorded(tmp_path / "drive.mcap", stream_of(ALL_KINDS))
     assert set(drive) == {"/placefield/match", "/placefield/pose"}
+
+
+def test_smoothed_matches_have_topics_of_their_own(tmp_path: Path) -> None:
+    about = Header(stream="s", sequence=0, stamp_ns=0)
+    drive = recorded(tmp_path / "drive.mcap", [(about, SMOOTHED)])
+    assert set(drive) == {"/placefield/smoothed/match", "/placefield/smoothed/pose"}
+    assert drive["/placefield/smoothed/match"][0][2]["lag"] == SMOOTHED.lag
 
 
 def test_a_stamp_before_the_epoch_is_at_the_epoch(tmp_path: Path) -> None:

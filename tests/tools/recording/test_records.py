@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from made_matches import ALL_KINDS, KNOWN, headers, matches, stream_of
+from made_matches import ALL_KINDS, KNOWN, SMOOTHED, headers, matches, stream_of
 
 from placefield.bus.messages import Header, MatchMessage
 from placefield_tools.recording.opening import recorder_of
@@ -29,6 +29,7 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
         "sequence": 4,
         "stamp_ns": -1,
         "end": False,
+        "smoothed": False,
         "place": 7,
         "score": 1 / 3,
         "missing": (),
@@ -54,7 +55,18 @@ def test_json_lines_have_a_line_for_each_match_and_the_end(tmp_path: Path) -> No
             match.score,
             match.known,
         )
-    assert set(parsed[-1]) == {"stream", "sequence", "stamp_ns", "end"}
+    assert set(parsed[-1]) == {"stream", "sequence", "stamp_ns", "end", "smoothed"}
+
+
+def test_a_smoothed_match_says_so_and_how_many_frames_later(path: Path) -> None:
+    header = Header(stream="s", sequence=4, stamp_ns=-1)
+    assert as_object(header, SMOOTHED)["smoothed"] is True
+    assert as_object(header, SMOOTHED)["lag"] == SMOOTHED.lag
+    written = [(header, KNOWN), (header, SMOOTHED)]
+    with recorder_of(path) as recorder:
+        for each in written:
+            recorder.write_match(*each)
+    assert read_records(path) == [Record(*each) for each in written]
 
 
 def test_csv_has_a_row_for_each_match_and_empty_cells_for_what_there_is_not(

@@ -26,7 +26,7 @@ class Overheard:
 
     def __init__(self, bus: Bus, keys: Keys) -> None:
         self.topics: dict[str, list[Received]] = {}
-        bus.subscribe(f"{ROOT}/{keys.run}/**", self._keep, Counter())
+        bus.subscribe(f"{ROOT}/{keys.run}/**", self._keep, Counter(), ends_empty=False)
         bus.subscribe_raw(keys.all_stats, self._keep_bare)
         self._keep_bare(keys.odometry, msgpack.packb({"version": 1, "metres": 1.0}))
         self._keep_bare(f"{ROOT}/{keys.run}/nobody's", b"nobody's")

@@ -31,8 +31,9 @@ class Mischief:
         self._overheard = Overheard(bus, keys)
         self._newest: deque[Received] = deque(maxlen=_KEPT)
         self._lock = threading.Lock()
-        for key in (keys.frame, keys.feature, keys.all_candidates, keys.match, keys.ack):
-            bus.subscribe(key, self._keep, Counter())
+        answers = keys.match, keys.smoothed, keys.ack
+        for key in (keys.frame, keys.feature, keys.all_candidates, *answers):
+            bus.subscribe(key, self._keep, Counter(), ends_empty=False)
 
     def _keep(self, received: Received) -> None:
         with self._lock:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield_tools.cli import options
 from placefield_tools.recording.records import as_object
 
@@ -25,6 +25,8 @@ def _listen(
 ) -> None:
     """Print the matches of a run as they come, a line each, until Ctrl-C.
 
+    A frame has its match at once, and a smoothed one, which knows frames after it, later.
+
     Examples:
       placefield listen
       placefield listen --run rear --json
@@ -41,7 +43,7 @@ def _listen(
     keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop, watches=True) as bus:
-        matches = MatchQueue(bus, keys)
+        matches = MatchQueue(bus, keys, smoothed=True)
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():
             try:
@@ -57,7 +59,9 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
     place = "no place" if match.place < 0 else f"place {match.place}"
-    parts = [f"frame {header.sequence}: {place}, score {match.score:.2f}"]
+    smoothed = isinstance(match, SmoothedMessage)
+    frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
+    parts = [f"{frame}: {place}, score {match.score:.2f}"]
     if match.probability is not None:
         known = "known" if match.known else "unknown"
         parts.append(f"{known}, right with probability {match.probability:.3f}")
@@ -66,6 +70,8 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
         parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")
     if match.missing:
         parts.append(f"without channels {', '.join(map(str, match.missing))}")
+    if isinstance(match, SmoothedMessage):
+        parts.append(f"{match.lag} frames later")
     return ", ".join(parts)
 
 

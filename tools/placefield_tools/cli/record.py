@@ -41,7 +41,7 @@ def _record(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Record the matches of a run as they come, until Ctrl-C.
+    """Record the matches of a run as they come, smoothed ones likewise, until Ctrl-C.
 
     .jsonl holds what 'placefield listen --json' prints, .csv a row for each match; of these a
     recorder that is killed loses no line. 'placefield export' reads both. .mcap opens in Foxglove
@@ -76,6 +76,7 @@ def _record(
 
 def _report(file: Path, counts: Counter[str], *, frames: bool) -> None:
     written = [f"{counts.pop('matches', 0)} matches"]
+    written.append(f"{counts.pop('smoothed matches', 0)} smoothed")
     if frames:
         written.append(f"{counts.pop('frames', 0)} frames")
     print(f"{file}: {', '.join(written)}")

@@ -39,7 +39,8 @@ def _ros(
     where the services cannot follow; odometry, as the metres travelled. Of a map whose frames were
     spaced, space these by the same metres.
 
-    Out, where the map has poses: matches that the rule filter knows, on /placefield/RUN/pose
+    Out, where the map has poses: matches that the rule filter knows, on /placefield/RUN/pose, and
+    smoothed ones likewise, on /placefield/RUN/smoothed_pose
     (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Out once a second: how the
     services stand, on /diagnostics (diagnostic_msgs/DiagnosticArray).
 

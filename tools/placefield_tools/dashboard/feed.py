@@ -61,10 +61,15 @@ class Feed:
         self._matches: list[Received] = []
         self._listener = RunListener(bus, keys, self._count_malformed)
         self._match_key = keys.match
-        self._take = {keys.frame: state.take_frame, keys.feature: state.take_feature}
+        self._take = {
+            keys.frame: state.take_frame,
+            keys.feature: state.take_feature,
+            keys.smoothed: state.take_smoothed,
+        }
         bus.subscribe(keys.feature, self._hear_feature, self.counts)
-        for key in (keys.frame, keys.all_candidates, keys.match):
+        for key in (keys.frame, keys.match, keys.smoothed):
             bus.subscribe(key, self._newest.offer, self.counts)
+        bus.subscribe(keys.all_candidates, self._newest.offer, self.counts, ends_empty=False)
 
     @property
     def dropped(self) -> int:

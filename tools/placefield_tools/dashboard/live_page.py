@@ -114,6 +114,8 @@ class LivePage:
             self._shown = answer
             for panel in self._panels:
                 panel.show(answer)
+        if self._state.smoothed is not None:
+            self._match.show_smoothed(*self._state.smoothed)
         self._draw_controls(answer)
 
     def _draw_standing(self) -> None:

@@ -5,6 +5,7 @@ from typing import Protocol
 
 from nicegui import ui
 
+from placefield.bus.messages import Header, SmoothedMessage
 from placefield.maps.geography import Origin
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.charts import certainty_chart, set_certainty
@@ -86,6 +87,7 @@ class MatchPanel:
                 self._frames = _fact("frames")
                 self._pose = _fact("pose")
                 self._missing = _fact("missing")
+                self._smoothed = _fact("smoothed")
 
     def show(self, answer: Answer) -> None:
         """Show an answer's."""
@@ -101,6 +103,14 @@ class MatchPanel:
         self._pose.text = self._where(answer)
         channels = ", ".join(map(str, match.missing))
         self._missing.text = f"channels {channels}" if channels else "no channel"
+
+    def show_smoothed(self, header: Header, match: SmoothedMessage) -> None:
+        """Show the newest frame that has been settled."""
+        place = "no place" if match.place < 0 else f"place {match.place}"
+        parts = [f"frame {header.sequence + 1}: {place}"]
+        if match.probability is not None:
+            parts.append(f"{match.probability:.3f}")
+        self._smoothed.text = ", ".join([*parts, f"{match.lag} frames later"])
 
     def warn(self, words: str) -> None:
         """Say what is wrong with the run; nothing where all is well."""

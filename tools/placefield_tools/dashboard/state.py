@@ -13,6 +13,7 @@ from placefield.bus.messages import (
     FeatureMessage,
     Header,
     MatchMessage,
+    SmoothedMessage,
 )
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
@@ -77,6 +78,8 @@ class LiveState:
         self.counts: Counter[str] = Counter()
         self.ended: Header | None = None
         """The end of the stream that was answered last, if it is over."""
+        self.smoothed: tuple[Header, SmoothedMessage] | None = None
+        """The newest smoothed match, of the stream that was smoothed last."""
         self.columns = DistanceColumns(placemap)
         self._model = fingerprint(placemap.model)
         self._dimensions = len(placemap.model.components)
@@ -164,6 +167,19 @@ class LiveState:
         number = 0 if last is None else last.number + 1
         self.answers.append(Answer(number, header, match, of.rule, of.candidates, of.distances))
         self.ended = None
+
+    def take_smoothed(self, header: Header, payload: bytes) -> None:
+        """Take the smoothed match of a frame; one that is not newer came before.
+
+        Raises:
+            MessageError: it is none.
+        """
+        if header.end:
+            return
+        smoothed = SmoothedMessage.decode(payload)
+        last = self.smoothed[0] if self.smoothed else None
+        if last is None or last.stream != header.stream or last.sequence < header.sequence:
+            self.smoothed = header, smoothed
 
     def at(self, number: int) -> Answer | None:
         """Return the answer of this number, if it is kept."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import MapError
 from placefield.maps.map import Map
 from placefield_tools.recording.earth import origin_of
@@ -88,10 +88,13 @@ def localise(
 def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> list[Record]:
     """Return the records of the stream whose name begins so; of the only one without a name.
 
+    Of a frame that has a smoothed match, that one is returned.
+
     Raises:
         RecordingError: there is none, or more than one.
     """
-    counts = Counter(record.header.stream for record in records)
+    frames = dict.fromkeys((record.header.stream, record.header.sequence) for record in records)
+    counts = Counter(name for name, _ in frames)
     chosen = [name for name in counts if stream is None or name.startswith(stream)]
     if stream is not None and stream in counts:
         chosen = [stream]
@@ -102,4 +105,13 @@ def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> 
         what = "" if stream is None else f"{begin} with {stream!r}; "
         listed = ", ".join(f"{name[:8]} ({count} matches)" for name, count in counts.items())
         raise RecordingError(f"{path}: {what}name one of its streams with --stream: {listed}")
-    return [record for record in records if record.header.stream == chosen[0]]
+    return _best([record for record in records if record.header.stream == chosen[0]])
+
+
+def _best(records: Sequence[Record]) -> list[Record]:
+    """Return of each frame the smoothed match if there is one, else the one that came at once."""
+    best: dict[int, Record] = {}
+    for record in records:
+        if record.header.sequence not in best or isinstance(record.match, SmoothedMessage):
+            best[record.header.sequence] = record
+    return list(best.values())

@@ -51,12 +51,14 @@ MATCH = _object(
         "sequence": _NUMBER,
         "stamp_ns": _NUMBER,
         "end": _BOOLEAN,
+        "smoothed": _BOOLEAN,
         "place": _NUMBER,
         "score": _NUMBER,
         "missing": _numbers(),
         "probability": _NUMBER,
         "known": _BOOLEAN,
         "pose": _numbers(3),
+        "lag": _NUMBER,
     },
 )
 POSE_IN_FRAME = _object("foxglove.PoseInFrame", {**_STAMPED, "pose": _POSE})

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mcap.writer import Writer
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.maps.geography import Origin
 from placefield_tools.recording import foxglove
 from placefield_tools.recording.recorder import Recorder
@@ -22,6 +22,9 @@ _TOPICS = {
     "/placefield/match": foxglove.MATCH,
     "/placefield/pose": foxglove.POSE_IN_FRAME,
     "/placefield/location": foxglove.LOCATION_FIX,
+    "/placefield/smoothed/match": foxglove.MATCH,
+    "/placefield/smoothed/pose": foxglove.POSE_IN_FRAME,
+    "/placefield/smoothed/location": foxglove.LOCATION_FIX,
     "/placefield/frame": foxglove.COMPRESSED_IMAGE,
 }
 
@@ -43,14 +46,15 @@ def record_mcap(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             file.flush()
 
         def write_match(header: Header, match: MatchMessage | None) -> None:
-            put("/placefield/match", header, foxglove.match_message(header, match))
+            root = "/placefield/smoothed" if isinstance(match, SmoothedMessage) else "/placefield"
+            put(f"{root}/match", header, foxglove.match_message(header, match))
             if match is None or match.pose is None or match.known is False:
                 return
             x, y, yaw = match.pose
-            put("/placefield/pose", header, foxglove.pose_message(header, x, y, yaw))
+            put(f"{root}/pose", header, foxglove.pose_message(header, x, y, yaw))
             if origin is not None:
                 fix = foxglove.location_message(header, *origin.to_degrees(x, y))
-                put("/placefield/location", header, fix)
+                put(f"{root}/location", header, fix)
 
         def write_frame(header: Header, jpeg: bytes) -> None:
             put("/placefield/frame", header, foxglove.image_message(header, jpeg))

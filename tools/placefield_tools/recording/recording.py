@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, ExitStack
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage
+from placefield.bus.messages import FrameMessage, SmoothedMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
@@ -41,7 +41,8 @@ def record(
         ready: called when nothing that comes is missed any more.
 
     Returns:
-        How many ``matches`` and ``frames`` were written, and by the reason what could not be.
+        How many ``matches``, ``smoothed matches`` and ``frames`` were written, and by the reason
+        what could not be.
 
     Raises:
         BusError: no router answers.
@@ -73,7 +74,7 @@ class Recording:
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
         if frames:  # first: a match has its frame, then
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
-        self._matches = MatchQueue(bus, keys)
+        self._matches = MatchQueue(bus, keys, smoothed=True)
 
     @property
     def counts(self) -> Counter[str]:
@@ -110,7 +111,8 @@ class Recording:
             return True
         if taken is not None:
             self._recorder.write_match(*taken)
-            self._written["matches"] += not taken[0].end
+            kind = "smoothed matches" if isinstance(taken[1], SmoothedMessage) else "matches"
+            self._written[kind] += not taken[0].end
         return taken is not None
 
     def _write_frame(self, received: Received) -> None:

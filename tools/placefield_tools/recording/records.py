@@ -10,15 +10,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import PlacefieldError
 
 log = logging.getLogger(__name__)
 
 _HEADER = ("stream", "sequence", "stamp_ns")
 _POSE = ("x", "y", "yaw")
-COLUMNS = (*_HEADER, "place", "score", "probability", "known", *_POSE, "missing")
-"""Of a CSV file."""
+COLUMNS = (*_HEADER, "place", "score", "probability", "known", *_POSE, "missing", "lag")
+"""Of a CSV file; a smoothed match has a lag."""
 
 
 class RecordingError(PlacefieldError):
@@ -35,7 +35,8 @@ class Record:
 
 def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
     """Return what stands for a match in JSON; without one it stands for the end of a stream."""
-    frame = {name: getattr(header, name) for name in _HEADER} | {"end": header.end}
+    frame = {name: getattr(header, name) for name in _HEADER}
+    frame |= {"end": header.end, "smoothed": isinstance(match, SmoothedMessage)}
     return frame | (match.model_dump(exclude={"version"}) if match else {})
 
 
@@ -48,7 +49,8 @@ def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     row |= match.model_dump(include={"place", "score", "probability"})
     row["known"] = "" if match.known is None else str(match.known).lower()
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)
-    return row | {"missing": " ".join(map(str, match.missing))}
+    lag = match.lag if isinstance(match, SmoothedMessage) else ""
+    return row | {"missing": " ".join(map(str, match.missing)), "lag": lag}
 
 
 def read_records(path: Path) -> list[Record]:
@@ -118,7 +120,9 @@ def _record(fields: dict[str, Any]) -> Record | None:
     header = Header.model_validate(frame, strict=False)
     if header.end:
         return None
-    return Record(header, MatchMessage.model_validate(fields, strict=False))
+    fields.pop("smoothed", None)
+    kind = SmoothedMessage if "lag" in fields else MatchMessage
+    return Record(header, kind.model_validate(fields, strict=False))
 
 
 def _first_line(error: Exception) -> str:

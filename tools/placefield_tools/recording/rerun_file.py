@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.maps.geography import Origin
 from placefield_tools.recording.recorder import Recorder
 
@@ -31,16 +31,18 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             end = f"end of stream {header.stream}: {header.sequence} frames"
             stream.log("stream", rr.TextLog(end))
             return
-        for name in ("place", "score", "probability", "known"):
+        is_smoothed = isinstance(match, SmoothedMessage)
+        root = "smoothed/" if is_smoothed else ""
+        for name in ("place", "score", "probability", "known", *(["lag"] if is_smoothed else [])):
             value = getattr(match, name)
             if value is not None:
-                stream.log(f"match/{name}", rr.Scalars(float(value)))
+                stream.log(f"{root}match/{name}", rr.Scalars(float(value)))
         if match.pose is None or match.known is False:
             return
         x, y, _ = match.pose
-        stream.log("route/position", rr.Points3D([[x, y, 0.0]]))
+        stream.log(f"{root}route/position", rr.Points3D([[x, y, 0.0]]))
         if origin is not None:
-            stream.log("earth/position", rr.GeoPoints(lat_lon=[origin.to_degrees(x, y)]))
+            stream.log(f"{root}earth/position", rr.GeoPoints(lat_lon=[origin.to_degrees(x, y)]))
 
     def write_frame(header: Header, jpeg: bytes) -> None:
         set_time(header)

@@ -53,7 +53,7 @@ ROLES = {
     ),
     "fuser": _service(
         "fuser",
-        publishes=(_ANY.match, _ANY.ack),
+        publishes=(_ANY.match, _ANY.smoothed, _ANY.ack),
         reads=(_ANY.feature, _ANY.moments, _ANY.all_candidates),
     ),
     "camera": Role(
