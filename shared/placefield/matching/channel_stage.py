@@ -109,7 +109,8 @@ class _Group:
         metric: theirs.
         matcher: of the stream.
         partial: of the frame whose local step was done.
-        unsettled: frames that were answered, and not settled yet.
+        unsettled: numbers of the frames that were answered, and not settled yet.
+        settled: frames that were settled, and not asked for yet.
     """
 
     numbers: tuple[int, ...]
@@ -117,9 +118,11 @@ class _Group:
     matcher: Matcher
     partial: Partial | None = None
     unsettled: deque[int] = field(default_factory=deque)
+    settled: list[tuple[int, Settled]] = field(default_factory=list)
 
-    def numbered(self, settled: list[Settled]) -> list[tuple[int, Settled]]:
-        return [(self.unsettled.popleft(), each) for each in settled]
+    def settle(self, frames: list[Settled]) -> None:
+        """Number what the matcher has settled, and keep it until it is asked for."""
+        self.settled += [(self.unsettled.popleft(), each) for each in frames]
 
 
 class StreamMatcher:
@@ -178,6 +181,7 @@ class StreamMatcher:
         for group in self._groups:
             candidate = group.matcher.reduce(partials[group.numbers[0]])
             group.unsettled.append(sequence)
+            group.settle(group.matcher.settled())
             candidates |= dict.fromkeys(group.numbers, candidate)
         return candidates
 
@@ -187,20 +191,18 @@ class StreamMatcher:
         return group.matcher.fits(partial)
 
     def settled(self) -> dict[int, list[tuple[int, Settled]]]:
-        """Return the frames that each channel has settled with the last one, by their numbers."""
-        return self._by_channel([(g, g.matcher.settled()) for g in self._groups])
+        """Return the frames that each channel has settled since it was asked, by their numbers."""
+        settled: dict[int, list[tuple[int, Settled]]] = {}
+        for group in self._groups:
+            settled |= dict.fromkeys(group.numbers, group.settled)
+            group.settled = []
+        return settled
 
     def finish(self) -> dict[int, list[tuple[int, Settled]]]:
         """Return the frames that are left: the stream is over."""
-        return self._by_channel([(g, g.matcher.finish()) for g in self._groups])
-
-    def _by_channel(
-        self, settled: list[tuple[_Group, list[Settled]]]
-    ) -> dict[int, list[tuple[int, Settled]]]:
-        by_channel: dict[int, list[tuple[int, Settled]]] = {}
-        for group, frames in settled:
-            by_channel |= dict.fromkeys(group.numbers, group.numbered(frames))
-        return by_channel
+        for group in self._groups:
+            group.settle(group.matcher.finish())
+        return self.settled()
 
     def push(self, compared: Compared | None) -> list[Candidate]:
         """Return the candidates for the next frame, of whole channels, by ascending number.

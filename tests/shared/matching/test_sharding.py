@@ -277,7 +277,7 @@ def test_one_shard_is_the_whole_in_maps_of_any_size(rule: Rule, scales: list[int
 
 
 small_maps = st.lists(
-    st.lists(st.integers(-6, 6), min_size=3, max_size=3), min_size=28, max_size=36
+    st.lists(st.integers(-6, 6), min_size=3, max_size=3), min_size=32, max_size=40
 )
 small_queries = st.lists(
     st.lists(st.integers(-6, 6), min_size=3, max_size=3) | st.sampled_from(["unseen", "again"]),
