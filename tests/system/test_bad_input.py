@@ -204,5 +204,7 @@ def test_candidates_of_another_rule_are_counted_and_the_stream_goes_on(
         replayed = placefield("replay", query_dir, "--stride", "6", "--endpoint", endpoint)
         assert replayed.returncode == 0, replayed.stderr
         assert {match.missing for _, match in listener.answers()} == {(2,)}
-        wait_until(lambda: listener.count("fuser", "malformed") == 10, "they are counted")
+        wait_until(
+            lambda: listener.count("fuser", "malformed") == 11, "they and the end are counted"
+        )
         assert "give both one --rule" in processes[3].err

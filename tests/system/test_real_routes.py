@@ -20,7 +20,10 @@ from placefield_tools.study.running import prepare
 
 @dataclass(frozen=True)
 class Route:
-    """A reference, a query of it, and recall at 100 % precision and AUC that they must reach."""
+    """A reference, a query of it, and recall at 100 % precision and AUC that they must reach.
+
+    At once; as driven, smoothed matches must reach .99 and .99 on every route.
+    """
 
     reference: str
     query: str
@@ -30,10 +33,10 @@ class Route:
 
 
 ROUTES = [
-    Route("gardens_point/day_left", "gardens_point/day_right", 3, (0.99, 0.99), (0.90, 0.97)),
+    Route("gardens_point/day_left", "gardens_point/day_right", 3, (0.95, 0.98), (0.80, 0.97)),
     Route("gardens_point/day_right", "gardens_point/night_right", 3, (0.99, 0.99), (0.80, 0.97)),
-    Route("gardens_point/day_left", "gardens_point/night_right", 3, (0.97, 0.97), (0.80, 0.90)),
-    Route("nordland/summer", "nordland/winter", 4, (0.92, 0.92), (0.40, 0.70)),
+    Route("gardens_point/day_left", "gardens_point/night_right", 3, (0.97, 0.97), (0.30, 0.85)),
+    Route("nordland/summer", "nordland/winter", 4, (0.92, 0.92), (0.30, 0.75)),
     Route("corridor/ref", "corridor/query", 2, (0.92, 0.92), (0.50, 0.85)),
 ]
 
@@ -78,6 +81,13 @@ def test_real_routes_are_recognised_through_the_services(on_route: OnRoute) -> N
     claims = evaluation.results["filter"].claims
     assert claims is not None
     assert claims.precision >= 0.99
+    smoothed = evaluation.smoothed["filter"][20]
+    assert smoothed.curve.recall_at_100_precision >= 0.99
+    assert smoothed.curve.auc >= 0.99
+    assert smoothed.mean_lag <= 8
+    assert smoothed.claims is not None
+    assert smoothed.claims.precision >= 0.995
+    assert smoothed.claims.recall >= 0.9
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.query)

@@ -45,7 +45,7 @@ class FilterMatcher(Matcher):
     then not quite what it chooses in the whole map, and beliefs differ by as much.
     """
 
-    memory = 1000  # missing for so long, the vehicle may be anywhere
+    memory = 50  # missing for so long, the vehicle may be anywhere
 
     def __init__(
         self,
@@ -73,6 +73,7 @@ class FilterMatcher(Matcher):
         self._halo = HALO * before, HALO * after
         self._believed = NO_PLACES
         self._last: Codes | None = None
+        self._missed = 0  # observations in a row
         self._share: Share | None = None
         self._trace: Trace | None = None
         self._candidate = NO_CANDIDATE
@@ -92,6 +93,10 @@ class FilterMatcher(Matcher):
     def _observation(self, frame: Comparison | None) -> Observation | None:
         """Return what a frame shows; None if it is no step of time."""
         last, self._last = self._last, None if frame is None else frame.codes
+        self._missed = self._missed + 1 if frame is None else 0
+        if self._missed == self.memory:
+            self._filter.forget()
+            self._trace, self._candidate, self._believed = None, NO_CANDIDATE, NO_PLACES
         if frame is None:
             return self._missing(UNKNOWN) if self._filter.begun else None
         if last is None:

@@ -74,6 +74,7 @@ class Trace(NamedTuple):
         step: length of the step to it, or ``UNKNOWN``.
         stray: likelihood of that step for a lost vehicle.
         jump: likewise for one that jumps.
+        observed: whether the frame showed anything.
     """
 
     places: NDArray[np.int32]
@@ -85,6 +86,7 @@ class Trace(NamedTuple):
     step: float
     stray: float
     jump: float
+    observed: bool
 
 
 class Share(NamedTuple):
@@ -133,17 +135,22 @@ class PlaceFilter:
         # Beliefs are (hypotheses, speeds, places), and kept as they come, which is together with
         # the sum of all, and in a unit, since likelihoods here are in terms of that at the nearest
         # place here, which may not be the nearest of all.
-        places = own.stop - own.start
-        self._belief = np.empty((2, len(SPEEDS), places), np.float32)
-        self._belief[:] = (self._anywhere(self._motion.prior) / 2)[:, :, None]
-        self._of_place = self._belief.sum(axis=1)
-        self._halo = np.zeros((2, len(SPEEDS), REACH), np.float32)
-        self._unit, self._lost, self._total = 1.0, 0.5, 1.0
-        self._on_map = float(HYPOTHESES[0]) / 2
+        self._belief = np.empty((2, len(SPEEDS), own.stop - own.start), np.float32)
+        self._halo = np.empty((2, len(SPEEDS), REACH), np.float32)
         self.speed = 0.0
         """Mean posterior speed on the map, places per frame."""
         self.begun = False
         """Whether a frame was observed."""
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: the vehicle may be anywhere. What was learned along the drive stays."""
+        self._belief[:] = (self._anywhere(self._motion.prior) / 2)[:, :, None]
+        self._of_place = self._belief.sum(axis=1)
+        self._halo[:] = 0
+        self._unit, self._lost, self._total = 1.0, 0.5, 1.0
+        self._on_map = float(HYPOTHESES[0]) / 2
+        self.begun = False
 
     def _anywhere(self, prior: Array) -> Array:
         """Probability of each place, (2, S), of a vehicle on the map that may be anywhere."""
@@ -268,6 +275,7 @@ class PlaceFilter:
             self._observation.step,
             self._stray,
             self._jump,
+            self._observation.novelty > 0,
         )
 
     @property

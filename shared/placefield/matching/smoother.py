@@ -56,6 +56,7 @@ class Smoother:
         self._rows = np.full(lengths.apart.shape[1], -1, np.int32)
         self._waiting: deque[Trace | None] = deque()
         self._frames = 0
+        self._unobserved = 0  # in a row
 
     def push(self, trace: Trace | None) -> list[Smoothed]:
         """Take the next frame's trace, None before the first observation; return who is settled."""
@@ -63,8 +64,10 @@ class Smoother:
         if self._lag == WHOLE_DRIVE:
             return []
         self._frames += 1
+        is_news = trace is None or trace.observed
+        self._unobserved = 0 if is_news else self._unobserved + 1
         oldest = len(self._waiting) - 1
-        if oldest < self._lag and self._frames % _EVERY:
+        if oldest < self._lag and (self._frames % _EVERY or not is_news):
             return []
         return self._settle(self._least_lag(oldest))
 
@@ -72,6 +75,8 @@ class Smoother:
         """Return after how many frames who is not certain yet has waited for long enough."""
         if oldest < self._lag:
             return self._lag + 1
+        if self._unobserved >= self._lag:
+            return 0  # those that wait were not observed, either
         return max(self._lag - _AT_ONCE + 1, 0)
 
     def finish(self) -> list[Smoothed]:
