@@ -241,7 +241,8 @@ def evaluate(
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
                 ruled = config.model_copy(update={"matching": matching})
-                matches = Matches(match_through_services(map_path, source, ruled), {})
+                causal, of_lag = match_through_services(map_path, source, ruled)
+                matches = Matches(causal, {lag: of_lag} if lag else {})
             else:
                 matches = match_here(placemap, raws, matching, lags)
             results[rule] = judge(matches.causal, truth)

@@ -22,19 +22,13 @@ _START_S = 60.0
 _LAST_MATCH_S = 5.0
 
 
-def match_through_services(map_path: Path, source: Source, config: Config) -> list[Match]:
-    """Start a whole host, replay a source through it, and return its matches in order.
-
-    Raises:
-        BusError: the services do not start or stop answering.
-    """
-    return match_and_smooth_through_services(map_path, source, config)[0]
-
-
-def match_and_smooth_through_services(
+def match_through_services(
     map_path: Path, source: Source, config: Config
 ) -> tuple[list[Match], list[SmoothedMatch]]:
-    """Do likewise, and return the smoothed matches, too.
+    """Start a whole host, replay a source through it, and return its matches in order.
+
+    Returns:
+        The causal and the smoothed match of every frame.
 
     Raises:
         BusError: the services do not start or stop answering.
