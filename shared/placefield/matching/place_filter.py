@@ -126,19 +126,17 @@ class PlaceFilter:
             lengths: of steps on the whole map.
             own: the shard's places in the map.
         """
-        self.drive = Drive(motion().prior.astype(np.float64))
+        self._motion = motion()
+        self.drive = Drive(self._motion.prior.astype(np.float64))
         """What has been learned along the drive."""
         self._lengths, self._own = lengths, own
         self._apart = np.ascontiguousarray(lengths.apart[:, own])
         self._all_places = lengths.apart.shape[1]
-        self._motion = motion()
         # Beliefs are (hypotheses, speeds, places), and kept as they come, which is together with
         # the sum of all, and in a unit, since likelihoods here are in terms of that at the nearest
         # place here, which may not be the nearest of all.
         self._belief = np.empty((2, len(SPEEDS), own.stop - own.start), np.float32)
         self._halo = np.empty((2, len(SPEEDS), REACH), np.float32)
-        self.speed = 0.0
-        """Mean posterior speed on the map, places per frame."""
         self.begun = False
         """Whether a frame was observed."""
         self.forget()
@@ -246,7 +244,6 @@ class PlaceFilter:
         updated = float(of_speed.sum())
         self._total = updated + of_null + self._lost
         self._unit = units[number]
-        self.speed = float(of_speed @ SPEEDS) / updated if updated > 0 else 0.0
         if predicted > 0 and seen.novelty > 0:
             self.drive.learn(
                 of_speed / self._total, self._on_map, updated / predicted / mean, seen.novelty
