@@ -1,5 +1,7 @@
 """Filters of the places of a metric, for tests of what they come to believe."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,9 +11,11 @@ from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.matcher import Matcher
 from placefield.matching.sharding import ChannelShard
 
+SCALES = [4, 7, 12]
 
-def channel_under(metric: MapMetric) -> MapChannel:
-    """A channel of one segment."""
+
+def channel_of(metric: MapMetric, scales: Sequence[int] = SCALES) -> MapChannel:
+    """A channel of one segment, at these scales."""
     count = len(metric.places)
     return MapChannel(
         fuzzifier=1.1,
@@ -19,7 +23,7 @@ def channel_under(metric: MapMetric) -> MapChannel:
         metric=metric,
         labels=np.ones(count, np.int32),
         segments=np.array([[0, count]], np.int32),
-        scales=np.array([count], np.int32),
+        scales=np.array(scales, np.int32),
         curve=np.zeros((0, 2)),
     )
 
@@ -27,7 +31,7 @@ def channel_under(metric: MapMetric) -> MapChannel:
 def filter_of(metric: MapMetric, lag: int = 20, *, tolerance: int = 3) -> Matcher:
     """A filter of all places, which are the only shard."""
     matching = MatchingConfig(lag=lag, tolerance=tolerance)
-    return ChannelShard(channel_under(metric), matching).new_matcher()
+    return ChannelShard(channel_of(metric), matching).new_matcher()
 
 
 def posterior_of(candidate: Candidate, places: int) -> NDArray[np.float64]:

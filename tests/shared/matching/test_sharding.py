@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from comparisons import comparison, metric_of_codes
+from filters import SCALES, channel_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -25,7 +26,6 @@ from placefield.metric.codes import Codes
 Array = NDArray[np.float32]
 Pair = tuple[Candidate, Candidate]
 DIMENSIONS = 24
-SCALES = [4, 7, 12]
 RULES = get_args(Rule)
 
 
@@ -36,19 +36,6 @@ def random_walk(count: int, seed: int) -> Array:
     for place in range(1, count):
         walk[place] = 0.8 * walk[place - 1] + 0.6 * walk[place]
     return np.asarray(walk / np.linalg.norm(walk, axis=1, keepdims=True), np.float32)
-
-
-def channel_of(metric: MapMetric, scales: Sequence[int] = SCALES) -> MapChannel:
-    count = len(metric.places)
-    return MapChannel(
-        fuzzifier=1.1,
-        clusters=1,
-        metric=metric,
-        labels=np.ones(count, np.int32),
-        segments=np.array([[0, count]], np.int32),
-        scales=np.array(scales, np.int32),
-        curve=np.zeros((0, 2)),
-    )
 
 
 def unlearned_channel(places: Array) -> MapChannel:
