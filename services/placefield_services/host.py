@@ -25,7 +25,7 @@ from placefield_services.process import SUPERVISED
 log = logging.getLogger(__name__)
 
 _POLL_S = 0.05
-_PATIENCE_S = 1.2
+_PATIENCE_S = 5.0  # services end by themselves before that, unless the machine is overloaded
 _RESTART_AFTER_S = 0.5
 _YOUNG_S = 5.0  # a process that dies younger than this has failed to start
 _MOST_FAILED_STARTS = 5

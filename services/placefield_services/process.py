@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 
 _POLL_S = 0.1
 _STATS_EVERY_S = 1.0
+_END_WITHIN_S = 1.0
 
 AT_ONCE = 16
 """Messages that a service takes together: they share what can be shared, and the next stage does
@@ -192,6 +193,22 @@ def stop_event() -> threading.Event:
     if os.environ.get(SUPERVISED):
         threading.Thread(target=_wait_for_host, args=(stop,), daemon=True).start()
     return stop
+
+
+def stop_of_service() -> threading.Event:
+    """Return ``stop_event()`` for a service, which ends soon after it is set, whatever it does.
+
+    One that is still starting does not look whether it is to stop, and has nothing to finish.
+    """
+    stop = stop_event()
+    threading.Thread(target=_end_soon_after, args=(stop,), daemon=True).start()
+    return stop
+
+
+def _end_soon_after(stop: threading.Event) -> None:
+    stop.wait()
+    time.sleep(_END_WITHIN_S)
+    leave()
 
 
 def _wait_for_host(stop: threading.Event) -> None:

@@ -170,9 +170,19 @@ raise SystemExit(0 if stop.wait(30) else 3)
 """
 
 
-def start(**environment: str) -> "subprocess.Popen[str]":
+_STARTS_FOR_LONG = """
+import time
+from placefield_services.process import stop_of_service
+stop = stop_of_service()
+print("ready", flush=True)
+time.sleep(60)
+raise SystemExit(3)
+"""
+
+
+def start(script: str = _WAITS_FOR_STOP, **environment: str) -> "subprocess.Popen[str]":
     waiting = subprocess.Popen(
-        [sys.executable, "-c", _WAITS_FOR_STOP],
+        [sys.executable, "-c", script],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -188,6 +198,12 @@ def test_a_signal_stops_a_process(number: signal.Signals) -> None:
     with start() as waiting:
         waiting.send_signal(number)
         assert waiting.wait(20) == 0
+
+
+def test_a_service_that_is_still_starting_ends_when_it_is_asked_to() -> None:
+    with start(_STARTS_FOR_LONG) as starting:
+        starting.terminate()
+        assert starting.wait(20) == 0
 
 
 def test_a_supervised_process_stops_when_its_host_is_gone() -> None:

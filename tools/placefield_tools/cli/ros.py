@@ -47,7 +47,7 @@ def _ros(
     Examples:
       placefield ros day.pfmap --topic /camera/image_raw/compressed --odometry /odom --spacing 0.5
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
 
     begin()
     from placefield.maps.opening import open_map
@@ -57,5 +57,5 @@ def _ros(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
     topics = Topics(domain, topic, odometry, spacing)
-    run_ros(open_map(map_path, channels=()), topics, effective, stop_event())
+    run_ros(open_map(map_path, channels=()), topics, effective, stop_of_service())
     leave()

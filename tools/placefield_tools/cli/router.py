@@ -25,11 +25,11 @@ def _router(
     Examples:
       placefield router --endpoint tcp/0.0.0.0:7557 --connect tcp/10.0.0.2:7557
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
     from placefield_services.router import run_router
 
     begin()
-    stop = stop_event()
+    stop = stop_of_service()
     bus = options.effective_config(
         config,
         settings,

@@ -30,7 +30,7 @@ def _serve(
     Examples:
       placefield serve route.pfmap
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
 
     begin()
     from placefield_services.mapserver import run_mapserver
@@ -43,5 +43,5 @@ def _serve(
         bus__credentials=credentials,
         monitoring__port=metrics_port,
     )
-    run_mapserver(maps, effective, stop_event())
+    run_mapserver(maps, effective, stop_of_service())
     leave()

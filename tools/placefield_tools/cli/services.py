@@ -32,7 +32,7 @@ def _featurizer(
     Examples:
       placefield featurizer route.pfmap --run front --run rear
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
 
     begin()
     from placefield.maps.opening import open_map
@@ -46,7 +46,7 @@ def _featurizer(
         bus__credentials=credentials,
         monitoring__port=metrics_port,
     )
-    run_featurizer(open_map(map_path, channels=()), effective, stop_event())
+    run_featurizer(open_map(map_path, channels=()), effective, stop_of_service())
     leave()
 
 
@@ -77,7 +77,7 @@ def _channel(
       placefield channel route.pfmap --channel 0 --channel 1
       placefield channel route.pfmap --channel 0 --shard 0/4
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
 
     begin()
     from placefield.maps.opening import open_map
@@ -95,7 +95,7 @@ def _channel(
     )
     number, shards = _shard(shard)
     placemap = open_map(map_path, channels=channel)
-    run_channels(placemap, channel, effective, stop_event(), shard=number, shards=shards)
+    run_channels(placemap, channel, effective, stop_of_service(), shard=number, shards=shards)
     leave()
 
 
@@ -131,7 +131,7 @@ def _fuser(
     Examples:
       placefield fuser route.pfmap --precision 0.999
     """
-    from placefield_services.process import begin, leave, stop_event
+    from placefield_services.process import begin, leave, stop_of_service
 
     begin()
     from placefield.maps.opening import open_map
@@ -148,5 +148,5 @@ def _fuser(
         matching__precision=precision,
         fusion__deadline_s=deadline,
     )
-    run_fuser(open_map(map_path, channels=()), effective, stop_event())
+    run_fuser(open_map(map_path, channels=()), effective, stop_of_service())
     leave()
