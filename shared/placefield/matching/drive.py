@@ -13,7 +13,7 @@ _BASE = 0.2  # share of the prior of speeds that is not learned
 _LEAST_LOST = 0.75  # nats per frame that chance gives the best of places over an average one
 _TYPICAL = 1.5  # nats per frame that a place driven past is likelier than an average one
 _LEAST_RATIO = 1e-6  # one frame of another place must not outweigh the others
-_LOST_SHARE = 0.5  # of what places driven past were likelier by: who is lost gets that
+_LOST_SHARE = 0.55  # of what places driven past were likelier by: who is lost gets that
 
 
 class Drive:
@@ -39,8 +39,8 @@ class Drive:
     def lost_evidence(self) -> float:
         """Nats per frame by which a lost vehicle's frame is likelier than at an average place.
 
-        Half of what places had that the vehicle drove past: who sees the route well is soon found
-        out to have left it.
+        About half of what places had that the vehicle drove past: who sees the route well is soon
+        found out to have left it.
         """
         evidence = self._evidence + _TYPICAL * _UNLEARNED
         return max(_LEAST_LOST, _LOST_SHARE * evidence / (self._weight + _UNLEARNED))
@@ -63,5 +63,5 @@ class Drive:
         """
         self._speeds = _FORGET * self._speeds + speeds
         nats = math.log(max(ratio, _LEAST_RATIO))
-        self._evidence = _FORGET * self._evidence + was_on_map * nats
+        self._evidence = _FORGET * self._evidence + was_on_map * novelty * nats
         self._weight = _FORGET * self._weight + was_on_map * novelty

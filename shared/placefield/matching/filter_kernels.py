@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
-from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihoods
+from placefield.matching.motion import COUNT_OF, REACH, SPEEDS, Array, Motion, step_likelihoods
 
 _BLOCK = 1024  # places whose beliefs stay in the cache from one loop to the next
-_SPEEDS = SPEEDS  # as a constant of compiled code
+_SPEEDS, _COUNT_OF = SPEEDS, COUNT_OF  # as constants of compiled code
 
 
 class Transition(NamedTuple):
@@ -40,10 +40,11 @@ def advance(
     halo: Array,
     transition: Transition,
     apart: Array,
+    seen: Array,
     likelihood: Array,
     of_place: Array,
     of_speed: NDArray[np.float64],
-) -> float:
+) -> tuple[float, float]:
     """Predict the beliefs in K places from those of the frame before, and update them.
 
     Args:
@@ -53,23 +54,26 @@ def advance(
             and in those after them on its reverse.
         transition: from the frame before to this one.
         apart: (6, K) float32, see ``StepLengths``.
+        seen: (R, K) float32, by how much likelier what was observed is at each place than when
+            lost, at the speeds of each of ``COUNTS``.
         likelihood: (K,) float32, of what was observed, at each place.
         of_place: (2, K) float32, receives the sums over the speeds.
-        of_speed: (S,) float64, receives the sums over the places on the map.
+        of_speed: (2, S) float64, receives the sums over the places.
 
     Returns:
-        The sum of the beliefs on the map before the update.
+        The sum of the beliefs on the map before the update, and that of each times its likelihood.
     """
     motion, places = transition.motion, belief.shape[2]
     speeds = len(motion.prior)
     changed = np.empty(_BLOCK + REACH, np.float32)
     moving = np.empty(_BLOCK + 2 * REACH, np.float32)
     arrived, predicted = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    expected = np.empty(_BLOCK, np.float32)
     steps = np.empty((speeds, _BLOCK), np.float32)
     # What lies before a block has been overwritten when its turn comes, and is kept here.
     before = _mixed_halo(halo, transition)
     after_all = before[1].copy()
-    total = 0.0
+    total, of_likelihood = 0.0, 0.0
     of_speed[:] = 0
     for start in range(0, places, _BLOCK):
         end = min(start + _BLOCK, places)
@@ -80,7 +84,7 @@ def advance(
         for hypothesis in range(2):
             reached = min(size + REACH, places - start)
             _sum_changes(belief[hypothesis, :, start : start + reached], motion.change, changed)
-            predicted[:size] = 0
+            predicted[:size], of_place[hypothesis, start:end] = 0, 0
             for speed in range(speeds):
                 stay = np.float32(transition.kept) * (np.float32(1) - motion.change[speed])
                 join = np.float32(transition.kept) * transition.prior[speed]
@@ -94,17 +98,19 @@ def advance(
                 before[hypothesis, speed] = moving[size : size + REACH]
                 _arrive(moving, motion.chances[speed], hypothesis == 0, arrived[:size])
                 found, after = transition.found[hypothesis, speed], ahead[:size]
+                sees, sums = seen[_COUNT_OF[speed]], of_place[hypothesis]
                 for i in range(size):
                     came = arrived[i] * steps[speed, i] + found
                     predicted[i] += came
-                    after[i] = came * likelihood[start + i]
-                if hypothesis == 0:
-                    of_speed[speed] += sum_of(after)
+                    after[i] = came * sees[start + i]
+                    sums[start + i] += after[i]
+                of_speed[hypothesis, speed] += sum_of(after)
             if hypothesis == 0:
+                for i in range(size):
+                    expected[i] = predicted[i] * likelihood[start + i]
                 total += sum_of(predicted[:size])
-            for i in range(size):
-                of_place[hypothesis, start + i] = predicted[i] * likelihood[start + i]
-    return total
+                of_likelihood += sum_of(expected[:size])
+    return total, of_likelihood
 
 
 @kernel
@@ -145,7 +151,7 @@ def _arrive(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None
 
 @kernel
 def log_likelihoods(
-    distances: NDArray[np.int32], inverse_temperature: float, exponents: Array
+    distances: NDArray[np.int32], inverse_temperature: float, logarithms: Array
 ) -> int:
     """Write by how much less likely than the nearest each place is, (K,), as a logarithm.
 
@@ -155,17 +161,17 @@ def log_likelihoods(
     Args:
         distances: (K + 2,) int32, squared; the first and the last belong to neighbours.
         inverse_temperature: by how much the logarithm falls with the squared distance.
-        exponents: (K,) float32, receives them.
+        logarithms: (K,) float32, receives them.
 
     Returns:
         Twice the least distance.
     """
     nearest = np.int32(2**31 - 1)
-    for i in range(len(exponents)):
+    for i in range(len(logarithms)):
         nearest = min(nearest, _near(distances, i + 1))
     factor = np.float32(0.5 * inverse_temperature)
-    for i in range(len(exponents)):
-        exponents[i] = factor * np.float32(np.int32(nearest - _near(distances, i + 1)))
+    for i in range(len(logarithms)):
+        logarithms[i] = factor * np.float32(np.int32(nearest - _near(distances, i + 1)))
     return int(nearest)
 
 

@@ -109,7 +109,7 @@ class FilterMatcher(Matcher):
 
     def _missing(self, step: float) -> Observation:
         places = self._own.stop - self._own.start
-        return Observation(step, 0.0, 0, 0.0, np.ones(places, np.float32), 0.0)
+        return Observation(step, 0.0, 0, 0.0, np.zeros(places, np.float32), 0.0)
 
     def _observe(self, frame: Comparison, step: float) -> Observation:
         """The nearer a place is, the likelier it is what is seen."""
@@ -124,15 +124,12 @@ class FilterMatcher(Matcher):
         # A frame like the last one says again what that has said.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
         drive = self._filter.drive
-        inverse_temperature = novelty / (_TEMPERATURE * drive.deviation(deviation))
+        inverse_temperature = 1 / (_TEMPERATURE * drive.deviation(deviation))
         before, after = self._halo
         distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
-        exponents = np.empty(len(distances) - 2 * HALO, np.float32)
-        nearest = log_likelihoods(distances, inverse_temperature, exponents)
-        likelihood = np.exp(exponents, out=exponents)
-        return Observation(
-            step, novelty, nearest, inverse_temperature, likelihood, novelty * drive.lost_evidence
-        )
+        likely = np.empty(len(distances) - 2 * HALO, np.float32)
+        nearest = log_likelihoods(distances, inverse_temperature, likely)
+        return Observation(step, novelty, nearest, inverse_temperature, likely, drive.lost_evidence)
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Bring the beliefs to what they are among all; none before the first observation."""

@@ -8,40 +8,50 @@ from placefield.matching.place_filter import Share
 
 _SPEEDS = len(SPEEDS)
 _HALO = 2 * _SPEEDS * REACH
-_HEAD = 4 + _SPEEDS + _HALO
-_ROW = 2 + 2 * _SPEEDS  # of each place: its number, its likelihood and its beliefs
+_HEAD = 5 + 2 * _SPEEDS + _HALO
+_ROW = 2 + 2 * _SPEEDS  # of each place: its evidence, its number and its beliefs
 
 
 def pack(share: Share) -> NDArray[np.float64]:
     """Return a partial result as a vector, (n,) float64."""
-    sums = (share.nearest, share.predicted, share.likelihood, share.of_null)
-    rows = np.column_stack(
-        [share.places, share.place_likelihood, share.belief.reshape(len(share.places), -1)]
+    sums = (share.nearest, share.likelihood, share.predicted, share.expected)
+    rows = np.column_stack([share.evidence, share.places, share.belief.reshape(-1, 2 * _SPEEDS)])
+    return np.concatenate(
+        [
+            [share.lost_log_likelihood],
+            sums,
+            share.of_speed.ravel(),
+            share.halo.ravel(),
+            rows.ravel(),
+        ]
     )
-    return np.concatenate([sums, share.of_speed, share.halo.ravel(), rows.ravel()])
 
 
 def unpack(vector: NDArray[np.float64]) -> Share:
     """Return the partial result that was packed; the vector fits."""
-    nearest, predicted, likelihood, of_null = vector[:4].tolist()
-    of_speed, halo = vector[4 : 4 + _SPEEDS], vector[4 + _SPEEDS : _HEAD]
+    lost, nearest, likelihood, predicted, expected = vector[:5].tolist()
+    of_speed, halo = vector[5 : 5 + 2 * _SPEEDS], vector[5 + 2 * _SPEEDS : _HEAD]
     rows = vector[_HEAD:].reshape(-1, _ROW)
     return Share(
         int(nearest),
-        predicted,
+        lost,
         likelihood,
-        of_null,
-        of_speed,
+        predicted,
+        expected,
+        of_speed.reshape(2, _SPEEDS),
         halo.astype(np.float32).reshape(2, _SPEEDS, REACH),
-        rows[:, 0].astype(np.int32),
-        rows[:, 1].astype(np.float32),
+        rows[:, 1].astype(np.int32),
+        rows[:, 0].astype(np.float32),
         rows[:, 2:].astype(np.float32).reshape(-1, 2, _SPEEDS),
     )
 
 
 def fits(vector: NDArray[np.float64], places: int) -> bool:
     """Whether a vector that comes from elsewhere may be a partial result of a map of K places."""
-    if len(vector) < _HEAD or (len(vector) - _HEAD) % _ROW or (vector < 0).any():
+    if len(vector) < _HEAD or (len(vector) - _HEAD) % _ROW:
         return False
-    numbers = vector[_HEAD::_ROW]
+    rows = vector[_HEAD:].reshape(-1, _ROW)
+    if (vector[1:_HEAD] < 0).any() or (rows[:, 1:] < 0).any():
+        return False
+    numbers = rows[:, 1]
     return bool(np.all(numbers < places) and np.all(np.diff(numbers) > 0))

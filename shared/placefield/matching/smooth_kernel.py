@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from placefield.kernels import kernel
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE, REACH, Array, Motion
 
+Vector = NDArray[np.float64]
+
 _MAP_SHARE, _NULL_SHARE = float(HYPOTHESES[0]), float(HYPOTHESES[1])
 _FIND, _LOSE = FIND, LOSE
 
@@ -17,11 +19,11 @@ def step_back(
     steps: Array,
     prior: Array,
     motion: Motion,
-    lost: tuple[float, float, float],
+    lost: tuple[Vector, Vector, float],
     before: NDArray[np.int32],
     rows: NDArray[np.int32],
     backward: Array,
-) -> float:
+) -> Vector:
     """Take how likely what follows is from a frame back to the frame before it.
 
     Args:
@@ -30,30 +32,29 @@ def step_back(
         steps: (S, n) float32, likelihood of the observed step, by the place that it leads to.
         prior: (S,) float32, of the speeds in the transition.
         motion: of the vehicle.
-        lost: how likely the frame and those after it are when lost; likelihood of the step of a
-            vehicle that stays lost, times that of each place; likelihood of a jump.
+        lost: how likely what follows the frame is when lost, (S,) float64; likelihood of the step
+            of a vehicle that stays lost, (S,) float64; likelihood of a jump.
         before: (m,) int32, places that were believed in at the frame before.
         rows: (K,) int32, -1 everywhere; is used, and -1 everywhere again.
         backward: (m, 2, S) float32, receives how likely what follows is from each of them.
 
     Returns:
-        The same from being lost at the frame before. All are in a unit of their greatest.
+        The same from being lost at the frame before, (S,). All are in a unit of their greatest.
     """
     when_lost, stray, jump = lost
     speeds, count = len(prior), len(rows)
-    found = 0.0
+    found = np.zeros(speeds)
     for i in range(len(places)):
         rows[places[i]] = i
         for speed in range(speeds):
-            found += prior[speed] * (
-                _MAP_SHARE * seen[i, 0, speed] + _NULL_SHARE * seen[i, 1, speed]
-            )
+            found[speed] += _MAP_SHARE * seen[i, 0, speed] + _NULL_SHARE * seen[i, 1, speed]
             seen[i, 0, speed] *= steps[speed, i]
             seen[i, 1, speed] *= steps[speed, i]
     reached = np.empty(speeds, np.float32)
-    from_lost = (1 - _FIND) * stray * when_lost + _FIND * stray / count * found
-    to_lost = np.float32(_LOSE * jump * when_lost)
-    top = from_lost
+    adrift = stray * ((1 - _FIND) * when_lost + _FIND / count * found)
+    from_lost = adrift + motion.change * ((motion.prior * adrift).sum() - adrift)
+    to_lost = np.float32(_LOSE * jump * (motion.prior * when_lost).sum())
+    top = from_lost.max()
     for j in range(len(before)):
         for hypothesis in range(2):
             reached[:] = 0
@@ -78,4 +79,4 @@ def step_back(
         for hypothesis in range(2):
             for speed in range(speeds):
                 backward[j, hypothesis, speed] = backward[j, hypothesis, speed] / np.float32(top)
-    return from_lost / top
+    return np.asarray(from_lost / top)

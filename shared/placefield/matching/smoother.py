@@ -19,6 +19,7 @@ from placefield.matching.place_filter import NEGLIGIBLE, Trace
 from placefield.matching.smooth_kernel import step_back
 
 Array = NDArray[np.float32]
+Vector = NDArray[np.float64]
 
 _EVERY = 3  # frames
 _CERTAIN = 0.999  # more frames change nothing
@@ -100,7 +101,7 @@ class Smoother:
         """Return places and posterior of each frame that waits, given all of them."""
         smoothed = []
         later: Trace | None = None
-        backward, backward_lost = np.empty(0, np.float32), 1.0
+        backward, backward_lost = np.empty(0, np.float32), np.ones(len(SPEEDS))
         for trace in reversed(self._waiting):
             if trace is None:
                 smoothed.append((np.empty(0, np.int32), np.empty(0, np.float32)))
@@ -114,19 +115,19 @@ class Smoother:
         return smoothed[::-1]
 
     def _back(
-        self, later: Trace, trace: Trace, backward: Array, backward_lost: float
-    ) -> tuple[Array, float]:
+        self, later: Trace, trace: Trace, backward: Array, backward_lost: Vector
+    ) -> tuple[Array, Vector]:
         steps = np.empty((len(SPEEDS), len(later.places)), np.float32)
         apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
         step_likelihoods(apart, self._lengths.standing, SPEEDS, later.step, steps)
         before = np.empty_like(trace.belief)
         lost = step_back(
             later.places,
-            later.likelihood[:, None, None] * backward,
+            np.exp(later.evidence[:, None] * later.counts)[:, None] * backward,
             steps,
             later.prior,
             self._motion,
-            (later.lost_likelihood * backward_lost, later.stray, later.jump),
+            (backward_lost, later.stray, later.jump),
             trace.places,
             self._rows,
             before,
@@ -135,10 +136,10 @@ class Smoother:
 
 
 def _posterior(
-    trace: Trace, backward: Array, backward_lost: float
+    trace: Trace, backward: Array, backward_lost: Vector
 ) -> tuple[NDArray[np.int32], Array]:
     both = trace.belief * backward
-    total = float(both.sum(dtype=np.float64)) + trace.lost * backward_lost
+    total = float(both.sum(dtype=np.float64)) + float(trace.lost @ backward_lost)
     belief = both[:, 0, :-1].sum(axis=1) / np.float32(total)  # at speeds that the map resolves
     kept = belief >= min(np.float32(NEGLIGIBLE), belief.max())
     return trace.places[kept], belief[kept]

@@ -1,8 +1,9 @@
 """The filter and its smoother as a textbook has them: a page to read, and what tests compare with.
 
-A hidden Markov model with the states (hypothesis, speed, place) and *lost*. Here nothing is cut
-into shards, nothing left out and nothing compiled; arrays are dense and float64. What a frame is
-observed to be is given as its likelihood in every state, the step from the frame before included.
+A hidden Markov model with the states (hypothesis, speed, place) and (lost, speed). Here nothing is
+cut into shards, nothing left out and nothing compiled; arrays are dense and float64. What a frame
+is observed to be is given as its likelihood in every state, in terms of that when lost, and that of
+the step from the frame before by itself.
 """
 
 from collections.abc import Sequence
@@ -21,15 +22,15 @@ class State(NamedTuple):
 
     Attributes:
         placed: (2, S, K), of each place at each speed, on the map and on its reverse.
-        lost: of being on none.
+        lost: (S,), of being on none, at each speed.
     """
 
     placed: Array
-    lost: float
+    lost: Array
 
     def normalised(self) -> "State":
         """Return it with sum 1."""
-        total = float(self.placed.sum()) + self.lost
+        total = float(self.placed.sum() + self.lost.sum())
         return State(self.placed / total, self.lost / total)
 
 
@@ -37,26 +38,33 @@ class Step(NamedTuple):
     """The transition to a frame, and how likely the observed step is.
 
     Attributes:
-        prior: (S,), of each speed after a change.
+        prior: (S,), of each speed after a change, on the map.
+        unlearned: (S,), the same when lost.
         change: (S,), chance of a change.
         chances: (S, R), of a step of 0, 1, … places at each speed.
         likelihood: (S, K), of the observed step, at each speed, by the place that it leads to.
-        stray: the same when lost.
+        stray: (S,), the same when lost.
         jump: the same from a place to lost.
     """
 
     prior: Array
+    unlearned: Array
     change: Array
     chances: Array
     likelihood: Array
-    stray: float
+    stray: Array
     jump: float
 
 
 def initial(prior: Array, places: int) -> State:
     """Return the initial distribution: lost or anywhere, as likely."""
-    anywhere = HYPOTHESES[:, None, None] * prior[:, None] / places
-    return State(0.5 * np.broadcast_to(anywhere, (2, len(prior), places)), 0.5)
+    return State(0.5 * _anywhere(prior, places), 0.5 * prior)
+
+
+def _anywhere(of_speed: Array, places: int) -> Array:
+    """Return the distribution of a vehicle that may be anywhere, (2, S, K)."""
+    anywhere = HYPOTHESES[:, None, None] * of_speed[:, None] / places
+    return np.broadcast_to(anywhere, (2, len(of_speed), places))
 
 
 def predict(state: State, step: Step) -> State:
@@ -70,30 +78,32 @@ def predict(state: State, step: Step) -> State:
         chance = step.chances[:, places, None]
         moved[0, :, places:] += chance * mixed[0, :, : count - places]
         moved[1, :, : count - places] += chance * mixed[1, :, places:]
-    found = FIND * step.stray * state.lost * initial(step.prior, count).placed / 0.5
-    lost = (1 - FIND) * step.stray * state.lost + LOSE * step.jump * float(state.placed.sum())
-    return State((1 - LOSE) * moved * step.likelihood + found, lost)
+    change = step.change
+    adrift = step.stray * ((1 - change) * state.lost + step.unlearned * (change @ state.lost))
+    left = LOSE * step.jump * float(state.placed.sum()) * step.unlearned
+    found = _anywhere(FIND * adrift, count)
+    return State((1 - LOSE) * moved * step.likelihood + found, (1 - FIND) * adrift + left)
 
 
-def update(state: State, likelihood: Array, lost_likelihood: float) -> State:
-    """Condition a distribution on a frame, given its likelihood at each place, (K,), and lost."""
-    return State(state.placed * likelihood, state.lost * lost_likelihood).normalised()
+def update(state: State, likelihood: Array) -> State:
+    """Condition a distribution on a frame, given its likelihood at each speed and place, (S, K)."""
+    return State(state.placed * likelihood, state.lost).normalised()
 
 
 def smooth(
-    filtered: Sequence[State], steps: Sequence[Step], likelihoods: Sequence[tuple[Array, float]]
+    filtered: Sequence[State], steps: Sequence[Step], likelihoods: Sequence[Array]
 ) -> list[State]:
     """Return the distribution at each frame given all of them (forward-backward).
 
     Args:
         filtered: at each frame, given those up to it.
         steps: to each frame; the first is not looked at.
-        likelihoods: of each frame, at each place (K,) and lost.
+        likelihoods: of each frame, at each speed and place, (S, K).
     """
-    backward = State(np.ones_like(filtered[-1].placed), 1.0)
+    backward = State(np.ones_like(filtered[-1].placed), np.ones_like(filtered[-1].lost))
     smoothed = [filtered[-1]]
     for frame in range(len(filtered) - 1, 0, -1):
-        seen = update_likelihood(backward, *likelihoods[frame])
+        seen = State(backward.placed * likelihoods[frame], backward.lost)
         backward = predict_backward(seen, steps[frame])
         before = filtered[frame - 1]
         both = State(before.placed * backward.placed, before.lost * backward.lost)
@@ -101,18 +111,12 @@ def smooth(
     return smoothed[::-1]
 
 
-def update_likelihood(backward: State, likelihood: Array, lost_likelihood: float) -> State:
-    """Return how likely a frame and those after it are from each state at it."""
-    return State(backward.placed * likelihood, backward.lost * lost_likelihood)
-
-
 def predict_backward(seen: State, step: Step) -> State:
     """Return how likely what follows is from each state of the frame before; see ``predict``."""
     count = seen.placed.shape[2]
-    anywhere = initial(step.prior, count).placed / 0.5
-    lost = (1 - FIND) * step.stray * seen.lost + FIND * step.stray * float(
-        (anywhere * seen.placed).sum()
-    )
+    found = (_anywhere(np.ones_like(seen.lost), count) * seen.placed).sum(axis=(0, 2))
+    adrift = step.stray * ((1 - FIND) * seen.lost + FIND * found)
+    lost = adrift + step.change * (step.unlearned @ adrift - adrift)
     ahead = seen.placed * step.likelihood
     reached = np.zeros_like(ahead)
     for places in range(min(step.chances.shape[1], count)):
@@ -122,6 +126,6 @@ def predict_backward(seen: State, step: Step) -> State:
     mixed = np.einsum("s,hsk->hk", step.prior, reached)
     change = step.change[:, None]
     kept = (1 - change) * reached + change * mixed[:, None]
-    placed = (1 - LOSE) * kept + LOSE * step.jump * seen.lost
-    top = max(float(placed.max()), lost)
+    placed = (1 - LOSE) * kept + LOSE * step.jump * (step.unlearned @ seen.lost)
+    top = max(float(placed.max()), float(lost.max()))
     return State(placed / top, lost / top)

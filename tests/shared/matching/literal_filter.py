@@ -23,6 +23,9 @@ SAMPLE = 250
 NATS_PER_DEVIATION = 1.25
 REPEATED = 1e-3
 MEMORY = 0.99
+LOST_SHARE = 0.55
+COUNTS = np.array([min(max(math.sqrt(speed), 0.05), 1) for speed in SPEEDS])
+NOVEL = 0.25
 
 
 class LiteralFilter:
@@ -43,7 +46,7 @@ class LiteralFilter:
         self.deviations, self.deviation_weight = 0.0, 0.0
         self.filtered: list[State] = []
         self.steps: list[Step] = []
-        self.likelihoods: list[tuple[Points, float]] = []
+        self.likelihoods: list[Points] = []
         self.frames: list[int | None] = []
         """Which of these each frame has; None before the first observation."""
 
@@ -67,18 +70,21 @@ class LiteralFilter:
         known = frame is not None and self.last is not None
         length = math.dist(frame, self.last) if known else None  # type: ignore[arg-type]
         step = self.step(length)
-        novelty, likelihood, lost = self.observe(frame, length)
+        novelty, evidence, lost_evidence = self.observe(frame, length)
+        against_lost = evidence - math.log(np.exp(evidence).mean()) - lost_evidence
+        counts = np.minimum(COUNTS, novelty / NOVEL)
+        likelihood = np.exp(counts[:, None] * against_lost)
         if self.filtered:
             before = self.state
             moved = predict(before, step)
-            self.state = update(moved, likelihood, lost)
+            self.state = update(moved, likelihood)
             if novelty > 0 and moved.placed[0].sum() > 0:
-                self.learn(before, moved, likelihood, novelty)
+                self.learn(before, moved, np.exp(evidence), novelty)
         else:
-            self.state = update(self.state, likelihood, lost)
+            self.state = update(self.state, likelihood)
         self.filtered.append(self.state)
         self.steps.append(step)
-        self.likelihoods.append((likelihood, lost))
+        self.likelihoods.append(likelihood)
         self.last = frame
 
     def step(self, length: float | None) -> Step:
@@ -86,14 +92,14 @@ class LiteralFilter:
         change = np.array([1 / (PERSISTENCE if speed > 0 else STOP) for speed in SPEEDS])
         if length is None:
             every = np.ones((len(SPEEDS), len(self.places)))
-            return Step(self.prior(), change, chances, every, 1.0, 1.0)
+            return Step(self.prior(), PRIOR, change, chances, every, np.ones(len(SPEEDS)), 1.0)
         walked = max(length, self.standing)
         likelihood = student(walked - np.array([self.expected(speed) for speed in SPEEDS]))
-        stray = float(PRIOR @ likelihood[:, self.some].mean(axis=1))
+        stray = likelihood[:, self.some].mean(axis=1)
         there = [(place - len(self.places) // 2) % len(self.places) for place in self.some]
         jumps = np.linalg.norm(self.places[self.some] - self.places[there], axis=1)
         jump = float(student(length - jumps).mean())
-        return Step(self.prior(), change, chances, likelihood, stray, jump)
+        return Step(self.prior(), PRIOR, change, chances, likelihood, stray, jump)
 
     def step_chances(self, speed: float) -> list[float]:
         """Means over the speeds that one stands for."""
@@ -121,29 +127,29 @@ class LiteralFilter:
         return np.asarray((1 - learned) * PRIOR + learned * share)
 
     def observe(self, frame: Points | None, length: float | None) -> tuple[float, Points, float]:
-        """Return the novelty, and how likely the frame is at each place and when lost."""
-        nothing = np.ones(len(self.places))
+        """Return the novelty, the log likelihood at each place, and the evidence when lost."""
+        nothing = np.zeros(len(self.places))
         if frame is None:
-            return 0.0, nothing, 1.0
+            return 0.0, nothing, 0.0
         distances = ((self.places - frame) ** 2).sum(axis=1)
         if math.isclose(distances.var(), 0, abs_tol=1e-12):
-            return 0.0, nothing, 1.0
+            return 0.0, nothing, 0.0
         self.deviations = MEMORY * self.deviations + distances.std()
         self.deviation_weight = MEMORY * self.deviation_weight + 1
         novelty = 1.0 if length is None else min(1.0, length / self.typical)
         around = [distances[max(j - 1, 0) : j + 2].min() for j in range(len(distances))]
         near = (distances + around) / 2
         deviation = self.deviations / self.deviation_weight
-        likelihood = np.exp(-NATS_PER_DEVIATION * novelty * (near - near.min()) / deviation)
+        evidence = -NATS_PER_DEVIATION * (near - near.min()) / deviation
         mean_evidence = (self.evidence + 1.5 * 10) / (self.weight + 10)
-        lost = math.exp(novelty * max(0.75, mean_evidence / 2)) * likelihood.mean()
-        return novelty, likelihood, float(lost)
+        return novelty, evidence, max(0.75, LOST_SHARE * mean_evidence)
 
     def learn(self, before: State, moved: State, likelihood: Points, novelty: float) -> None:
         expected = moved.placed[0].sum(axis=0) / moved.placed[0].sum()
         ratio = float(expected @ likelihood / likelihood.mean())
         was_on_map = float(before.placed[0].sum())
-        self.evidence = MEMORY * self.evidence + was_on_map * math.log(max(ratio, 1e-6))
+        nats = math.log(max(ratio, 1e-6))
+        self.evidence = MEMORY * self.evidence + was_on_map * novelty * nats
         self.weight = MEMORY * self.weight + was_on_map * novelty
         self.speeds = MEMORY * self.speeds + self.state.placed[0].sum(axis=1)
 

@@ -12,9 +12,10 @@ from placefield.matching.motion import FIND, HYPOTHESES, LOSE
 from placefield.matching.textbook import State, Step, initial, predict, smooth, update
 
 PLACES, SPEEDS = 3, 2
-LOST = None
-STATES = [*itertools.product(range(2), range(SPEEDS), range(PLACES)), LOST]
-Chain = tuple[list[Step], list[tuple[NDArray[np.float64], float]]]
+PLACED = [*itertools.product(range(2), range(SPEEDS), range(PLACES))]
+STATES: list[tuple[int, ...]] = [*PLACED, *((speed,) for speed in range(SPEEDS))]
+"""The second ones are lost."""
+Chain = tuple[list[Step], list[NDArray[np.float64]]]
 
 
 @st.composite
@@ -23,53 +24,58 @@ def chains(draw: st.DrawFn) -> Chain:
     frames = draw(st.integers(1, 4))
     steps, likelihoods = [], []
     for _ in range(frames):
-        prior, chances = rng.random(SPEEDS), rng.random((SPEEDS, 3))
+        prior, unlearned = rng.random(SPEEDS), rng.random(SPEEDS)
+        chances = rng.random((SPEEDS, 3))
         steps.append(
             Step(
                 prior / prior.sum(),
+                unlearned / unlearned.sum(),
                 rng.random(SPEEDS),
                 chances / chances.sum(axis=1, keepdims=True),
                 rng.random((SPEEDS, PLACES)),
-                rng.random(),
+                rng.random(SPEEDS),
                 rng.random(),
             )
         )
-        likelihoods.append((rng.random(PLACES), rng.random()))
+        likelihoods.append(rng.random((SPEEDS, PLACES)))
     return steps, likelihoods
 
 
-def probability_of_moving(before: object, after: object, step: Step) -> float:
+def probability_of_moving(before: tuple[int, ...], after: tuple[int, ...], step: Step) -> float:
     """Of one state from another, times how likely the step is."""
-    anywhere = 0.0
-    if isinstance(after, tuple):
-        hypothesis, speed, _ = after
-        anywhere = HYPOTHESES[hypothesis] * step.prior[speed] / PLACES
-    if not isinstance(before, tuple):
-        return step.stray * (FIND * anywhere if isinstance(after, tuple) else 1 - FIND)
-    if not isinstance(after, tuple):
-        return LOSE * step.jump
+    if len(before) == 1:
+        speed = after[0] if len(after) == 1 else after[1]
+        drifts = change_of_speed(before[0], speed, step, step.unlearned) * step.stray[speed]
+        found = FIND * HYPOTHESES[after[0]] / PLACES if len(after) == 3 else 1 - FIND
+        return float(drifts * found)
+    if len(after) == 1:
+        return float(LOSE * step.jump * step.unlearned[after[0]])
     if before[0] != after[0]:
         return 0
     taken = after[2] - before[2] if after[0] == 0 else before[2] - after[2]
     chance = step.chances[after[1], taken] if 0 <= taken < 3 else 0.0
-    change = step.change[before[1]]
-    speeds = change * step.prior[after[1]] + (1 - change) * (before[1] == after[1])
+    speeds = change_of_speed(before[1], after[1], step, step.prior)
     return float((1 - LOSE) * speeds * chance * step.likelihood[after[1], after[2]])
 
 
-def of_state(distribution: State, state: object) -> float:
-    return float(distribution.placed[state] if isinstance(state, tuple) else distribution.lost)
+def change_of_speed(before: int, after: int, step: Step, prior: NDArray[np.float64]) -> float:
+    change = step.change[before]
+    return float(change * prior[after] + (1 - change) * (before == after))
 
 
-def likelihood_at(state: object, likelihood: tuple[NDArray[np.float64], float]) -> float:
-    return float(likelihood[0][state[2]]) if isinstance(state, tuple) else likelihood[1]
+def of_state(distribution: State, state: tuple[int, ...]) -> float:
+    return float(distribution.placed[state] if len(state) == 3 else distribution.lost[state])
 
 
-def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[object, float]]:
+def likelihood_at(state: tuple[int, ...], likelihood: NDArray[np.float64]) -> float:
+    return float(likelihood[state[1], state[2]]) if len(state) == 3 else 1.0
+
+
+def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[tuple[int, ...], float]]:
     """Of every state at each of the first frames, given these."""
     steps, likelihoods = chain
     start = initial(steps[0].prior, PLACES)
-    ways: dict[tuple[object, ...], float] = {
+    ways: dict[tuple[tuple[int, ...], ...], float] = {
         (state,): of_state(start, state) * likelihood_at(state, likelihoods[0]) for state in STATES
     }
     for frame in range(1, frames):
@@ -82,7 +88,9 @@ def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[object, fl
             if weight > 0
         }
     total = sum(ways.values())
-    posteriors: list[dict[object, float]] = [dict.fromkeys(STATES, 0.0) for _ in range(frames)]
+    posteriors: list[dict[tuple[int, ...], float]] = [
+        dict.fromkeys(STATES, 0.0) for _ in range(frames)
+    ]
     for way, weight in ways.items():
         for frame, state in enumerate(way):
             posteriors[frame][state] += weight / total
@@ -93,10 +101,10 @@ def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[object, fl
 @settings(max_examples=25, deadline=None)
 def test_filter_and_smoother_are_sums_over_all_ways(chain: Chain) -> None:
     steps, likelihoods = chain
-    state = update(initial(steps[0].prior, PLACES), *likelihoods[0])
+    state = update(initial(steps[0].prior, PLACES), likelihoods[0])
     filtered = [state]
     for frame in range(1, len(steps)):
-        filtered.append(update(predict(filtered[-1], steps[frame]), *likelihoods[frame]))
+        filtered.append(update(predict(filtered[-1], steps[frame]), likelihoods[frame]))
     for frame, state in enumerate(filtered):
         expected = posteriors_by_enumeration(chain, frame + 1)[-1]
         for each in STATES:
