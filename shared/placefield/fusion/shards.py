@@ -6,7 +6,7 @@ import numpy as np
 
 from placefield.config import Rule
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
-from placefield.matching.place_filter import NEGLIGIBLE
+from placefield.matching.trace import NEGLIGIBLE
 
 
 class ShardJoiner:

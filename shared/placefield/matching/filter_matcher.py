@@ -21,9 +21,11 @@ from placefield.matching.motion import (
     evenly_spaced,
     step_lengths,
 )
-from placefield.matching.partial_results import fits, pack, unpack
-from placefield.matching.place_filter import NEGLIGIBLE, Observation, PlaceFilter, Share, Trace
+from placefield.matching.odometry import Odometer, Road, Way, reached_by, tells_length
+from placefield.matching.partial_results import Share, fits, pack, unpack
+from placefield.matching.place_filter import Observation, PlaceFilter
 from placefield.matching.smoother import Smoothed, Smoother
+from placefield.matching.trace import NEGLIGIBLE, Trace
 from placefield.metric.codes import Codes
 from placefield.metric.spread import Spread, deviation_from
 
@@ -54,6 +56,7 @@ class FilterMatcher(Matcher):
         number: int,
         smoother: Smoother,
         spread: Spread | None = None,
+        road: Road | None = None,
     ) -> None:
         """Begin a stream.
 
@@ -64,8 +67,10 @@ class FilterMatcher(Matcher):
             smoother: of a new stream.
             spread: of all places of the map; None where the shard has all of them, so that a
                 comparison has their deviation already.
+            road: the way along the whole map; None if its metres are not known.
         """
-        self._filter = PlaceFilter(lengths, own)
+        self._filter = PlaceFilter(lengths, own, road)
+        self._road, self._odometer = road, Odometer()
         self._smoother = smoother
         self._lengths, self._own, self._number = lengths, own, number
         self._spread = spread
@@ -79,48 +84,50 @@ class FilterMatcher(Matcher):
         self._candidate = NO_CANDIDATE
         self._settled: list[Smoothed] = []
 
-    def local(self, frame: Comparison | None) -> Partial:
+    def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict, and update by what the shard's places have of the frame.
 
         The partial result is empty where there is no other shard, and for a frame that is no news.
         """
-        observation = self._observation(frame)
+        observation = self._observation(frame, odometry_m)
         self._share = None if observation is None else self._filter.local(observation)
         if self._share is None or self._spread is None:
             return _NOTHING
         return pack(self._share)
 
-    def _observation(self, frame: Comparison | None) -> Observation | None:
+    def _observation(
+        self, frame: Comparison | None, odometry_m: float | None
+    ) -> Observation | None:
         """Return what a frame shows; None if it is no step of time."""
         last, self._last = self._last, None if frame is None else frame.codes
         self._missed = self._missed + 1 if frame is None else 0
         if self._missed == self.memory:
             self._filter.forget()
             self._trace, self._candidate, self._believed = None, NO_CANDIDATE, NO_PLACES
+        step = UNKNOWN
+        if frame is not None and last is not None:
+            step = step_length(frame.codes, last, frame.metric.unit)
+            if step <= _REPEATED:
+                self._last = last  # so that a slow drift shows in the end
+                return None
+        way = None if self._road is None else self._odometer.way(odometry_m)
         if frame is None:
-            return self._missing(UNKNOWN) if self._filter.begun else None
-        if last is None:
-            return self._observe(frame, UNKNOWN)
-        step = step_length(frame.codes, last, frame.metric.unit)
-        if step <= _REPEATED:
-            self._last = last  # so that a slow drift shows in the end
-            return None
-        return self._observe(frame, step)
+            return self._missing(UNKNOWN, way) if self._filter.begun else None
+        return self._observe(frame, step, way)
 
-    def _missing(self, step: float) -> Observation:
+    def _missing(self, step: float, way: Way | None) -> Observation:
         places = self._own.stop - self._own.start
-        return Observation(step, 0.0, 0, 0.0, np.zeros(places, np.float32), 0.0)
+        return Observation(step, way, 0.0, 0, 0.0, np.zeros(places, np.float32), 0.0)
 
-    def _observe(self, frame: Comparison, step: float) -> Observation:
+    def _observe(self, frame: Comparison, step: float, way: Way | None) -> Observation:
         """The nearer a place is, the likelier it is what is seen."""
         if not frame.is_exact:
-            reached = within_reach(self._believed + self._halo[0], len(frame.distances))
-            frame = frame.made_exact(reached)
+            frame = frame.made_exact(self._within_reach(way, len(frame.distances)))
         deviation = frame.deviation
         if self._spread is not None:
             deviation = deviation_from(frame.codes, self._spread)
         if deviation == 0:
-            return self._missing(step)
+            return self._missing(step, way)
         # A frame like the last one says again what that has said.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
         drive = self._filter.drive
@@ -129,7 +136,19 @@ class FilterMatcher(Matcher):
         distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
         likely = np.empty(len(distances) - 2 * HALO, np.float32)
         nearest = log_likelihoods(distances, inverse_temperature, likely)
-        return Observation(step, novelty, nearest, inverse_temperature, likely, drive.lost_evidence)
+        if way is not None and self._road is not None and not tells_length(way, self._road):
+            step = UNKNOWN
+        return Observation(
+            step, way, novelty, nearest, inverse_temperature, likely, drive.lost_evidence
+        )
+
+    def _within_reach(self, way: Way | None, count: int) -> NDArray[np.int32]:
+        """Return where the vehicle may be, among the first so many places that are compared."""
+        if way is None or self._road is None or self._trace is None:
+            return within_reach(self._believed + self._halo[0], count)
+        reached = reached_by(way, self._road, self._trace.places)
+        reached += np.int32(self._halo[0] - self._own.start)
+        return reached[(reached >= 0) & (reached < count)]
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Bring the beliefs to what they are among all; none before the first observation."""

@@ -35,12 +35,9 @@ from placefield.matching.motion import (
     motion,
     step_likelihoods,
 )
-
-NEGLIGIBLE = 1e-6
-"""A belief below this is left out: no sum of a few of them changes a match."""
-
-MOST_PLACES = 512
-"""Places of most belief that the smoother knows of a frame."""
+from placefield.matching.odometry import Road, Way, carry, speeds_of
+from placefield.matching.partial_results import Joined, Share, joined
+from placefield.matching.trace import NEGLIGIBLE, Trace, most
 
 _NOVEL = 0.25  # a frame that is newer than this counts in full
 
@@ -52,6 +49,7 @@ class Observation(NamedTuple):
 
     Attributes:
         step: how far it is from the frame before, or ``UNKNOWN``.
+        way: driven since that, None if odometry does not tell.
         novelty: how much it tells that the frame before has not told, 0 to 1.
         nearest: twice the squared distance of the nearest place of the shard, in squared units.
         inverse_temperature: by how much the log likelihood falls with the squared distance.
@@ -60,6 +58,7 @@ class Observation(NamedTuple):
     """
 
     step: float
+    way: Way | None
     novelty: float
     nearest: int
     inverse_temperature: float
@@ -67,80 +66,23 @@ class Observation(NamedTuple):
     lost_evidence: float
 
 
-class Trace(NamedTuple):
-    """What the smoother needs of a frame: n places that were believed in, and the transition.
-
-    Attributes:
-        places: (n,) int32, ascending.
-        belief: (n, 2, S) float32, posterior on the map and on its reverse.
-        lost: (S,) float64, posterior of being lost, at each speed.
-        evidence: (n,) float32, nats by which the frame is likelier at each place than when lost.
-        counts: (S,) float32, how much of that counts at each speed.
-        prior: (S,) float32, of the speeds in the transition to this frame.
-        step: length of the step to it, or ``UNKNOWN``.
-        stray: (S,) float64, likelihood of that step for a lost vehicle.
-        jump: likewise for one that jumps.
-        observed: whether the frame showed anything.
-    """
-
-    places: NDArray[np.int32]
-    belief: Array
-    lost: Vector
-    evidence: Array
-    counts: Array
-    prior: Array
-    step: float
-    stray: Vector
-    jump: float
-    observed: bool
-
-
-class Share(NamedTuple):
-    """A shard's partial result for a frame.
-
-    Its beliefs and evidence are against what the shard takes for the log likelihood when lost.
-
-    Attributes:
-        nearest: see ``Observation``.
-        lost_log_likelihood: of the frame when lost, by these places, less that at the nearest.
-        likelihood: sum of the places' likelihoods, in terms of that at the nearest.
-        predicted: sum of the beliefs on the map before the update, a probability.
-        expected: sum of these times the places' likelihoods.
-        of_speed: (2, S) float64, sums of the beliefs at each speed, on the map and its reverse.
-        halo: (2, S, REACH) float32, beliefs of the last places on the map and of the first on its
-            reverse, from where the vehicle may leave the shard.
-        places: (n,) int32, of the map, that may be in the frame's trace.
-        evidence: (n,) float32, see ``Trace``.
-        belief: (n, 2, S) float32, in them.
-    """
-
-    nearest: int
-    lost_log_likelihood: float
-    likelihood: float
-    predicted: float
-    expected: float
-    of_speed: Vector
-    halo: Array
-    places: NDArray[np.int32]
-    evidence: Array
-    belief: Array
-
-
 class PlaceFilter:
     """The posterior of every place of a shard, given the frames so far."""
 
-    def __init__(self, lengths: StepLengths, own: slice) -> None:
+    def __init__(self, lengths: StepLengths, own: slice, road: Road | None = None) -> None:
         """Prepare for a new stream.
 
         Args:
             lengths: of steps on the whole map.
             own: the shard's places in the map.
+            road: the way along the whole map; None if its metres are not known.
         """
         self._motion = motion()
         self._unlearned = self._motion.prior.astype(np.float64)
         self.drive = Drive(self._unlearned)
         """What has been learned along the drive."""
-        self._lengths, self._own = lengths, own
+        self._lengths, self._own, self._road = lengths, own, road
+        self._believed: Trace | None = None
         self._apart = np.ascontiguousarray(lengths.apart[:, own])
         self._all_places = lengths.apart.shape[1]
         # Beliefs are (hypotheses, speeds, places), and kept as they come, together with their sum.
@@ -157,6 +99,7 @@ class PlaceFilter:
         self._halo[:] = 0
         self._lost, self._total = 0.5 * self._unlearned, 1.0
         self._on_map = 0.5 * float(HYPOTHESES[0])
+        self._believed = None
         self.begun = False
 
     def _anywhere(self, of_speed: Vector) -> Array:
@@ -173,7 +116,14 @@ class PlaceFilter:
         evidence = observation.log_likelihood - np.float32(lost)
         seen = np.exp(self._counts.astype(np.float32)[:, None] * evidence)
         of_speed = np.empty((2, len(SPEEDS)))
-        predicted, expected = self._advance(seen, likelihood, of_speed)
+        if not self.begun:
+            predicted, expected = self._begin(seen, of_speed)
+        elif self._road is not None and observation.way is not None:
+            predicted, expected = self._advance_by(
+                self._road, observation.way, seen, likelihood, of_speed
+            )
+        else:
+            predicted, expected = self._advance(seen, likelihood, of_speed)
         places = self._most_believed(float(of_speed.sum()))
         return Share(
             observation.nearest,
@@ -188,32 +138,32 @@ class PlaceFilter:
             np.ascontiguousarray(self._belief[:, :, places].transpose(2, 0, 1)),
         )
 
+    def _begin(self, seen: Array, of_speed: Vector) -> tuple[float, float]:
+        """Update beliefs that none has moved yet."""
+        self.begun = True
+        self._prior, self._jump = self._motion.prior, 1.0
+        self._stray = np.ones(len(SPEEDS))
+        self._belief *= seen[COUNT_OF]
+        self._of_place = self._belief.sum(axis=1)
+        of_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
+        return 0.0, 0.0
+
     def _advance(self, seen: Array, likelihood: Array, of_speed: Vector) -> tuple[float, float]:
         """Predict and update the beliefs; return the sums before the update that a share has."""
-        if not self.begun:
-            self.begun = True
-            self._prior, self._jump = self._motion.prior, 1.0
-            self._stray = np.ones(len(SPEEDS))
-            self._belief *= seen[COUNT_OF]
-            self._of_place = self._belief.sum(axis=1)
-            of_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
-            return 0.0, 0.0
         self._prior = self.drive.prior.astype(np.float32)
-        step = self._observation.step
-        self._stray, self._jump = self._step_likelihood_when_lost(step)
+        self._stray, self._jump = self._step_likelihood_when_lost(SPEEDS)
         adrift = self._adrift(self._lost / self._total)
         transition = Transition(
             self._motion,
             self._prior,
             (1 - LOSE) / self._total,
             self._anywhere(FIND * adrift),
-            step,
+            self._observation.step,
             self._lengths.standing,
         )
         halo = np.float32(1 - LOSE) * self._halo
-        self._lost = (1 - FIND) * adrift + LOSE * self._jump * (
-            1 - float(self._lost.sum()) / self._total
-        ) * self._unlearned
+        on_map = 1 - float(self._lost.sum()) / self._total
+        self._lost = (1 - FIND) * adrift + LOSE * self._jump * on_map * self._unlearned
         return advance(
             self._belief, halo, transition, self._apart, seen, likelihood, self._of_place, of_speed
         )
@@ -227,13 +177,60 @@ class PlaceFilter:
         kept = (1 - change) * lost + self._unlearned * float(change @ lost)
         return np.asarray(kept * self._stray)
 
-    def _step_likelihood_when_lost(self, step: float) -> tuple[Vector, float]:
-        """Of a vehicle that stays lost, at each speed, and of one that jumps."""
+    def _step_likelihood_when_lost(self, speeds: Vector) -> tuple[Vector, float]:
+        """Of a vehicle that stays lost, at each of these speeds, and of one that jumps."""
+        step = self._observation.step
         if step < 0:
-            return np.ones(len(SPEEDS)), 1.0
-        some = np.empty((len(SPEEDS), self._lengths.some.shape[1]), np.float32)
-        step_likelihoods(self._lengths.some, self._lengths.standing, SPEEDS, step, some)
+            return np.ones(len(speeds)), 1.0
+        some = np.empty((len(speeds), self._lengths.some.shape[1]), np.float32)
+        step_likelihoods(self._lengths.some, self._lengths.standing, speeds, step, some)
         return some.mean(axis=1, dtype=np.float64), mean_student(self._lengths.jumps, step)
+
+    def _advance_by(
+        self, road: Road, way: Way, seen: Array, likelihood: Array, of_speed: Vector
+    ) -> tuple[float, float]:
+        """Predict by odometry: it tells the speed of every vehicle, on the map and lost."""
+        self._prior = self.drive.prior.astype(np.float32)
+        speeds = speeds_of(way.pace / road.spacing)
+        carried = self._carried(road, way)
+        steps, self._stray, self._jump = self._likelihoods_of_way(way, road)
+        lost = float(self._lost.sum()) / self._total
+        adrift = self._stray * lost * speeds
+        found = self._anywhere(FIND * adrift)
+        left = LOSE * self._jump * (1 - lost) * speeds
+        self._lost = (1 - FIND) * adrift + left
+        self._belief[:], of_speed[:] = 0, 0
+        predicted = np.zeros(len(likelihood), np.float32)
+        for speed in np.flatnonzero(speeds):
+            came = np.float32(speeds[speed]) * carried * steps + found[:, speed, None]
+            predicted += came[0]
+            self._belief[:, speed] = came * seen[COUNT_OF[speed]]
+            of_speed[:, speed] = [sum_of(row) for row in self._belief[:, speed]]
+        self._of_place = self._belief.sum(axis=1)
+        return sum_of(predicted), sum_of(predicted * likelihood)
+
+    def _carried(self, road: Road, way: Way) -> Array:
+        """Carry the beliefs of all shards on by a way, to the shard's own places, (2, K)."""
+        of_place = self._of_place * np.float32((1 - LOSE) / self._total)
+        carried = np.zeros_like(of_place)
+        least = NEGLIGIBLE / self._all_places
+        picked = np.empty(of_place.shape[1], np.int32)
+        own = picked[: pick(of_place[0] + of_place[1], least, picked)]
+        first = self._own.start
+        carry(own + np.int32(first), of_place.T[own].copy(), road, way, first, carried)
+        if self._believed is not None:
+            places = self._believed.places
+            others = (places < first) | (places >= self._own.stop)
+            belief = (1 - LOSE) * self._believed.belief[others].sum(axis=2)
+            carry(places[others], belief.astype(np.float32), road, way, first, carried)
+        return np.asarray(carried)
+
+    def _likelihoods_of_way(self, way: Way, road: Road) -> tuple[Array, Vector, float]:
+        """Of the observed step: by the place it leads to, (K,), when lost, (1,), and of a jump."""
+        speeds, step = np.array([way.pace / road.spacing]), self._observation.step
+        steps = np.empty((1, self._apart.shape[1]), np.float32)
+        step_likelihoods(self._apart, self._lengths.standing, speeds, step, steps)
+        return steps[0], *self._step_likelihood_when_lost(speeds)
 
     def _most_believed(self, total: float) -> NDArray[np.int32]:
         """Return at least those places of the shard that will be of some belief among all."""
@@ -257,44 +254,42 @@ class PlaceFilter:
             number: which of them this one's is.
         """
         seen = self._observation
-        nearest = min(share.nearest for share in shares)
-        # Nats by which a frame is less likely at the shard's nearest place than at that of all.
-        behind = [0.5 * (share.nearest - nearest) * seen.inverse_temperature for share in shares]
-        both = list(zip(behind, shares, strict=True))
-        mean = sum(math.exp(-less) * share.likelihood for less, share in both) / self._all_places
-        lost = math.log(mean) + seen.lost_evidence
-        # Nats by which the shard's evidence against being lost is too little.
-        wrong = [share.lost_log_likelihood - less - lost for less, share in both]
-        factors = [np.exp(self._counts * nats)[COUNT_OF] for nats in wrong]
-        of_speed = np.sum(
-            [factor * share.of_speed for factor, share in zip(factors, shares, strict=True)], axis=0
+        whole = joined(
+            shares, self._all_places, seen.inverse_temperature, seen.lost_evidence, self._counts
         )
+        factors = whole.factors
+        of_speed = np.sum([f * share.of_speed for f, share in zip(factors, shares, strict=True)], 0)
         self._total = float(of_speed.sum() + self._lost.sum())
         self._correct(factors[number])
         self.too_fast = float(of_speed[:, -1].sum() + self._lost[-1]) / self._total
         predicted = sum(share.predicted for share in shares)
         if predicted > 0 and seen.novelty > 0:
-            expected = sum(math.exp(-less) * share.expected for less, share in both)
-            speeds = of_speed[0] / self._total
-            self.drive.learn(speeds, self._on_map, expected / predicted / mean, seen.novelty)
+            ratio = whole.expected / predicted / whole.likelihood
+            self.drive.learn(of_speed[0] / self._total, self._on_map, ratio, seen.novelty)
         self._on_map = float(of_speed[0].sum()) / self._total
         for hypothesis, neighbour in enumerate((number - 1, number + 1)):
             if 0 <= neighbour < len(shares):
                 factor = (factors[neighbour] / self._total)[:, None]
                 self._halo[hypothesis] = shares[neighbour].halo[hypothesis] * factor
-        return self._trace(list(zip(wrong, factors, shares, strict=True)))
+        self._believed = self._trace(shares, whole)
+        return self._believed
 
     def _correct(self, factor: Vector) -> None:
         if np.any(factor != 1):  # there are other shards
             self._belief *= factor.astype(np.float32)[:, None]
             self._of_place = self._belief.sum(axis=1)
 
-    def _trace(self, shares: list[tuple[float, Vector, Share]]) -> Trace:
+    def _trace(self, shares: Sequence[Share], whole: Joined) -> Trace:
         belief = np.concatenate(
-            [share.belief * (factor / self._total) for _, factor, share in shares]
+            [
+                share.belief * (factor / self._total)
+                for factor, share in zip(whole.factors, shares, strict=True)
+            ]
         )
-        evidence = np.concatenate([share.evidence + nats for nats, _, share in shares])
-        places = np.concatenate([share.places for _, _, share in shares])
+        evidence = np.concatenate(
+            [share.evidence + nats for nats, share in zip(whole.shortfalls, shares, strict=True)]
+        )
+        places = np.concatenate([share.places for share in shares])
         believed = belief.sum(axis=(1, 2))
         kept = np.flatnonzero(believed >= min(NEGLIGIBLE, believed.max())).astype(np.int32)
         kept = most(believed, kept)
@@ -306,6 +301,7 @@ class PlaceFilter:
             self._counts[COUNT_OF].astype(np.float32),
             self._prior,
             self._observation.step,
+            self._observation.way,
             self._stray,
             self._jump,
             self._observation.novelty > 0,
@@ -324,11 +320,3 @@ class PlaceFilter:
     def behind(self) -> Array:
         """Posterior of each of the places before the shard, (REACH,); 0 where there are none."""
         return np.asarray(self._halo[0].sum(axis=0))
-
-
-def most(belief: Array, places: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return those of these places that are among the ``MOST_PLACES`` of most belief, ascending."""
-    if len(places) <= MOST_PLACES:
-        return places
-    first = np.argsort(-belief[places], kind="stable")[:MOST_PLACES]
-    return np.sort(places[first])

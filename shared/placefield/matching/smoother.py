@@ -14,9 +14,18 @@ from numpy.typing import NDArray
 
 from placefield.matching.best_window import best_window
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.matching.motion import SPEEDS, StepLengths, motion, step_likelihoods
-from placefield.matching.place_filter import NEGLIGIBLE, Trace
+from placefield.matching.motion import (
+    FIND,
+    HYPOTHESES,
+    LOSE,
+    SPEEDS,
+    StepLengths,
+    motion,
+    step_likelihoods,
+)
+from placefield.matching.odometry import Road, Way, carry_back, speeds_of
 from placefield.matching.smooth_kernel import step_back
+from placefield.matching.trace import NEGLIGIBLE, Trace
 
 Array = NDArray[np.float32]
 Vector = NDArray[np.float64]
@@ -44,15 +53,19 @@ class Smoothed(NamedTuple):
 class Smoother:
     """Smooths one stream."""
 
-    def __init__(self, lengths: StepLengths, lag: int, tolerance: int) -> None:
+    def __init__(
+        self, lengths: StepLengths, lag: int, tolerance: int, road: Road | None = None
+    ) -> None:
         """Prepare for a new stream.
 
         Args:
             lengths: of steps on the whole map.
             lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``.
             tolerance: places within which a match is right.
+            road: the way along the whole map; None if its metres are not known.
         """
         self._lengths, self._lag, self._tolerance = lengths, lag, tolerance
+        self._road = road
         self._motion = motion()
         self._rows = np.full(lengths.apart.shape[1], -1, np.int32)
         self._waiting: deque[Trace | None] = deque()
@@ -117,14 +130,14 @@ class Smoother:
     def _back(
         self, later: Trace, trace: Trace, backward: Array, backward_lost: Vector
     ) -> tuple[Array, Vector]:
-        steps = np.empty((len(SPEEDS), len(later.places)), np.float32)
-        apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
-        step_likelihoods(apart, self._lengths.standing, SPEEDS, later.step, steps)
+        seen = np.exp(later.evidence[:, None] * later.counts)[:, None] * backward
+        if self._road is not None and later.way is not None:
+            return self._back_by(self._road, later.way, later, trace, seen, backward_lost)
         before = np.empty_like(trace.belief)
         lost = step_back(
             later.places,
-            np.exp(later.evidence[:, None] * later.counts)[:, None] * backward,
-            steps,
+            seen,
+            self._steps(later, SPEEDS),
             later.prior,
             self._motion,
             (backward_lost, later.stray, later.jump),
@@ -133,6 +146,30 @@ class Smoother:
             before,
         )
         return before, lost
+
+    def _steps(self, later: Trace, speeds: Vector) -> Array:
+        """Likelihoods of the step to a frame at these speeds, (S, n), by the place it leads to."""
+        steps = np.empty((len(speeds), len(later.places)), np.float32)
+        apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
+        step_likelihoods(apart, self._lengths.standing, speeds, later.step, steps)
+        return steps
+
+    def _back_by(
+        self, road: Road, way: Way, later: Trace, trace: Trace, seen: Array, lost: Vector
+    ) -> tuple[Array, Vector]:
+        """Go back over a way that odometry tells, whatever the speed before it was."""
+        speeds = speeds_of(way.pace / road.spacing)
+        ahead = (seen @ speeds).astype(np.float32)
+        found = float((ahead @ HYPOTHESES).sum()) / len(self._rows)
+        when_lost = float(lost @ speeds)
+        from_lost = float(later.stray[0]) * ((1 - FIND) * when_lost + FIND * found)
+        ahead *= self._steps(later, np.array([way.pace / road.spacing])).T
+        carried = np.empty((len(trace.places), 2), np.float32)
+        carry_back(later.places, ahead, road, way, trace.places, carried)
+        before = (1 - LOSE) * carried + LOSE * later.jump * when_lost
+        top = max(float(before.max()), from_lost)
+        every = np.repeat((before / top).astype(np.float32)[:, :, None], len(SPEEDS), axis=2)
+        return every, np.full(len(SPEEDS), from_lost / top)
 
 
 def _posterior(
