@@ -235,10 +235,10 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
     ]
     pushed, real = iter(range(1000)), FilterMatcher.local
 
-    def local(self: FilterMatcher, seen: Comparison | None) -> Partial:
+    def local(self: FilterMatcher, seen: Comparison | None, odometry_m: float | None) -> Partial:
         if next(pushed) == 9:  # two runs and two channels: the second channel, in the third frame
             raise ZeroDivisionError
-        return real(self, seen)
+        return real(self, seen, odometry_m)
 
     monkeypatch.setattr(FilterMatcher, "local", local)
     stage.handle(*batch)

@@ -117,7 +117,8 @@ class _Stream:
             return False
         self._look_after()
         self._stamp_ns = frame.stamp_ns
-        self._put(self._header(), FrameMessage(image=frame.image).encode())
+        message = FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
+        self._put(self._header(), message.encode())
         self.sent += 1
         return True
 

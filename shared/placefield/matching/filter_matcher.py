@@ -54,6 +54,7 @@ class FilterMatcher(Matcher):
         number: int,
         smoother: Smoother,
         spread: Spread | None = None,
+        travelled: NDArray[np.float64] | None = None,
     ) -> None:
         """Begin a stream.
 
@@ -64,6 +65,7 @@ class FilterMatcher(Matcher):
             smoother: of a new stream.
             spread: of all places of the map; None where the shard has all of them, so that a
                 comparison has their deviation already.
+            travelled: (K,) metres up to each place of the map, as it is driven; None: unknown.
         """
         self._filter = PlaceFilter(lengths, own)
         self._smoother = smoother
@@ -79,7 +81,7 @@ class FilterMatcher(Matcher):
         self._candidate = NO_CANDIDATE
         self._settled: list[Smoothed] = []
 
-    def local(self, frame: Comparison | None) -> Partial:
+    def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict, and update by what the shard's places have of the frame.
 
         The partial result is empty where there is no other shard, and for a frame that is no news.
