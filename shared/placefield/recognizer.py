@@ -31,7 +31,8 @@ class Recognizer:
         """Begin a stream on a map, with the rule of a configuration."""
         self._dimensions = len(placemap.model.components)
         self._images = DescriptorStage(placemap.model).new_stream()
-        self._channels = ChannelStage(dict(enumerate(placemap.channels)), config)
+        channels = dict(enumerate(placemap.channels))
+        self._channels = ChannelStage(channels, config, travelled=placemap.places.travelled)
         fusion = FusionStage(placemap.places.count, config)
         self._stream = FusedStream(self._channels, fusion, config.lag)
 

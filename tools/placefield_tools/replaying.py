@@ -6,6 +6,7 @@ import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
@@ -211,12 +212,17 @@ def _frames(source: Source, loop: bool, stop: threading.Event) -> Iterator[Frame
 
 
 def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
-    """Hand on so many of a camera's frames per second, none late; those between are left out."""
-    due = time.monotonic()
+    """Hand on so many of a camera's frames per second, none late; those between are left out.
+
+    What one that is left out has as odometry is still the newest at the next one without.
+    """
+    due, odometry_m = time.monotonic(), None
     for frame in frames:
+        odometry_m = odometry_m if frame.odometry_m is None else frame.odometry_m
         if time.monotonic() >= due:
             due = _next_due(due, rate)
-            yield frame
+            yield replace(frame, odometry_m=odometry_m)
+            odometry_m = None
 
 
 def _next_due(due: float, rate: float) -> float:
