@@ -22,7 +22,7 @@ def map_facts(opened: Map) -> dict[str, str]:
 def _travelled(places: Places) -> str:
     """Say how long the way along the places is."""
     if not len(places.travelled):
-        return "nobody knows how far"
+        return "not known"
     metres = float(places.travelled[-1] - places.travelled[0])
     mean = metres / max(places.count - 1, 1)
     return f"{metres:.1f} m, {mean:.2f} m from place to place on average"
