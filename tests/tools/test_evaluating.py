@@ -211,7 +211,14 @@ def test_judging_keeps_places_and_scores_and_counts_no_answer_as_wrong() -> None
     assert result.curve.recall_at_1 == pytest.approx(0.5)
 
 
-def test_the_services_find_what_is_found_here(map_path: Path, damaged_query: Path) -> None:
+@pytest.mark.parametrize("measured", [False, True])
+def test_the_services_find_what_is_found_here(
+    map_path: Path, damaged_query: Path, measured: bool
+) -> None:
+    if measured:
+        files = sorted(damaged_query.iterdir())
+        rows = [f"{file.name},{number}" for number, file in enumerate(files)]
+        (damaged_query / "frames.csv").write_text("\n".join(["file,odometry", *rows]))
     here, there = (
         evaluate(map_path, Query(str(damaged_query)), within_3, Config(), services=services)
         for services in (False, True)

@@ -214,7 +214,7 @@ def _frames(source: Source, loop: bool, stop: threading.Event) -> Iterator[Frame
 def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
     """Hand on so many of a camera's frames per second, none late; those between are left out.
 
-    What one that is left out has as odometry is still the newest at the next one without.
+    Odometry that came with one that is left out goes with the next: it is still news.
     """
     due, odometry_m = time.monotonic(), None
     for frame in frames:
