@@ -1,19 +1,26 @@
 """What all tests share."""
 
 import os
+from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from shutil import copy
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import settings
+from numpy.typing import NDArray
 
 from placefield.config import Config
 from placefield.features.images import decode
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
+from placefield.matching.comparing import Comparison
+from placefield.matching.filter_matcher import FilterMatcher
+from placefield.matching.matcher import Partial
 from placefield_tools.building import build_from
 from placefield_tools.hosting import free_endpoint
 
@@ -44,6 +51,36 @@ def models_dir() -> Path:
     if not _MODELS.is_dir():
         pytest.skip(f"no networks at {_MODELS}; say where they are with PLACEFIELD_MODELS")
     return _MODELS
+
+
+@pytest.fixture
+def told_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
+    """What the filters of this process are told of the odometry, frame by frame, from now on."""
+    told: list[float | None] = []
+    local = FilterMatcher.local
+
+    def listening(
+        self: FilterMatcher, frame: Comparison | None, odometry_m: float | None = None
+    ) -> Partial:
+        told.append(odometry_m)
+        return local(self, frame, odometry_m)
+
+    monkeypatch.setattr(FilterMatcher, "local", listening)
+    return told
+
+
+@pytest.fixture
+def told_travelled(monkeypatch: pytest.MonkeyPatch) -> list[NDArray[np.float64] | None]:
+    """What the filters that begin from now on are told of the metres up to each place."""
+    told: list[NDArray[np.float64] | None] = []
+    begin: Callable[..., None] = FilterMatcher.__init__
+
+    def listening(*arguments: Any, **more: Any) -> None:
+        told.append(signature(begin).bind(*arguments, **more).arguments.get("travelled"))
+        begin(*arguments, **more)
+
+    monkeypatch.setattr(FilterMatcher, "__init__", listening)
+    return told
 
 
 FRAMES = 60

@@ -117,6 +117,7 @@ class _Accepted:
     stream: ChannelStream
     header: Header
     descriptor: NDArray[np.float32] | None
+    odometry_m: float | None
     is_awaited: bool = True
 
 
@@ -148,7 +149,7 @@ class ChannelWorker:
         if received.key != Keys(received.run).feature:
             self._receive(run, header, BordersMessage.decode(received.payload))
             return []
-        descriptor = None if header.end else self._decode(received.payload)
+        seen = (None, None) if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
@@ -160,7 +161,7 @@ class ChannelWorker:
             run.counts["early"] += 1
             return []
         assert run.stream is not None
-        return [*missed, _Accepted(run, run.stream, header, descriptor)]
+        return [*missed, _Accepted(run, run.stream, header, *seen)]
 
     def _missed(self, run: _Run, header: Header) -> list[_Accepted] | None:
         """Return the frames before this one that others remember, and take its turn.
@@ -205,13 +206,15 @@ class ChannelWorker:
             is_awaited = not header.live and old.sequence >= header.oldest
             old = old.model_copy(update={"oldest": header.oldest})
             try:
-                frames.append(_Accepted(run, run.stream, old, self._decode(payload), is_awaited))
+                seen = self._decode(payload)
+                frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
             except MessageError:
                 run.counts["malformed"] += 1
         run.counts["recalled"] += len(frames)
         return frames
 
-    def _decode(self, payload: bytes) -> NDArray[np.float32] | None:
+    def _decode(self, payload: bytes) -> tuple[NDArray[np.float32] | None, float | None]:
+        """Return a frame's descriptor, None if there is none, and its odometry's reading."""
         feature = FeatureMessage.decode(payload)
         if feature.model != self._model:
             raise MessageError(
@@ -219,9 +222,9 @@ class ChannelWorker:
                 "give the featurizer the same map"
             )
         if feature.descriptor is None:
-            return None
+            return None, feature.odometry_m
         try:
-            return checked(feature.descriptor, self._dimensions)
+            return checked(feature.descriptor, self._dimensions), feature.odometry_m
         except FrameError as error:
             raise MessageError(str(error)) from None
 
@@ -231,7 +234,7 @@ class ChannelWorker:
         comparing = self._channels.comparing([frame.descriptor for frame in frames])
         for frame, compare in zip(frames, comparing, strict=True):
             with counting_failure([frame.run.counts]):
-                frame.stream.take(Frame(frame.header, compare, frame.is_awaited))
+                frame.stream.take(Frame(frame.header, compare, frame.odometry_m, frame.is_awaited))
 
     def settle(self, run: str) -> None:
         """Do what is due in a run."""

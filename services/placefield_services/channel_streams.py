@@ -59,11 +59,13 @@ class Frame:
         header: of it.
         compare: returns how it compares with the places, None for a missing observation; called
             once, when it is the next to be answered.
+        odometry_m: the odometer's reading at it, metres; None: unknown.
         is_awaited: whether it is to be answered; else it was long ago, and is only to be known of.
     """
 
     header: Header
     compare: Callable[[], Compared | None]
+    odometry_m: float | None
     is_awaited: bool
 
     @cached_property
@@ -177,7 +179,7 @@ class ChannelStream:
 
     def _local(self, frame: Frame) -> None:
         """Do the local step of the frame, or of one before it that was missed, and publish it."""
-        self._own = self._stream.local(frame.compared, frame.header.sequence)
+        self._own = self._stream.local(frame.compared, frame.header.sequence, frame.odometry_m)
         sequence, shard, shards = self._stream.next, self._stage.shard, self._stage.shards
         for old in [old for old in self._partials if old < sequence]:
             del self._partials[old]

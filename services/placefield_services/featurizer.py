@@ -201,4 +201,6 @@ class Featurizer:
         except Exception:  # a defect costs what was seen of the frame, and not its turn
             run.counts["failed"] += 1
             log.exception("a defect; the frame goes on as one that was not seen")
-        return FeatureMessage(model=self._fingerprint, descriptor=descriptor)
+        return FeatureMessage(
+            model=self._fingerprint, descriptor=descriptor, odometry_m=frame.odometry_m
+        )

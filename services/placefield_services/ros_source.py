@@ -42,9 +42,14 @@ class RosSource:
         self._stamp_ns = 0
         self._metres = 0.0
         self._position: NDArray[np.float64] | None = None
+        self._is_told = True
+        """Whether the metres went with a frame already."""
 
     def take_image(self, kind: str, data: bytes) -> None:
         """Publish an image as the next frame, with the stamp of its header, if it is to be taken.
+
+        The metres travelled go with it, if odometry has come since the frame before: a vehicle
+        whose odometry has stopped coming must not look like one that stands still.
 
         Raises:
             MessageError: it is none that we read.
@@ -54,7 +59,9 @@ class RosSource:
             self._counts["left_out"] += 1
             return
         self._stamp_ns = stamp_ns
-        self._frames.put(self._header(), FrameMessage(image=image))
+        odometry_m = None if self._is_told else self._metres
+        self._frames.put(self._header(), FrameMessage(image=image, odometry_m=odometry_m))
+        self._is_told = True
         self._sent += 1
         self._counts["frames"] += 1
 
@@ -78,6 +85,7 @@ class RosSource:
         if not max(step, *np.abs(position)) < _FARTHEST_M:
             raise MessageError(f"odometry at {position} m: too far away to be true")
         self._position, self._metres = position, self._metres + step
+        self._is_told = False
         self._tell_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:

@@ -35,7 +35,8 @@ class ServedChannels:
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
-        self._stage = ChannelStage(self._channels, matching, shard, shards)
+        travelled = placemap.places.travelled
+        self._stage = ChannelStage(self._channels, matching, shard, shards, travelled)
         # Called before reading, for what was cut off would end the process, and again after.
         self._check_unchanged = placemap.check_unchanged
         self.needs_all = shards > 1

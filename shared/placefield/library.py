@@ -23,15 +23,15 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
 
     Args:
         traverses: the first gives the places; others of the same length, aligned by index, are the
-            route in other light, from which metrics are learned. A ``Frame`` has its own stamp and
-            pose; an image alone is a second after the one before.
+            route in other light, from which metrics are learned. A ``Frame`` has its own stamp,
+            pose and odometry; an image alone is a second after the one before.
         config: of features, scales, metric and seed.
 
     Raises:
         SourceError: a file or an image cannot be read, or is something else.
         FrameError: pixels are of another shape or dtype.
-        MapError: the frames do not make a map: too few, traverses that differ in length, or a pose
-            that is not finite.
+        MapError: the frames do not make a map: too few, traverses that differ in length, a pose
+            that is not finite, or odometry that goes back.
         ConfigError: the features' network cannot be read.
     """
     if not traverses:

@@ -1,5 +1,7 @@
 """All of recognition in one object, with no bus: frame in, match out."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,19 +31,26 @@ class Recognizer:
         """Begin a stream on a map, with the rule of a configuration."""
         self._dimensions = len(placemap.model.components)
         self._images = DescriptorStage(placemap.model).new_stream()
-        self._channels = ChannelStage(dict(enumerate(placemap.channels)), config)
+        channels = dict(enumerate(placemap.channels))
+        self._channels = ChannelStage(channels, config, travelled=placemap.places.travelled)
         fusion = FusionStage(placemap.places.count, config)
         self._stream = FusedStream(self._channels, fusion, config.lag)
 
-    def push(self, image: Image) -> Match:
-        """Match the next frame: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file.
+    def push(self, image: Image, odometry_m: float | None = None) -> Match:
+        """Match the next frame.
 
-        An image that does not decode is matched as a missing observation.
+        Args:
+            image: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file. One that does
+                not decode is matched as a missing observation.
+            odometry_m: the vehicle's odometry, metres travelled since any fixed start; None:
+                nobody has said since the frame before.
 
         Raises:
             SourceError: the file cannot be read, or this is no image at all; nothing was matched.
-            FrameError: pixels are of another shape or dtype; nothing was matched.
+            FrameError: pixels are of another shape or dtype, or the odometry is below 0 or not
+                finite; nothing was matched.
         """
+        _check_odometry(odometry_m)
         shown = load(image)
         if not isinstance(shown, bytes):
             check_pixels(shown)
@@ -49,27 +58,33 @@ class Recognizer:
             descriptor = self._images.push(shown)
         except FrameError:
             descriptor = None
-        return self.push_descriptor(descriptor)
+        return self.push_descriptor(descriptor, odometry_m)
 
-    def push_raw(self, raw: NDArray[np.float32] | None) -> Match:
+    def push_raw(self, raw: NDArray[np.float32] | None, odometry_m: float | None = None) -> Match:
         """Match the next frame by its raw feature (D,); None is a missing observation.
 
         Raises:
-            FrameError: the feature is of another shape, or not finite; no frame was matched.
+            FrameError: the feature is of another shape, or not finite, or the odometry is below 0
+                or not finite; no frame was matched.
         """
+        _check_odometry(odometry_m)
         descriptor = None if raw is None else self._images.push_raw(raw)
-        return self.push_descriptor(descriptor)
+        return self.push_descriptor(descriptor, odometry_m)
 
-    def push_descriptor(self, descriptor: NDArray[np.float32] | None) -> Match:
+    def push_descriptor(
+        self, descriptor: NDArray[np.float32] | None, odometry_m: float | None = None
+    ) -> Match:
         """Match the next frame by its descriptor (N,); None is a missing observation.
 
         Raises:
             FrameError: the descriptor is of another shape, or its length neither 1 nor 0, where
-                there was nothing to see; no frame was matched.
+                there was nothing to see; or the odometry is below 0 or not finite; no frame was
+                matched.
         """
+        _check_odometry(odometry_m)
         observed = None if descriptor is None else checked(descriptor, self._dimensions)
         compared = None if observed is None else next(self._channels.compare([observed]))
-        return self._stream.push(compared)
+        return self._stream.push(compared, odometry_m)
 
     def smoothed(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that have been made since they were last asked for.
@@ -81,3 +96,13 @@ class Recognizer:
     def finish(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that are left: no frame will come any more."""
         return self._stream.finish()
+
+
+def _check_odometry(metres: float | None) -> None:
+    """Refuse what no service takes from the bus.
+
+    Raises:
+        FrameError: it is below 0 or not finite.
+    """
+    if metres is not None and not 0 <= metres < math.inf:
+        raise FrameError(f"odometry of {metres} m: give a distance of 0 or more, or none")

@@ -1,6 +1,8 @@
 """A channel worker without a bus, and what it should answer."""
 
 from collections import Counter
+from collections.abc import Sequence
+from itertools import zip_longest
 from typing import get_args
 
 import numpy as np
@@ -72,15 +74,26 @@ class Stage:
         )
 
     def feature(
-        self, about: Header, descriptor: Descriptor | None = None, *, run: str = RUNS[0]
+        self,
+        about: Header,
+        descriptor: Descriptor | None = None,
+        *,
+        run: str = RUNS[0],
+        odometry_m: float | None = None,
     ) -> Received:
-        message = FeatureMessage(model=self.model, descriptor=descriptor)
+        message = FeatureMessage(model=self.model, descriptor=descriptor, odometry_m=odometry_m)
         return received(Keys(run).feature, about, b"" if about.end else message)
 
-    def remember_elsewhere(self, descriptors: list[Descriptor], *, live: bool = False) -> None:
+    def remember_elsewhere(
+        self,
+        descriptors: list[Descriptor],
+        *,
+        live: bool = False,
+        odometry_m: Sequence[float | None] = (),
+    ) -> None:
         """Let another service remember all of a stream."""
-        for sequence, descriptor in enumerate(descriptors):
-            message = FeatureMessage(model=self.model, descriptor=descriptor)
+        for sequence, (descriptor, reading) in enumerate(zip_longest(descriptors, odometry_m)):
+            message = FeatureMessage(model=self.model, descriptor=descriptor, odometry_m=reading)
             self.elsewhere[RUNS[0]].kept[sequence] = header(sequence, live=live), message.encode()
 
     def handle(self, *batch: Received) -> None:

@@ -7,6 +7,7 @@ from bus_doubles import header, received
 from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offline
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys
 from placefield.bus.messages import CandidatesMessage, FeatureMessage, FinishedMessage
@@ -235,10 +236,10 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
     ]
     pushed, real = iter(range(1000)), FilterMatcher.local
 
-    def local(self: FilterMatcher, seen: Comparison | None) -> Partial:
+    def local(self: FilterMatcher, seen: Comparison | None, odometry_m: float | None) -> Partial:
         if next(pushed) == 9:  # two runs and two channels: the second channel, in the third frame
             raise ZeroDivisionError
-        return real(self, seen)
+        return real(self, seen, odometry_m)
 
     monkeypatch.setattr(FilterMatcher, "local", local)
     stage.handle(*batch)
@@ -252,6 +253,45 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
     for channel in stage.channels:
         expected = offline(route_map, channel, "filter", [*descriptors[:8]])
         assert stage.candidates(channel, run=RUNS[1]) == expected
+
+
+def test_matchers_are_told_the_odometry_of_frames_and_none_of_those_that_did_not_come(
+    route_map: Map, descriptors: list[Descriptor], told_odometry: list[float | None]
+) -> None:
+    stage = Stage(route_map, "filter")
+    told_odometry.clear()  # of the rehearsal
+    readings = {0: 3.5, 1: None, 4: 7.0, 5: 7.0}
+    stage.handle(
+        *(
+            stage.feature(header(s), None if s == 4 else descriptors[s], odometry_m=reading)
+            for s, reading in readings.items()
+        )
+    )
+    assert told_odometry == [3.5, None, None, None, 7.0, 7.0]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_matchers_are_told_the_metres_travelled_if_the_map_has_them(
+    route_map: Map,
+    descriptors: list[Descriptor],
+    told_travelled: list[NDArray[np.float64] | None],
+    known: bool,
+) -> None:
+    travelled = np.arange(60.0) if known else np.empty(0)
+    places = replace(route_map.places, travelled=travelled)
+    stage = Stage(replace(route_map, places=places), "filter")
+    stage.send(header(0), descriptors[0])
+    assert told_travelled[-1] is (travelled if known else None)
+
+
+def test_odometry_comes_back_with_the_frames_that_others_remember(
+    route_map: Map, descriptors: list[Descriptor], told_odometry: list[float | None]
+) -> None:
+    stage = Stage(route_map, "filter")
+    told_odometry.clear()
+    stage.remember_elsewhere(descriptors[:6], odometry_m=[0.0, 1.0, 2.0, None, 4.0, 5.0])
+    stage.handle(stage.feature(header(6), descriptors[6], odometry_m=6.0))
+    assert told_odometry == [0.0, 1.0, 2.0, None, 4.0, 5.0, 6.0]
 
 
 def test_a_channel_that_the_map_has_not_is_refused(route_map: Map) -> None:

@@ -60,8 +60,8 @@ class Stage:
     def handle(self, message: Received) -> None:
         self._featurizer.handle(message)
 
-    def send(self, about: Header, image: bytes) -> None:
-        self.handle(received(KEY, about, FrameMessage(image=image)))
+    def send(self, about: Header, image: bytes, odometry_m: float | None = None) -> None:
+        self.handle(received(KEY, about, FrameMessage(image=image, odometry_m=odometry_m)))
 
     @property
     def features(self) -> list[FeatureMessage | None]:
@@ -97,6 +97,18 @@ def test_each_frame_becomes_its_descriptor(
         assert message.model == fingerprint(route_map.model)
         expected = offline.push(feature.describe(image))
         assert np.array_equal(message.descriptor, expected)
+
+
+def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
+    stage: Stage, images: list[bytes]
+) -> None:
+    blank = cv2.imencode(".png", np.full((48, 64), 99, np.uint8))[1].tobytes()
+    readings = [0.0, 1.5, 1.5, None, 2.0]
+    for sequence, image in enumerate([images[0], b"no image", blank, images[1], images[2]]):
+        stage.send(header(sequence), image, readings[sequence])
+    assert [message.odometry_m for message in stage.features if message] == readings
+    assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
+    assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])

@@ -73,6 +73,15 @@ def test_odometry_adds_up_the_way_and_never_goes_down(stage: Stage) -> None:
     assert [told.metres for told in stage.told] == [0, 2, 7, 7]
 
 
+def test_an_image_carries_the_metres_if_odometry_came_since_the_one_before(stage: Stage) -> None:
+    for second, positions in enumerate(([], [[0, 0, 0]], [], [[1, 0, 0], [3, 0, 0]], [])):
+        for position in positions:
+            stage.source.take_odometry(ODOMETRY, odometry(position))
+        stage.source.take_image(COMPRESSED_IMAGE, compressed_image((second, 0), b"image"))
+    told = [message.odometry_m for _, message in stage.frames.sent if message]
+    assert told == [None, 0, None, 3, None]
+
+
 def test_odometry_that_is_absurd_costs_itself_only(stage: Stage) -> None:
     stage.source.take_odometry(ODOMETRY, odometry([0, 0, 0]))
     for absurd in ([1e200, 0, 0], [0, -1e308, 0]):
@@ -95,6 +104,7 @@ def test_spaced_images_are_taken_by_odometry_and_the_others_counted(
     stage.source.end()
     sent = [(header, message) for header, message in stage.frames.sent if message]
     assert [message.image for _, message in sent] == [b"0", b"10", b"20"]
+    assert [message.odometry_m for _, message in sent] == [0, pytest.approx(1), pytest.approx(2)]
     assert [header.sequence for header, _ in sent] == [0, 1, 2]
     assert [header.stamp_ns for header, _ in sent] == [3_000_000_000 + n for n in (0, 10, 20)]
     assert stage.frames.sent[-1][0].stamp_ns == 3_000_000_020

@@ -37,6 +37,7 @@ def make_traverse() -> Callable[..., Traverse]:
             looks.astype(np.float32),
             np.arange(frames, dtype=np.int64) * 100_000_000,
             poses,
+            poses[:, 0],
             tuple(b"thumbnail %d" % number for number in range(frames)),
         )
 

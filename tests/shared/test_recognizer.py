@@ -113,6 +113,53 @@ def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
     assert matches == recognise(small_map, rule, [*query])
 
 
+def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
+    small_map: Map, make_traverse: Callable[..., Traverse], told_odometry: list[float | None]
+) -> None:
+    recognizer = Recognizer(small_map)
+    (raw, *_), nothing = make_traverse().raw, np.full((48, 64), 9, np.uint8)
+    recognizer.push(b"no image", 1.0)
+    recognizer.push(nothing, 2.0)
+    recognizer.push_raw(raw, 3.0)
+    recognizer.push_raw(None, 3.0)
+    recognizer.push_descriptor(None, 0.0)
+    recognizer.push_raw(raw)
+    assert told_odometry == [1, 2, 3, 3, 0, None]
+
+
+def test_matchers_are_told_the_metres_travelled_that_the_map_has(
+    make_map: Callable[[Traverse], Map],
+    make_traverse: Callable[..., Traverse],
+    told_travelled: list[NDArray[np.float64] | None],
+) -> None:
+    placemap = make_map(make_traverse(spacing=0.5))
+    Recognizer(placemap)
+    (told,) = told_travelled
+    assert told is placemap.places.travelled
+    assert told.tolist() == [place / 2 for place in range(len(told))]
+
+
+@pytest.mark.parametrize("wrong", [-1.0, -np.inf, np.inf, np.nan])
+def test_odometry_that_is_no_distance_is_refused_and_no_frame_is_matched(
+    small_map: Map,
+    make_traverse: Callable[..., Traverse],
+    told_odometry: list[float | None],
+    wrong: float,
+) -> None:
+    query = make_traverse(noise=0.3).raw[:10]
+    recognizer = Recognizer(small_map)
+    matches = []
+    for raw in query:
+        for push in (recognizer.push_raw, recognizer.push_descriptor):
+            with pytest.raises(FrameError, match="odometry"):
+                push(raw, wrong)
+        with pytest.raises(FrameError, match="odometry"):
+            recognizer.push(b"no image", wrong)
+        matches.append(recognizer.push_raw(raw))
+    assert len(told_odometry) == len(query)
+    assert matches == recognise(small_map, "filter", [*query])
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_before_the_first_frame_that_is_seen_there_is_no_match(
     small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule

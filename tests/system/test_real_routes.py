@@ -103,7 +103,8 @@ def test_so_are_they_at_a_speed_that_varies(
     )
 
     def curve_of(rule: Rule) -> PrecisionRecall:
-        matches = match_channels(trial.placemap.channels, trial.descriptors, trial.matching(rule))
+        channels, matching = trial.placemap.channels, trial.matching(rule)
+        matches = match_channels(channels, trial.descriptors, trial.metres, matching)
         return judge(matches, trial.truth).curve
 
     curve = curve_of("filter")

@@ -49,9 +49,9 @@ def test_a_study_has_every_method_and_part(
     assert ended.exit_code == 0, ended.exception
 
     study: dict[str, Any] = json.loads(ended.stdout)
-    every = {"speed": 2, "dense": 3, "sparse": 2}.get(protocol)
+    every = {"speed": 2, "odometry": 2, "dense": 3, "sparse": 2}.get(protocol)
     assert (study["protocol"], study["every"], study["tolerance"]) == (protocol, every, 3)
-    assert study["places"] == {"speed": 30, "dense": 20}.get(protocol, 60)
+    assert study["places"] == {"speed": 30, "odometry": 30, "dense": 20}.get(protocol, 60)
     methods = {method["name"]: method for method in study["methods"]}
     assert {"one frame", "SeqSLAM", "FAB-MAP", "MS", "Placefield, filter, lag 20"} < {*methods}
     for method in methods.values():
@@ -109,7 +109,7 @@ def test_evaluate_drives_by_every_protocol_that_leaves_the_map_as_it_is(
     ("flags", "reason"),
     [
         (["--protocol", "off-route"], "--protocol off-route: give the other route's frames"),
-        (["--every", "2"], "--every 2: only --protocol speed, dense and sparse"),
+        (["--every", "2"], "--every 2: only --protocol speed, odometry, dense and sparse"),
         (["--other", "elsewhere"], "--other elsewhere: only --protocol off-route"),
         (["--truth", "truth.csv", "--tolerance", "3"], "--tolerance and --truth"),
     ],

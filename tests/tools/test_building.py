@@ -87,6 +87,8 @@ def test_an_uneven_drive_builds_the_even_drives_map_when_it_is_spaced(
     spaced = build_from([str(uneven)], IDENTITY, spacing_m=0.1)
     for one, other in zip(even.channels, spaced.channels, strict=True):
         assert np.array_equal(one.metric.places, other.metric.places)
+    assert not len(even.places.travelled)
+    np.testing.assert_allclose(spaced.places.travelled, np.arange(60) / 10)
     assert build_from([str(uneven)], LEARNED, spacing_m=0.1).places.count == 60
 
 

@@ -80,7 +80,15 @@ def test_build_inspect_and_evaluate_go_together(
 
     inspected = placefield("inspect", "maps/route.pfmap")
     assert inspected.code == 0, inspected.err
-    for fact in ("route.pfmap", "60, without poses", "gist", "identity", "channel", "scales"):
+    for fact in (
+        "route.pfmap",
+        "60, without poses",
+        "travelled",
+        "gist",
+        "identity",
+        "channel",
+        "scales",
+    ):
         assert fact in inspected.out
     assert is_picture(tmp_path / inspected.out.splitlines()[-1])
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import SourceError, TruthError
-from placefield.evaluation.protocols import drive_of
+from placefield.evaluation.protocols import Protocol, drive_of
 from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of_model
 from placefield.fusion.match import Match, SmoothedMatch
@@ -28,10 +28,13 @@ from placefield_tools.evaluating import (
 )
 from placefield_tools.sources import open_source
 
+UNKNOWN: list[float | None] = [None] * 60
+"""The odometry of a query that has none."""
+
 
 def raws_of(placemap: Map, folder: Path) -> list[NDArray[np.float32]]:
     with open_source(str(folder)) as source:
-        described = describe_query(source, feature_of_model(placemap.model).describe)
+        described, _ = describe_query(source, feature_of_model(placemap.model).describe)
     return [raw for raw in described if raw is not None]
 
 
@@ -59,7 +62,7 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     with open_source(str(damaged_query)) as source:
         matches = match_here(
             route_map,
-            describe_query(source, feature_of_model(route_map.model).describe),
+            *describe_query(source, feature_of_model(route_map.model).describe),
             config,
             [config.lag],
         )
@@ -71,7 +74,7 @@ def test_a_frame_that_cannot_be_read_is_named_and_has_no_feature(
     route_map: Map, damaged_query: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with open_source(str(damaged_query)) as source:
-        raws = describe_query(source, feature_of_model(route_map.model).describe)
+        raws, _ = describe_query(source, feature_of_model(route_map.model).describe)
     assert [number for number, raw in enumerate(raws) if raw is None] == [20, 21]
     captured = capfd.readouterr()
     assert "0020.jpg" in captured.err
@@ -105,7 +108,7 @@ def test_frames_are_compared_once_for_all_lags_of_a_rule(
 
     monkeypatch.setattr(MetricPlaces, "compare", counting)
     config = MatchingConfig(rule=rule)
-    match_here(route_map, raws_of(route_map, query_dir), config, [10, 20, WHOLE_DRIVE])
+    match_here(route_map, raws_of(route_map, query_dir), UNKNOWN, config, [10, 20, WHOLE_DRIVE])
     assert len(compared) == 60  # all channels have one metric
 
 
@@ -118,8 +121,8 @@ def test_a_smoothed_match_looks_at_no_frame_later_than_its_lag(
     raws = [raw + noise[n, : len(raw)] for n, raw in enumerate(raws_of(route_map, query_dir))]
     lags = (1, 5, 10, 20)
     config = MatchingConfig(rule=rule)
-    whole = match_here(route_map, raws, config, [*lags, WHOLE_DRIVE])
-    cut = match_here(route_map, raws[: end + 1], config, lags)
+    whole = match_here(route_map, raws, UNKNOWN, config, [*lags, WHOLE_DRIVE])
+    cut = match_here(route_map, raws[: end + 1], UNKNOWN[: end + 1], config, lags)
     for lag in lags:
         smoothed = whole.smoothed[lag]
         assert [each.frame for each in smoothed] == [*range(60)]
@@ -131,10 +134,11 @@ def test_a_smoothed_match_looks_at_no_frame_later_than_its_lag(
 
 def test_in_hindsight_every_frame_waits_for_the_end(route_map: Map, query_dir: Path) -> None:
     raws = raws_of(route_map, query_dir)
-    smoothed = match_here(route_map, raws, MatchingConfig(), [WHOLE_DRIVE]).smoothed[WHOLE_DRIVE]
+    hindsight = match_here(route_map, raws, UNKNOWN, MatchingConfig(), [WHOLE_DRIVE])
+    smoothed = hindsight.smoothed[WHOLE_DRIVE]
     assert [each.lag for each in smoothed] == [*range(59, -1, -1)]
     # The last frame has none after it, so that there is nothing to smooth.
-    causal = match_here(route_map, raws, MatchingConfig()).causal[-1]
+    causal = match_here(route_map, raws, UNKNOWN, MatchingConfig()).causal[-1]
     assert smoothed[-1].match.place == causal.place
     assert smoothed[-1].match.probability == pytest.approx(causal.probability)
 
@@ -207,7 +211,14 @@ def test_judging_keeps_places_and_scores_and_counts_no_answer_as_wrong() -> None
     assert result.curve.recall_at_1 == pytest.approx(0.5)
 
 
-def test_the_services_find_what_is_found_here(map_path: Path, damaged_query: Path) -> None:
+@pytest.mark.parametrize("measured", [False, True])
+def test_the_services_find_what_is_found_here(
+    map_path: Path, damaged_query: Path, measured: bool
+) -> None:
+    if measured:
+        files = sorted(damaged_query.iterdir())
+        rows = [f"{file.name},{number}" for number, file in enumerate(files)]
+        (damaged_query / "frames.csv").write_text("\n".join(["file,odometry", *rows]))
     here, there = (
         evaluate(map_path, Query(str(damaged_query)), within_3, Config(), services=services)
         for services in (False, True)
@@ -215,6 +226,27 @@ def test_the_services_find_what_is_found_here(map_path: Path, damaged_query: Pat
     for rule, result in here.results.items():
         assert np.array_equal(result.places, there.results[rule].places)
         assert np.array_equal(result.scores, there.results[rule].scores)
+
+
+@pytest.mark.parametrize("protocol", ["aligned", "sparse"])
+def test_what_a_query_knows_of_its_odometry_goes_to_the_matchers(
+    map_path: Path,
+    query_dir: Path,
+    tmp_path: Path,
+    told_odometry: list[float | None],
+    protocol: Protocol,
+) -> None:
+    files = sorted(copytree(query_dir, tmp_path / "measured").iterdir())
+    rows = [f"{file.name},{10 + number / 2}" for number, file in enumerate(files)]
+    (tmp_path / "measured" / "frames.csv").write_text("\n".join(["file,odometry", *rows]))
+    files[7].write_bytes(b"no image")
+    query = Query(str(tmp_path / "measured"), protocol=protocol, every=4)
+    evaluate(map_path, query, within_3, Config(), services=False)
+    expected = [n / 2 for n in range(0, 60, 4)]
+    if protocol == "aligned":
+        expected = [10 + n / 2 for n in range(60)]
+    streams = 3  # lags of 10 and 20 frames, and the whole drive
+    assert told_odometry == [reading for reading in expected for _ in range(streams)]
 
 
 def test_a_route_that_is_driven_the_other_way_is_recognised_here_and_by_the_services(

@@ -22,6 +22,7 @@ from placefield.features.frames import Frame
 from placefield_tools import replaying
 from placefield_tools.replaying import replay
 from placefield_tools.sources import Source, open_source
+from placefield_tools.sources.metered import Metered
 
 KEYS = Keys("test")
 
@@ -44,6 +45,7 @@ class Services:
         self.answering = answering
         self.headers: list[Header] = []
         self.images: list[bytes] = []
+        self.odometry: list[float | None] = []
         self._acks = bus.publisher(KEYS.ack)
         bus.subscribe(KEYS.frame, self._receive, Counter())
         bus.declare_alive(KEYS.alive("featurizer", "stand-in"))
@@ -52,7 +54,9 @@ class Services:
     def _receive(self, received: Received) -> None:
         self.headers.append(received.header)
         if not received.header.end:
-            image = FrameMessage.decode(received.payload).image
+            message = FrameMessage.decode(received.payload)
+            image = message.image
+            self.odometry.append(message.odometry_m)
             self.images.append(image if isinstance(image, bytes) else image.tobytes())
         if self.answering:
             self._acks.put(received.header)
@@ -152,6 +156,19 @@ def test_an_uneven_drive_is_sent_as_the_even_one_when_it_is_spaced(
 def test_each_frame_carries_its_stamp(services: Services, bus: Bus, config: Config) -> None:
     replay(MadeUp(5), bus, config, threading.Event())
     assert [header.stamp_ns for header in services.headers[:5]] == list(range(1000, 1005))
+
+
+def test_each_frame_carries_its_odometry_where_it_is_known(
+    services: Services, bus: Bus, config: Config, query_dir: Path, tmp_path: Path
+) -> None:
+    drive = uneven_drive(query_dir, tmp_path / "uneven")
+    with open_source(str(drive), start=1, stride=3) as source:
+        expected = [frame.odometry_m for frame in source]
+        replay(source, bus, config, threading.Event())
+    assert services.odometry == expected
+    assert len({*expected}) > 20
+    replay(MadeUp(3), bus, config, threading.Event())
+    assert services.odometry[len(expected) :] == [None] * 3
 
 
 def test_no_more_frames_are_under_way_than_there_are_credits(
@@ -289,8 +306,11 @@ def test_at_a_rate_a_camera_gives_its_newest_frames_not_a_queue_of_old_ones(
                 yield frame
                 clock.now += 0.04
 
-    replay(Camera(100), bus, config, threading.Event(), rate=4.9)
+    said = iter([None, 1.0, *[None] * 10, 2.0, 3.0, *[None] * 100])
+    camera = Metered(Camera(100), lambda: next(said))
+    replay(camera, bus, config, threading.Event(), rate=4.9)
     assert [image[0] for image in services.images[:5]] == [0, 6, 11, 16, 21]
+    assert services.odometry[:5] == [None, 1.0, None, 3.0, None]
     assert services.sequences == list(range(len(services.images)))
 
 

@@ -16,6 +16,19 @@ from placefield.matching.channel_stage import ChannelStage
 Descriptors = Sequence[NDArray[np.float32] | None]
 
 
+@dataclass(frozen=True, eq=False)
+class Metres:
+    """How far a drive of Q frames has come, and how far the K places of its map are.
+
+    Attributes:
+        travelled: (K,) float64, of each place; (0,) if nobody knows.
+        readings: Q of the odometer, None where nobody knows.
+    """
+
+    travelled: NDArray[np.float64]
+    readings: Sequence[float | None]
+
+
 @dataclass(frozen=True)
 class Matches:
     """The matches of a drive of Q frames.
@@ -32,6 +45,7 @@ class Matches:
 def match_drive(
     channels: Sequence[MapChannel],
     descriptors: Descriptors,
+    metres: Metres,
     config: MatchingConfig,
     lags: Collection[int] = (),
 ) -> Matches:
@@ -40,18 +54,19 @@ def match_drive(
     Args:
         channels: that match, whole ones.
         descriptors: Q.
+        metres: of the drive.
         config: how; its lag counts for nothing.
         lags: of the smoothed matches, or ``WHOLE_DRIVE``.
     """
-    stage = ChannelStage(dict(enumerate(channels)), config)
+    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.travelled)
     fusion = FusionStage(len(channels[0].metric.places), config)
     streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])
     causal = []
-    for descriptor in descriptors:
+    for descriptor, reading in zip(descriptors, metres.readings, strict=True):
         frame = None if descriptor is None else next(compared)
-        matches = [stream.push(frame) for stream in streams.values()]
+        matches = [stream.push(frame, reading) for stream in streams.values()]
         causal.append(matches[0])  # of all of them the same
         for lag in lags:
             smoothed[lag] += streams[lag].smoothed()

@@ -25,7 +25,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield_tools.drive_matching import Matches, match_drive
+from placefield_tools.drive_matching import Matches, Metres, match_drive
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import CONSOLE, tracked
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
@@ -147,8 +147,11 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
 
 def describe_query(
     source: Source, describe: Callable[[bytes | NDArray[np.uint8]], Description]
-) -> list[Description | None]:
-    """Describe the images of a query's frames; None stands for one that cannot be read.
+) -> tuple[list[Description | None], list[float | None]]:
+    """Describe the images of a query's frames.
+
+    Returns:
+        The description of each frame, None for one that cannot be read, and its odometry.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -158,32 +161,35 @@ def describe_query(
 
     unreadable: dict[int, str] = {}
 
-    def describe_frame(frame: Frame) -> Description | None:
+    def describe_frame(frame: Frame) -> tuple[Description | None, float | None]:
         try:
-            return describe(frame.image)
+            return describe(frame.image), frame.odometry_m
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
-            return None
+            return None, frame.odometry_m
 
     with tracked(source, "describing the query", source.count) as frames:
-        described = list(map_in_order(describe_frame, frames))
+        both = list(map_in_order(describe_frame, frames))
+    described = [description for description, _ in both]
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
     if all(description is None for description in described):
         raise SourceError("the query has no frame that can be read")
-    return described
+    return described, [reading for _, reading in both]
 
 
 def match_here(
     placemap: Map,
     raws: Sequence[RawFeature],
+    readings: Sequence[float | None],
     config: MatchingConfig,
     lags: Collection[int] = (),
 ) -> Matches:
     """Match a query's frames in this process, and smooth with these lags; see ``match_drive``."""
     images = DescriptorStage(placemap.model).new_stream()
     descriptors = [None if raw is None else images.push_raw(raw) for raw in raws]
-    return match_drive(placemap.channels, descriptors, config, lags)
+    metres = Metres(placemap.places.travelled, readings)
+    return match_drive(placemap.channels, descriptors, metres, config, lags)
 
 
 def judge(matches: Sequence[Match], truth: Truth) -> Judged:
@@ -234,7 +240,7 @@ def evaluate(
     lags = [*sorted({*LAGS, lag} - {0}), WHOLE_DRIVE]
     results, smoothed = {}, {}
     with query.open() as source:
-        raws = describe_query(source, feature_of_model(placemap.model).describe)
+        raws, readings = describe_query(source, feature_of_model(placemap.model).describe)
         drive, undriven = drive_in(source, len(raws))
         truth = truth_of(undriven, placemap.places.count).along(drive.frames, drive.foreign)
         for rule in RULES:
@@ -244,7 +250,7 @@ def evaluate(
                 causal, of_lag = match_through_services(map_path, source, ruled)
                 matches = Matches(causal, {lag: of_lag} if lag else {})
             else:
-                matches = match_here(placemap, raws, matching, lags)
+                matches = match_here(placemap, raws, readings, matching, lags)
             results[rule] = judge(matches.causal, truth)
             smoothed[rule] = {
                 each: judge_smoothed(of_lag, truth) for each, of_lag in matches.smoothed.items()

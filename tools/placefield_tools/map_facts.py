@@ -1,7 +1,7 @@
 """What a person asks of a map first, in words."""
 
 from placefield.maps.geography import Origin
-from placefield.maps.map import Map
+from placefield.maps.map import Map, Places
 
 
 def map_facts(opened: Map) -> dict[str, str]:
@@ -10,12 +10,22 @@ def map_facts(opened: Map) -> dict[str, str]:
     made = "standardised" if model.standardise else "not standardised"
     return {
         "places": f"{opened.places.count}, {_poses(opened.pose_frame)}",
+        "travelled": _travelled(opened.places),
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
         "metric": opened.metric.kind,
         "search": "coarse look first" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
     }
+
+
+def _travelled(places: Places) -> str:
+    """Say how long the way along the places is."""
+    if not len(places.travelled):
+        return "not known"
+    metres = float(places.travelled[-1] - places.travelled[0])
+    mean = metres / max(places.count - 1, 1)
+    return f"{metres:.1f} m, {mean:.2f} m from place to place on average"
 
 
 def _poses(frame: str | None) -> str:

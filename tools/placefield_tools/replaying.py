@@ -6,6 +6,7 @@ import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
@@ -117,7 +118,8 @@ class _Stream:
             return False
         self._look_after()
         self._stamp_ns = frame.stamp_ns
-        self._put(self._header(), FrameMessage(image=frame.image).encode())
+        message = FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
+        self._put(self._header(), message.encode())
         self.sent += 1
         return True
 
@@ -210,12 +212,17 @@ def _frames(source: Source, loop: bool, stop: threading.Event) -> Iterator[Frame
 
 
 def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
-    """Hand on so many of a camera's frames per second, none late; those between are left out."""
-    due = time.monotonic()
+    """Hand on so many of a camera's frames per second, none late; those between are left out.
+
+    Odometry that came with one that is left out goes with the next: it is still news.
+    """
+    due, odometry_m = time.monotonic(), None
     for frame in frames:
+        odometry_m = odometry_m if frame.odometry_m is None else frame.odometry_m
         if time.monotonic() >= due:
             due = _next_due(due, rate)
-            yield frame
+            yield replace(frame, odometry_m=odometry_m)
+            odometry_m = None
 
 
 def _next_due(due: float, rate: float) -> float:

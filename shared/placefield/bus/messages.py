@@ -30,6 +30,8 @@ MAX_BYTES = 128 * 2**20
 
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
 Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Metres = Annotated[FiniteFloat, Field(ge=0)]
+"""What an odometer says: travelled since any start of its own. If it falls, it began anew."""
 
 
 class _Strict(BaseModel):
@@ -97,16 +99,18 @@ class Header(Message):
 
 
 class FrameMessage(Message):
-    """A frame: an encoded image as bytes, or pixels."""
+    """A frame: an encoded image as bytes, or pixels, with the odometry's reading, if any."""
 
     image: Image
+    odometry_m: Metres | None = None
 
 
 class FeatureMessage(Message):
-    """A frame's descriptor, (N,); none if the image could not be read."""
+    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading."""
 
     model: str = Field(max_length=64)  # fingerprint of what made the descriptor
     descriptor: FloatVector | None
+    odometry_m: Metres | None = None
 
 
 class ChannelCandidate(_Strict):
@@ -369,7 +373,7 @@ class HistoryQuery(Message):
 class OdometryMessage(Message):
     """How far the vehicle has travelled since any start of its own; it needs no header."""
 
-    metres: FiniteFloat = Field(ge=0)
+    metres: Metres
 
 
 class StatsMessage(Message):

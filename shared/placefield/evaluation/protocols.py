@@ -9,6 +9,8 @@ that is slower than the reference needs a reference with fewer places than the q
 `speed` and `dense` thin the reference to every n-th frame. Only a vehicle that stands still sees
 the same again, and even then not the same picture: the frames of a stop are marked as repeated, for
 whoever gives them to add the sensor's noise.
+
+`odometry` drives as `speed` does, and gives each frame an odometer's reading, a little off.
 """
 
 from dataclasses import dataclass, replace
@@ -17,12 +19,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Protocol = Literal["aligned", "speed", "dense", "sparse", "kidnap", "off-route", "reverse"]
+Protocol = Literal[
+    "aligned", "speed", "odometry", "dense", "sparse", "kidnap", "off-route", "reverse"
+]
 
-TAKES_EVERY: tuple[Protocol, ...] = ("speed", "dense", "sparse")
+TAKES_EVERY: tuple[Protocol, ...] = ("speed", "odometry", "dense", "sparse")
 """Protocols that take every n-th frame of the reference or of the query."""
 
-THINS_REFERENCE: tuple[Protocol, ...] = ("speed", "dense")
+THINS_REFERENCE: tuple[Protocol, ...] = ("speed", "odometry", "dense")
 """Those that do so of the reference."""
 
 DEFAULT_EVERY = 3
@@ -30,6 +34,9 @@ SPEED_EVERY = 4
 SHORT_SPEED_EVERY = 2
 SHORT_REFERENCE = 400
 """A reference with fewer frames is thinned to every ``SHORT_SPEED_EVERY``-th for `speed`."""
+
+ODOMETRY_ERROR = 0.05
+"""Deviation of the simulated odometer's scale, and of each of its steps, as a share of the way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +49,7 @@ class Drive:
         repeated: (D,) bool, the vehicle stands still: the frame is the one before, taken again.
         every: of the reference's frames, every so many is a place; 1 is all of them.
         jumps: (J,) int64, ascending; the positions in the drive of the first frame after a jump.
+        odometry: (D,) float64, metres by a simulated odometer, not descending; None: there is none.
 
     """
 
@@ -50,6 +58,7 @@ class Drive:
     repeated: NDArray[np.bool_]
     jumps: NDArray[np.int64]
     every: int = 1
+    odometry: NDArray[np.float64] | None = None
 
 
 def default_every(protocol: Protocol, references: int) -> int:
@@ -59,7 +68,7 @@ def default_every(protocol: Protocol, references: int) -> int:
         protocol: one of ``TAKES_EVERY``.
         references: frames of the reference.
     """
-    if protocol != "speed":
+    if protocol not in ("speed", "odometry"):
         return DEFAULT_EVERY
     return SHORT_SPEED_EVERY if references < SHORT_REFERENCE else SPEED_EVERY
 
@@ -90,6 +99,8 @@ def drive_of(
             return aligned(count)
         case "speed":
             return speed(count, every, seed)
+        case "odometry":
+            return odometry(count, every, seed)
         case "dense":
             return dense(count, every)
         case "sparse":
@@ -131,6 +142,21 @@ def speed(count: int, every: int, seed: int) -> Drive:
     nearest = np.floor(np.cumsum(np.concatenate(stretches)) + 0.5).astype(np.int64)
     taken = nearest < count
     return replace(_on_route(nearest[taken]), repeated=np.concatenate(stops)[taken], every=every)
+
+
+def odometry(count: int, every: int, seed: int) -> Drive:
+    """Drive exactly as `speed` does with the same seed, with the readings of an odometer.
+
+    From place to place of the reference it is 1 m. The odometer is off by a scale, which is drawn
+    once, and each step by an error of its own, both from a normal distribution with a deviation of
+    ``ODOMETRY_ERROR`` of the way. It never goes down.
+    """
+    drive = speed(count, every, seed)
+    rng = np.random.default_rng([seed, 1])  # not the draws of the drive itself
+    scale = 1 + ODOMETRY_ERROR * rng.standard_normal()
+    of_steps = 1 + ODOMETRY_ERROR * rng.standard_normal(len(drive.frames))
+    steps = np.diff(drive.frames, prepend=drive.frames[:1]) / every
+    return replace(drive, odometry=np.cumsum(np.maximum(scale * of_steps * steps, 0)))
 
 
 def dense(count: int, every: int) -> Drive:

@@ -23,7 +23,8 @@ class Frame:
     nanoseconds, ``name`` what to call it in a message for a person (a file's name, say).
     ``image`` is an encoded image as it lies in its file, or pixels: uint8, (H, W) grey or
     (H, W, 3) BGR. ``odometry_m`` is how far the vehicle had travelled, in metres since any fixed
-    start; it never goes down.
+    start, 0 or more; within a traverse it never goes down. None: nobody has said since the frame
+    before.
     """
 
     index: int

@@ -23,10 +23,10 @@ class FusedStream:
         self._joiner = SettledJoiner(channels.channels, lag)
         self._smoothed: list[SmoothedMatch] = []
 
-    def push(self, compared: Compared | None) -> Match:
-        """Match the next frame; None is a missing observation."""
+    def push(self, compared: Compared | None, odometry_m: float | None = None) -> Match:
+        """Match the next frame; None is a missing observation, or a reading that is unknown."""
         frame = self._stream.next
-        match = self._fusion.fuse(self._stream.push(compared))
+        match = self._fusion.fuse(self._stream.push(compared, odometry_m))
         self._joiner.announce(frame)
         self._settle(self._stream.settled(), frame)
         return match

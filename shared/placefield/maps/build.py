@@ -222,6 +222,7 @@ def _places(traverse: Traverse) -> Places:
     return Places(
         traverse.stamps,
         traverse.poses,
+        traverse.travelled,
         np.frombuffer(b"".join(traverse.thumbnails), np.uint8),
         ends,
     )

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from placefield.maps.map import Map
 
 # The arrays of each folder, by their file: dtype and axes. An axis of one letter has one length in
-# all files of a folder; K places, P poses, N descriptor, M projected and D raw dimensions.
+# all files of a folder; K places, P poses, T metres travelled, N descriptor, M projected and D
+# raw dimensions.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),
@@ -19,6 +20,7 @@ NETWORK_FILES: Layout = {"onnx": ("uint8", "o")}
 PLACE_FILES: Layout = {
     "stamps": ("int64", "K"),
     "poses": ("float64", "P3"),
+    "travelled": ("float64", "T"),
     "thumbnails": ("uint8", "b"),
     "thumbnail_ends": ("int64", "K"),
 }

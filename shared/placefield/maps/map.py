@@ -26,12 +26,15 @@ class Places:
     Attributes:
         stamps: (K,) int64, nanoseconds, as the source had them.
         poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if there are none.
+        travelled: (K,) float64, metres from the first place to each, not descending; (0,) if nobody
+            knows.
         thumbnails: (bytes,) uint8, JPEG images one after another.
         thumbnail_ends: (K,) int64, where each of them ends.
     """
 
     stamps: NDArray[np.int64]
     poses: NDArray[np.float64]
+    travelled: NDArray[np.float64]
     thumbnails: NDArray[np.uint8]
     thumbnail_ends: NDArray[np.int64]
 

@@ -56,6 +56,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
     places = Places(*files.load("places", PLACE_FILES, sizes))
+    _check_travelled(path, places)
     all_channels = _Channels(files, sizes)
     all_channels.open(channels or ())
     return Map(
@@ -119,6 +120,14 @@ def _fits(shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> bool:
     return len(shape) == len(axes) and all(
         sizes.setdefault(axis, length) == length for axis, length in zip(axes, shape, strict=True)
     )
+
+
+def _check_travelled(path: Path, places: Places) -> None:
+    travelled = places.travelled
+    is_way = len(travelled) == places.count and np.isfinite(travelled).all()
+    if len(travelled) and not (is_way and (np.diff(travelled) >= 0).all()):
+        file = path / "places" / "travelled.npy"
+        raise MapError(f"{file}: not one metre count per place that never goes down; {REBUILD}")
 
 
 def _open_network(files: _Files) -> Network | None:

@@ -11,7 +11,7 @@ from placefield.errors import FrameError, MapError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode, small_jpeg
-from placefield.maps.trajectory import MAX_GAP_NS, Trajectory
+from placefield.maps.trajectory import MAX_GAP_NS, Trajectory, travelled
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +28,7 @@ class DescribedFrame:
     raw: NDArray[np.float32]
     stamp_ns: int
     pose: Pose | None
+    odometry_m: float | None
     thumbnail: bytes
 
 
@@ -40,6 +41,8 @@ class Traverse:
         raw: (K, D) float32, raw features.
         stamps: (K,) int64, nanoseconds.
         poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if no frame has one.
+        travelled: (K,) float64, metres from the first frame to each, not descending; (0,) if nobody
+            knows.
         thumbnails: K JPEG images.
         pose_frame: what the poses are measured in, as a map's.
     """
@@ -48,6 +51,7 @@ class Traverse:
     raw: NDArray[np.float32]
     stamps: NDArray[np.int64]
     poses: NDArray[np.float64]
+    travelled: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
 
@@ -61,7 +65,8 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """
     pixels = _pixels(frame)
     raw = feature.describe(pixels)
-    return DescribedFrame(raw, frame.stamp_ns, frame.pose, small_jpeg(pixels, _THUMBNAIL))
+    thumbnail = small_jpeg(pixels, _THUMBNAIL)
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
 
 
 def traverse_of(
@@ -73,19 +78,24 @@ def traverse_of(
     close (see ``Trajectory.at``), or at the first or the last, if it is at most half the usual step
     outside; how many do is logged.
 
+    The metres travelled are the odometry's where all frames have a reading, else those along the
+    poses.
+
     Raises:
         MapError: there is no frame; only some frames have poses, and the others lie too far off, or
-            the stamps do not ascend.
+            the stamps do not ascend; the odometry goes back, or is not finite.
     """
     frames = list(described)
     if not frames:
         raise MapError(f"{name}: no frames to build a map from")
     stamps = np.array([frame.stamp_ns for frame in frames], np.int64)
+    poses = _poses(name, stamps, [frame.pose for frame in frames])
     return Traverse(
         name,
         np.stack([frame.raw for frame in frames]),
         stamps,
-        _poses(name, stamps, [frame.pose for frame in frames]),
+        poses,
+        _travelled(name, poses, [frame.odometry_m for frame in frames]),
         tuple(frame.thumbnail for frame in frames),
         pose_frame,
     )
@@ -120,6 +130,21 @@ def _poses(
         )
     log.warning("%s: %d of %d poses are between others", name, len(given) - len(rows), len(given))
     return poses
+
+
+def _travelled(
+    name: str, poses: NDArray[np.float64], given: Sequence[float | None]
+) -> NDArray[np.float64]:
+    metres = np.array([reading for reading in given if reading is not None], np.float64)
+    if len(metres) < len(given):
+        metres = travelled(poses) if len(poses) else np.empty(0)
+    wrong = np.flatnonzero(~(np.isfinite(metres) & (np.diff(metres, prepend=-np.inf) >= 0)))
+    if len(wrong):
+        raise MapError(
+            f"{name}: the odometry of frame {wrong[0]} is less than the one before, or not finite: "
+            "mend it, or leave it out"
+        )
+    return np.asarray(metres - metres[:1])
 
 
 def _pixels(frame: Frame) -> NDArray[np.uint8]:

@@ -36,6 +36,7 @@ class ChannelStage:
         matching: MatchingConfig,
         shard: int = 0,
         shards: int = 1,
+        travelled: NDArray[np.float64] | None = None,
     ) -> None:
         """Prepare channels; of shards, and for rules that compare windows, this reads all places.
 
@@ -44,6 +45,7 @@ class ChannelStage:
             matching: how candidates are made.
             shard: which of each, from 0.
             shards: how many there are.
+            travelled: (K,) metres up to each place of the map; None or empty: unknown.
 
         Raises:
             ConfigError: the map has too few places for so many shards.
@@ -53,7 +55,7 @@ class ChannelStage:
         self.shard, self.shards = shard, shards
         shared = MetricShards()
         self._parts = {
-            number: ChannelShard(channel, matching, shard, shards, shared)
+            number: ChannelShard(channel, matching, shard, shards, shared, travelled)
             for number, channel in channels.items()
         }
         exact = matching.compares_exactly
@@ -141,23 +143,27 @@ class StreamMatcher:
         self.next = first
         """The number of the frame whose steps are next."""
 
-    def local(self, compared: Compared | None, sequence: int) -> Mapping[int, Partial]:
+    def local(
+        self, compared: Compared | None, sequence: int, odometry_m: float | None = None
+    ) -> Mapping[int, Partial]:
         """Do the local step of a frame, or of the next one before it that was missed.
 
         Args:
             compared: how the frame compares with the places; None is a missing observation.
             sequence: its number, ``next`` or greater. If it is greater, frames in between were
                 missed, and ``next`` is afterwards the number of that whose step was done.
+            odometry_m: the odometer's reading at the frame, metres since any fixed start; None:
+                unknown, as it is at frames that were missed.
 
         Returns:
             The partial result of each channel, (n,) float64.
         """
         self.next = max(self.next, sequence - self._memory)
-        frame = compared if self.next == sequence else None
+        frame, reading = (compared, odometry_m) if self.next == sequence else (None, None)
         for group in self._groups:
             if group.partial is None:  # it may be there if another channel failed
                 seen = None if frame is None else frame[group.metric]
-                group.partial = group.matcher.local(seen)
+                group.partial = group.matcher.local(seen, reading)
         return {
             number: group.partial
             for group in self._groups
@@ -204,12 +210,13 @@ class StreamMatcher:
             group.settle(group.matcher.finish())
         return self.settled()
 
-    def push(self, compared: Compared | None) -> list[Candidate]:
+    def push(self, compared: Compared | None, odometry_m: float | None = None) -> list[Candidate]:
         """Return the candidates for the next frame, of whole channels, by ascending number.
 
         Args:
             compared: how the frame compares with the places; None is a missing observation.
+            odometry_m: see ``local``.
         """
-        partials = self.local(compared, self.next)
+        partials = self.local(compared, self.next, odometry_m)
         candidates = self.reduce({number: [one] for number, one in partials.items()})
         return [candidates[number] for number in sorted(candidates)]

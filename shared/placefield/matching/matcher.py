@@ -44,12 +44,14 @@ class Matcher(ABC):
     """After so many missing observations, more of them change nothing that matters."""
 
     @abstractmethod
-    def local(self, frame: Comparison | None) -> Partial:
+    def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Take the next frame, and return what the other shards need of it, (n,) float64.
 
         Args:
             frame: how it compares with the shard's places; None is a missing observation: the
                 vehicle has moved on all the same.
+            odometry_m: the odometer's reading then, metres since any fixed start; None: unknown.
+                If it falls, the odometer began anew.
         """
 
     @abstractmethod
@@ -79,13 +81,14 @@ class Matcher(ABC):
     def finish(self) -> list[Settled]:
         """Settle the frames that are left: the stream is over."""
 
-    def push(self, frame: Comparison | None) -> Candidate:
+    def push(self, frame: Comparison | None, odometry_m: float | None = None) -> Candidate:
         """Return the candidate for the next frame; for a whole channel, which is its only shard.
 
         Args:
             frame: how it compares with the places; None is a missing observation.
+            odometry_m: see ``local``.
         """
-        return self.reduce([self.local(frame)])
+        return self.reduce([self.local(frame, odometry_m)])
 
 
 class ReverseMatcher(Matcher):
@@ -97,9 +100,9 @@ class ReverseMatcher(Matcher):
         self._places = places
         self.memory = matcher.memory
 
-    def local(self, frame: Comparison | None) -> Partial:
+    def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Take the next frame, with the places in reverse order."""
-        return self._matcher.local(None if frame is None else frame.turned())
+        return self._matcher.local(None if frame is None else frame.turned(), odometry_m)
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate in the order of the map."""

@@ -2,6 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
@@ -9,6 +12,7 @@ from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import HALO, LEAST_PLACES, FilterMatcher, lengths_of
 from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher, ReverseMatcher
+from placefield.matching.odometry import Road, road
 from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.metric.spread import Spread, spread_of
@@ -65,6 +69,7 @@ class ChannelShard:
         shard: int = 0,
         shards: int = 1,
         shared: MetricShards | None = None,
+        travelled: NDArray[np.float64] | None = None,
     ) -> None:
         """Prepare a shard; but for a whole channel under ``filter``, this may read all places.
 
@@ -75,6 +80,7 @@ class ChannelShard:
             shard: which of them, from 0.
             shards: how many there are.
             shared: with the other channels of a worker.
+            travelled: (K,) metres up to each place of the map; None or empty: unknown.
 
         Raises:
             ConfigError: the map has too few places for so many shards.
@@ -91,6 +97,7 @@ class ChannelShard:
         if matching.rule == "filter":
             self._lengths = lengths_of(metric, reverse=matching.reverse)
             self._spread = shared.spread(metric) if shards > 1 else None
+            self._road = self._road_along(travelled)
             first, last = self._driven.start - HALO, self._driven.stop + HALO
             self._observed = slice(max(first, 0), min(last, self._places))
         else:
@@ -106,6 +113,12 @@ class ChannelShard:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
+    def _road_along(self, travelled: NDArray[np.float64] | None) -> Road | None:
+        """Return the way along the places, as they are driven; None where nobody knows."""
+        if travelled is None or not len(travelled):
+            return None
+        return road(travelled[-1] - travelled[::-1] if self._matching.reverse else travelled)
+
     def new_matcher(self, lag: int | None = None) -> Matcher:
         """Return a matcher for a new stream; frames are compared under this shard's metric.
 
@@ -118,8 +131,10 @@ class ChannelShard:
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
     def _filter(self, lag: int) -> Matcher:
-        smoother = Smoother(self._lengths, lag, self._matching.tolerance)
-        return FilterMatcher(self._lengths, self._driven, self._number, smoother, self._spread)
+        smoother = Smoother(self._lengths, lag, self._matching.tolerance, self._road)
+        return FilterMatcher(
+            self._lengths, self._driven, self._number, smoother, self._spread, self._road
+        )
 
     def _windows(self, lag: int) -> Matcher:
         scales, unit = self._channel.scales.tolist(), self.metric.unit

@@ -131,7 +131,7 @@ class WindowMatcher(Matcher):
         self._shards = 1
         self._settled: list[Settled] = []
 
-    def local(self, frame: Comparison | None) -> Partial:
+    def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Move the windows on; missing observations keep the others on their diagonal."""
         if frame is None:
             self._recent.push_missing()

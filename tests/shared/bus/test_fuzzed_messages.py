@@ -44,9 +44,9 @@ SETTLED = SettledFrames.of(
 )
 EXAMPLES: list[Message] = [
     Header(stream="s" * 32, sequence=2**40, stamp_ns=-5, live=True),
-    FrameMessage(image=bytes(range(90))),
+    FrameMessage(image=bytes(range(90)), odometry_m=12.5),
     FrameMessage(image=np.zeros((3, 4, 3), np.uint8)),
-    FeatureMessage(model="0123456789abcdef", descriptor=VECTOR),
+    FeatureMessage(model="0123456789abcdef", descriptor=VECTOR, odometry_m=0.0),
     CandidatesMessage(
         rule="filter",
         candidates=(
@@ -156,15 +156,15 @@ def check_bounds(message: Message) -> None:
             assert -(2**63) <= message.stamp_ns < 2**63
             assert isinstance(message.live, bool)
             assert isinstance(message.end, bool)
-        case FrameMessage(image=bytes()):
-            pass
-        case FrameMessage(image=pixels):
-            assert isinstance(pixels, np.ndarray)
-            assert pixels.dtype == np.uint8
-            assert pixels.ndim in (2, 3)
-            assert pixels.size
+        case FrameMessage():
+            assert message.odometry_m is None or 0 <= message.odometry_m < np.inf
+            if not isinstance(message.image, bytes):
+                assert message.image.dtype == np.uint8
+                assert message.image.ndim in (2, 3)
+                assert message.image.size
         case FeatureMessage():
             assert len(message.model) <= 64
+            assert message.odometry_m is None or 0 <= message.odometry_m < np.inf
             if message.descriptor is not None:
                 check_vector(message.descriptor)
         case CandidatesMessage():

@@ -245,6 +245,20 @@ def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
         FeatureMessage.decode(packed)
 
 
+@pytest.mark.parametrize(
+    "message", [FrameMessage(image=b"image"), FeatureMessage(model="m", descriptor=None)]
+)
+def test_odometry_is_none_or_a_distance_as_the_vehicle_tells_it(message: Message) -> None:
+    fields = msgpack.unpackb(message.encode())
+    for right in (None, 0, 0.0, 12.5, 1e300):
+        decoded = decode_or_refuse(type(message), msgpack.packb(fields | {"odometry_m": right}))
+        assert getattr(decoded, "odometry_m", "refused") == right
+    for wrong in (-1e-9, np.nan, np.inf, -np.inf, "1", b"1", True, [1.0]):
+        packed = msgpack.packb(fields | {"odometry_m": wrong})
+        with pytest.raises(MessageError, match="odometry_m"):
+            type(message).decode(packed)
+
+
 @pytest.mark.parametrize("places", [wire(), wire(dtype="int32", shape=(1, 2)), [1, 2], None])
 def test_places_that_are_no_vector_of_indices_are_refused(places: Any) -> None:
     fields = msgpack.unpackb(

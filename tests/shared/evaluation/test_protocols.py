@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.evaluation.protocols import (
+    THINS_REFERENCE,
     Drive,
     Protocol,
     default_every,
     drive_of,
     frames_to_recover,
     kidnap,
+    odometry,
     off_route,
     speed,
 )
@@ -45,8 +47,10 @@ def test_a_drive_takes_frames_that_are_there_and_is_the_same_for_the_same_seed(
     )
 
     assert len(drive.frames) == len(drive.foreign) == len(drive.repeated) >= 1
-    assert drive.every == (every if protocol in ("speed", "dense") else 1)
-    assert not drive.repeated.any() or protocol == "speed"
+    assert drive.every == (every if protocol in THINS_REFERENCE else 1)
+    assert not drive.repeated.any() or protocol in ("speed", "odometry")
+    assert (drive.odometry is not None) == (protocol == "odometry")
+    assert drive.odometry is None or np.array_equal(drive.odometry, again.odometry)
     assert (drive.frames >= 0).all()
     assert (drive.frames < np.where(drive.foreign, FOREIGN, count)).all()
     for one, other in (
@@ -126,9 +130,41 @@ def test_between_stops_a_stretch_is_driven_evenly() -> None:
         assert possible
 
 
+@given(counts, everies, seeds)
+def test_with_odometry_a_drive_is_the_same_as_without_and_has_a_reading_that_never_goes_down(
+    count: int, every: int, seed: int
+) -> None:
+    drive, without = odometry(count, every, seed), speed(count, every, seed)
+    assert drive.frames.tolist() == without.frames.tolist()
+    assert drive.repeated.tolist() == without.repeated.tolist()
+    assert drive.every == every
+    assert drive.odometry is not None
+    assert drive.odometry.shape == drive.frames.shape
+    assert drive.odometry[0] == 0
+    steps = np.diff(drive.odometry)
+    assert (steps >= 0).all()
+    assert (steps[drive.repeated[1:]] == 0).all()
+
+
+def test_an_odometer_is_off_by_a_scale_of_5_percent_and_by_as_much_at_each_step() -> None:
+    """A place of the thinned reference is 1 m."""
+    scales, errors = [], []
+    for seed in range(300):
+        drive = odometry(2000, 4, seed)
+        assert drive.odometry is not None
+        ways = np.diff(drive.frames) / 4
+        shares = np.diff(drive.odometry)[ways > 0] / ways[ways > 0]
+        scales.append(shares.mean())
+        errors.append((shares / shares.mean()).std())
+    assert np.mean(scales) == pytest.approx(1, abs=0.01)
+    assert np.std(scales) == pytest.approx(0.05, rel=0.15)
+    assert np.mean(errors) == pytest.approx(0.05, rel=0.02)
+
+
 def test_the_reference_is_thinned_to_every_4th_frame_for_speed_or_2nd_where_it_is_short() -> None:
-    assert default_every("speed", 400) == 4
-    assert default_every("speed", 399) == 2
+    for protocol in ("speed", "odometry"):
+        assert default_every(protocol, 400) == 4
+        assert default_every(protocol, 399) == 2
     assert {default_every(p, n) for p in ("dense", "sparse") for n in (9, 900)} == {3}
 
 

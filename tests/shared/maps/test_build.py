@@ -90,7 +90,9 @@ def weathered(seed: int, frames: int = 200) -> Traverse:
     raw = np.hstack([place / place.std(), rng.normal(size=(frames, 18))])
     raw += 0.1 * rng.normal(size=raw.shape)
     stamps = np.arange(frames, dtype=np.int64)
-    return Traverse("weathered", raw.astype(np.float32), stamps, np.empty((0, 3)), (b"",) * frames)
+    return Traverse(
+        "weathered", raw.astype(np.float32), stamps, np.empty((0, 3)), np.empty(0), (b"",) * frames
+    )
 
 
 @pytest.mark.parametrize("kind", ["lmnn", "rca"])
@@ -195,6 +197,7 @@ def test_a_reference_too_short_for_the_channels_is_refused(
         short.raw[:frames],
         short.stamps[:frames],
         short.poses,
+        short.travelled,
         short.thumbnails[:frames],
     )
     assert f"reference of {frames} frames is too short" in refusal([short], config_of())

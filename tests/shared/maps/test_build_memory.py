@@ -11,7 +11,9 @@ from placefield.maps.traverse import Traverse
 
 
 def traverse_of(raw: NDArray[np.float32]) -> Traverse:
-    return Traverse("made-up", raw, np.arange(len(raw)), np.empty((0, 3)), (b"",) * len(raw))
+    return Traverse(
+        "made-up", raw, np.arange(len(raw)), np.empty((0, 3)), np.empty(0), (b"",) * len(raw)
+    )
 
 
 def test_a_metric_of_two_traverses_is_learned_in_little_more_than_they_take() -> None:

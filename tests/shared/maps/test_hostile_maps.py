@@ -294,6 +294,19 @@ def test_an_array_that_lies_in_fortran_order_is_the_same(saved: Path) -> None:
     np.testing.assert_array_equal(open_map(saved).metrics[0].projection, whole)
 
 
+def test_metres_travelled_that_are_no_way_along_the_places_are_refused(saved: Path) -> None:
+    file = saved / "places" / "travelled.npy"
+    known = np.load(file)
+    for wrong in (known[::-1], known[1:], known[:1], known * np.nan, known + np.inf):
+        np.save(file, np.ascontiguousarray(wrong))
+        seal(saved)
+        assert f"{file}: " in refusal(saved)
+    for right in (known, known[:0], known * 0):
+        np.save(file, right)
+        seal(saved)
+        open_map(saved)
+
+
 @pytest.mark.parametrize(
     ("file", "array", "complaint"),
     [

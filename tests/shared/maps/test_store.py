@@ -63,12 +63,13 @@ def test_a_map_comes_back_as_it_was_and_read_only(pristine: Path, posed_map: Map
     opened = open_map(pristine)
     assert_same(posed_map, opened)
     arrays = list(arrays_of(opened))
-    assert len(arrays) == 3 + 4 + 2 * (4 + 4)
+    assert len(arrays) == 3 + 5 + 2 * (4 + 4)
     for array in arrays:
         assert not array.flags.writeable
 
 
-def test_a_map_without_poses_comes_back(small_map: Map, tmp_path: Path) -> None:
+def test_a_map_without_poses_and_odometry_comes_back(small_map: Map, tmp_path: Path) -> None:
+    assert not len(small_map.places.travelled)
     save_map(small_map, tmp_path / "route.pfmap")
     assert_same(small_map, open_map(tmp_path / "route.pfmap"))
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -42,7 +44,7 @@ def described(stamps: list[float], poses: list[Pose | None]) -> list[DescribedFr
     """Frames at so many seconds."""
     raw = np.zeros(3, np.float32)
     return [
-        DescribedFrame(raw, round(1e9 * second), pose, b"")
+        DescribedFrame(raw, round(1e9 * second), pose, None, b"")
         for second, pose in zip(stamps, poses, strict=True)
     ]
 
@@ -91,6 +93,37 @@ def test_stamps_that_do_not_ascend_tell_no_pose(stamps: list[float]) -> None:
         1,
         2,
     ]
+
+
+def with_odometry(
+    readings: list[float | None], poses: list[Pose | None] | None = None
+) -> list[DescribedFrame]:
+    stamps = [float(number) for number in range(len(readings))]
+    frames = described(stamps, poses or [None] * len(readings))
+    return [
+        replace(frame, odometry_m=reading) for frame, reading in zip(frames, readings, strict=True)
+    ]
+
+
+def test_metres_travelled_are_the_odometrys_from_the_first_frame_on() -> None:
+    poses: list[Pose | None] = [Pose(0, 0, 0), Pose(9, 0, 0), Pose(9, 0, 0)]
+    traverse = traverse_of("drive", with_odometry([7.0, 7.0, 8.5], poses))
+    assert traverse.travelled.tolist() == [0, 0, 1.5]
+
+
+def test_where_a_reading_is_missing_metres_are_those_along_the_poses_else_unknown() -> None:
+    poses: list[Pose | None] = [Pose(0, 0, 0), Pose(3, 4, 0), Pose(3, 2, 0)]
+    traverse = traverse_of("drive", with_odometry([7.0, None, 8.5], poses))
+    assert traverse.travelled.tolist() == [0, 5, 7]
+    unknown = traverse_of("drive", with_odometry([7.0, None, 8.5])).travelled
+    assert unknown.shape == (0,)
+    assert unknown.dtype == np.float64
+
+
+@pytest.mark.parametrize("wrong", [0.5, np.nan, np.inf, -np.inf])
+def test_odometry_that_goes_back_or_is_not_finite_is_refused(wrong: float) -> None:
+    with pytest.raises(MapError, match=r"^drive: the odometry of frame 2 .*mend it"):
+        traverse_of("drive", with_odometry([0.0, 1.0, wrong]))
 
 
 def test_no_frames_are_no_traverse() -> None:

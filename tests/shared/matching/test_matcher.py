@@ -15,6 +15,7 @@ from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
+from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import Comparison
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import FilterMatcher
@@ -227,6 +228,29 @@ def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_wa
     for candidate, expected in zip(*settled, strict=True):
         assert bits(candidate.candidate) == bits(expected.candidate.turned(90))
         assert candidate.lag == expected.lag
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_filter_is_told_the_metres_in_the_order_in_which_it_is_driven(
+    small_map: Map,
+    told_odometry: list[float | None],
+    told_travelled: list[NDArray[np.float64] | None],
+    reverse: bool,
+) -> None:
+    matching = MatchingConfig(reverse=reverse)
+    places = small_map.places.count
+    travelled = np.cumsum(np.arange(places, dtype=np.float64))
+    of_map = dict(enumerate(small_map.channels))
+    stream = ChannelStage(of_map, matching, travelled=travelled).new_stream()
+    stream.push(None, 4.0)
+    assert told_odometry == [4.0]
+    (driven,) = told_travelled
+    assert driven is not None
+    assert driven[0] == 0
+    assert np.diff(driven).tolist() == [*range(1, places)][:: -1 if reverse else 1]
+    for unknown in (None, np.empty(0)):
+        ChannelStage(of_map, matching, travelled=unknown).new_stream()
+        assert told_travelled[-1] is None
 
 
 @pytest.mark.parametrize("places", [1, 7, 300])

@@ -54,7 +54,9 @@ def traverse() -> Traverse:
     rng = np.random.default_rng(3)
     looks = 5 + np.cumsum(rng.normal(size=(PLACES, DIMENSIONS)), axis=0)
     stamps = np.arange(PLACES, dtype=np.int64)
-    return Traverse("a walk", looks.astype(np.float32), stamps, np.zeros((0, 3)), (b"",) * PLACES)
+    return Traverse(
+        "a walk", looks.astype(np.float32), stamps, np.zeros((0, 3)), np.empty(0), (b"",) * PLACES
+    )
 
 
 @pytest.fixture(scope="module")

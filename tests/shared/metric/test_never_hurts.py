@@ -31,7 +31,7 @@ def raw_features(data_dir):
 
 def build(raw_features, feature, references, metric):
     traverses = [
-        Traverse(name, raw, np.arange(len(raw)), np.empty((0, 3)), (b"",) * len(raw))
+        Traverse(name, raw, np.arange(len(raw)), np.empty((0, 3)), np.empty(0), (b"",) * len(raw))
         for name, raw in ((name, raw_features[feature, name]) for name in references)
     ]
     config = {"features": {"kind": feature}, "metric": {"kind": metric}, "scales": {"channels": 2}}

@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -54,7 +55,38 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
         assert [frame.stamp_ns for frame in frames] == [
             index * 250_000_000 for index in range(len(images))
         ]
-        assert {frame.odometry_m for frame in frames} == {None}
+        if drive.odometry is not None:
+            assert [frame.odometry_m for frame in frames] == drive.odometry.tolist()
+
+
+@pytest.mark.parametrize(
+    ("protocol", "known"), [("speed", True), ("sparse", True), ("reverse", True), ("kidnap", False)]
+)
+def test_odometry_counts_the_way_that_is_driven_forth_or_back_and_none_that_it_is_carried(
+    protocol: Protocol, known: bool
+) -> None:
+    driven = Driven(Pixels(50), protocol, seed=2)
+    steps = np.abs(np.diff(driven.drive.frames))
+    if not known:
+        steps[driven.drive.jumps - 1] = 0
+        assert len(driven.drive.jumps)
+    assert [frame.odometry_m for frame in driven] == [0, *np.cumsum(steps).tolist()]
+
+
+def test_on_another_route_odometry_goes_on_and_where_nobody_knows_there_is_none() -> None:
+    class Gaps(Pixels):
+        def __iter__(self) -> Iterator[Frame]:
+            for frame in super().__iter__():
+                yield replace(frame, odometry_m=None) if frame.index == 10 else frame
+
+    driven = Driven(Gaps(50), "off-route", other=Pixels(200), seed=2)
+    drive, metres, expected = driven.drive, 0, [0]
+    for at in range(1, len(drive.frames)):
+        metres += int(drive.foreign[at] == drive.foreign[at - 1])
+        expected.append(metres)
+    (unknown,) = np.flatnonzero(~drive.foreign & (drive.frames == 10))
+    readings = [frame.odometry_m for frame in driven]
+    assert readings == [None if at == unknown else m for at, m in enumerate(expected)]
 
 
 class Smooth(Pixels):

@@ -83,9 +83,9 @@ def test_frames_csv_gives_order_stamps_poses_and_odometry(tmp_path):
     fill(tmp_path, "a.png", "left/b.png", "c.png", "unlisted.png")
     (tmp_path / "frames.csv").write_text(
         "\ufefffile, stamp, y, x, yaw, odometry\r\n"
-        "c.png, 1700000000.123456789, 2, 1, 0.5, -2.5\r\n"
+        "c.png, 1700000000.123456789, 2, 1, 0.5, 2.5\r\n"
         "\r\n"
-        "a.png, 1700000000.623456789, , , , -2.5\r\n"
+        "a.png, 1700000000.623456789, , , , 2.5\r\n"
         "left/b.png, 1700000001.123456789, -4, 3e0, -1, 1e1\r\n",
         encoding="utf-8",
     )
@@ -100,7 +100,7 @@ def test_frames_csv_gives_order_stamps_poses_and_odometry(tmp_path):
     assert [frame.index for frame in frames] == [0, 1, 2]
     assert frames[0].stamp_ns == 1_700_000_000_123_456_789
     assert [frame.pose for frame in frames] == [Pose(1, 2, 0.5), None, Pose(3, -4, -1)]
-    assert [frame.odometry_m for frame in frames] == [-2.5, -2.5, 10]
+    assert [frame.odometry_m for frame in frames] == [2.5, 2.5, 10]
     assert decode(frames[2].image).mean() == 10
 
 
@@ -190,7 +190,8 @@ def test_frames_csv_may_say_where_on_earth_the_frames_were_taken(tmp_path):
         ("file,odometry\na.png,far\n", "line 2: odometry is 'far'"),
         ("file,odometry\na.png,\n", "line 2: odometry is ''"),
         ("file,odometry\na.png,nan\n", "line 2: odometry is 'nan'"),
-        ("file,odometry\na.png,0\na.png,-1\n", "line 3: the odometry is less"),
+        ("file,odometry\na.png,1\na.png,0\n", "line 3: the odometry is less"),
+        ("file,odometry\na.png,-1\n", "line 2: the odometry is -1, less than 0"),
         ("file,x,y,yaw\na.png,1,2,\n", "line 2: yaw is ''"),
         ("file,x,y\na.png,1,east\n", "line 2: y is 'east'"),
         ("file,x,y\na.png,nan,1\n", "line 2: x is 'nan'"),

@@ -4,6 +4,7 @@ from shutil import copy, copytree
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from placefield.baselines.seqslam import seqslam_image
 from placefield.config import Config
@@ -14,6 +15,7 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
 from placefield_tools.evaluating import Query
+from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import run_methods
 from placefield_tools.study.running import prepare
 from placefield_tools.study.trial import Trial
@@ -75,6 +77,31 @@ def test_a_thinned_reference_is_all_that_is_known_of_it(
         for place in range(thinned.places):
             matches = np.full(len(thinned.query.raws), place)
             assert thinned.truth.correct(matches)[frame] == (abs(right / n - place) <= 3)
+
+
+def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_readings(
+    trial: Trial,
+    reference_dir: Path,
+    query_dir: Path,
+    told_odometry: list[float | None],
+    told_travelled: list[NDArray[np.float64] | None],
+) -> None:
+    query = Query(str(query_dir), protocol="odometry", seed=3)
+    driven = prepare(str(reference_dir), query, within_3, CONFIG)
+    assert driven.every == 2
+    assert driven.metres.travelled.tolist() == [*range(30)]
+    for placemap in (driven.placemap, driven.published, driven.multiscale):
+        assert placemap.places.travelled.tolist() == [*range(30)]
+    drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
+    assert drive.odometry is not None
+    assert driven.metres.readings == drive.odometry.tolist()
+    match_channels(
+        driven.placemap.channels, driven.descriptors, driven.metres, driven.matching("filter")
+    )
+    assert told_odometry == drive.odometry.tolist()
+    assert told_travelled[-1] is driven.metres.travelled
+    assert trial.metres.readings == [None] * 60
+    assert not len(trial.metres.travelled)
 
 
 def test_a_frame_of_a_stop_is_described_from_its_own_picture_for_every_method(

@@ -31,7 +31,7 @@ def test_a_channel_among_others_has_the_candidates_of_its_own_comparisons(
     trial: Trial, channels: list[MapChannel], rule: Rule
 ) -> None:
     descriptors = [None if frame in (0, 30) else d for frame, d in enumerate(trial.descriptors)]
-    together = candidates_of(channels, descriptors, trial.matching(rule))
+    together = candidates_of(channels, descriptors, trial.metres, trial.matching(rule))
     for channel, candidates in zip(channels, together, strict=True):
         matcher = ChannelShard(channel, trial.matching(rule)).new_matcher()
         places = MetricPlaces(channel.metric, exact=True)
@@ -55,6 +55,6 @@ def test_a_frame_is_compared_once_for_all_channels_that_share_a_metric(
             yield comparison
 
     monkeypatch.setattr(MetricPlaces, "compare", counting)
-    candidates_of(channels, trial.descriptors, trial.matching("filter"))
+    candidates_of(channels, trial.descriptors, trial.metres, trial.matching("filter"))
     frames = len(trial.descriptors)
     assert compared == {channels[0].metric: frames, channels[1].metric: frames}

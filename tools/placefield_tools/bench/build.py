@@ -132,7 +132,9 @@ def _memory_ratio(traverses: int, channels: int) -> float:
 def _learn(raws: Sequence[Array], channels: int, *, clusters: int) -> int:
     """Build a map with LMNN and return the number of dimensions of its descriptors."""
     traverses = [
-        Traverse("made-up", raw, np.arange(len(raw)), np.empty((0, 3)), (b"",) * len(raw))
+        Traverse(
+            "made-up", raw, np.arange(len(raw)), np.empty((0, 3)), np.empty(0), (b"",) * len(raw)
+        )
         for raw in raws
     ]
     scales = {"channels": channels, "clusters": clusters}

@@ -30,7 +30,9 @@ def made_map(walk: Array, *, coarse: bool = False) -> Map:
         traverses=(TraverseRecord(name="a walk", frames=count),),
         pose_frame=None,
         model=DescriptorModel("gist", True, identity[0], identity[0], identity),
-        places=Places(np.arange(count), np.empty((0, 3)), nothing, np.zeros(count, np.int64)),
+        places=Places(
+            np.arange(count), np.empty((0, 3)), np.empty(0), nothing, np.zeros(count, np.int64)
+        ),
         channels=tuple(made_channel(walk, number, coarse=coarse) for number in range(CHANNELS)),
     )
 

@@ -56,7 +56,9 @@ def disturbed_replay(
         BusError: the services do not start.
     """
     recognizer = Recognizer(open_map(map_path), config.matching)
-    undisturbed = [recognizer.push(frame.image) for frame in looped(source, frames)]
+    undisturbed = [
+        recognizer.push(frame.image, frame.odometry_m) for frame in looped(source, frames)
+    ]
     bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
     config = config.model_copy(update={"bus": bus_config})
     with _services(map_path, channels, config, clock) as children, open_bus(config.bus) as bus:

@@ -170,10 +170,10 @@ Every = Annotated[
     typer.Option(
         metavar="N",
         min=1,
-        help="take every N-th frame: --protocol speed and dense of the reference, sparse of the "
-        "query",
-        show_default=f"{DEFAULT_EVERY}; of speed {SPEED_EVERY}, or {SHORT_SPEED_EVERY} where the "
-        f"reference has fewer than {SHORT_REFERENCE} frames",
+        help="take every N-th frame: --protocol speed, odometry and dense of the reference, sparse "
+        "of the query",
+        show_default=f"{DEFAULT_EVERY}; of speed and odometry {SPEED_EVERY}, or "
+        f"{SHORT_SPEED_EVERY} where the reference has fewer than {SHORT_REFERENCE} frames",
     ),
 ]
 Other = Annotated[
@@ -296,7 +296,8 @@ def check_every(protocol: Protocol, every: int | None) -> None:
     """
     if every is not None and protocol not in TAKES_EVERY:
         raise ConfigError(
-            f"--every {every}: only --protocol speed, dense and sparse take every n-th frame"
+            f"--every {every}: only --protocol speed, odometry, dense and sparse take every n-th "
+            "frame"
         )
 
 

@@ -43,8 +43,9 @@ def _replay(
     """Stream frames to the services of a run.
 
     Folders, videos and recordings are lossless: no frame is dropped. A camera is live: old frames
-    are dropped for new ones where the services cannot follow, --spacing goes by the odometry that
-    the vehicle publishes, and a camera that is gone is waited for.
+    are dropped for new ones where the services cannot follow, and a camera that is gone is waited
+    for. Frames carry their odometry where it is known, of a camera what the vehicle publishes;
+    --spacing goes by it.
 
     Examples:
       placefield replay frames/

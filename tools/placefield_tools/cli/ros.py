@@ -36,8 +36,8 @@ def _ros(
     'placefield up MAP --connect tcp/HOST:7447', or 'placefield router --connect tcp/HOST:7447'.
 
     In: images, as a live stream with the stamps of their headers, old ones dropped for new ones
-    where the services cannot follow; odometry, as the metres travelled. Of a map whose frames were
-    spaced, space these by the same metres.
+    where the services cannot follow; odometry, as the metres travelled, which go with the images.
+    Of a map whose frames were spaced, space these by the same metres.
 
     Out, where the map has poses: matches that the rule filter knows, on /placefield/RUN/pose, and
     smoothed ones likewise, on /placefield/RUN/smoothed_pose

@@ -26,8 +26,10 @@ class Driven(Source):
     """The frames of a query, and of another route, as a drive takes them.
 
     They are numbered anew, and stamped evenly at the query's mean rate, so that time goes on where
-    the drive turns back or jumps; their odometry is left out. All frames are held in memory,
-    encoded.
+    the drive turns back or jumps. All frames are held in memory, encoded.
+
+    Their odometry is the drive's own, or else counts the metres that the frames' odometry is apart
+    from one to the next, forth or back. Where the vehicle is carried elsewhere it counts none.
 
     A frame that is repeated, since the vehicle stands still, is not the same picture twice: it is
     decoded, gets Gaussian noise of a deviation of ``SENSOR_NOISE`` in every pixel and colour, and
@@ -64,6 +66,7 @@ class Driven(Source):
         self._seed = seed
         self.count: int = len(self.drive.frames)
         self._step_ns = _mean_step_ns(self._query)
+        self._odometry = self._readings()
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames."""
@@ -74,7 +77,27 @@ class Driven(Source):
             frame = (self._other if foreign else self._query)[number]
             stamp_ns = round(index * self._step_ns)
             image = _taken_again(frame.image, [self._seed, index]) if repeated else frame.image
-            yield replace(frame, index=index, stamp_ns=stamp_ns, image=image, odometry_m=None)
+            odometry_m = self._odometry[index]
+            yield replace(frame, index=index, stamp_ns=stamp_ns, image=image, odometry_m=odometry_m)
+
+    def _readings(self) -> list[float | None]:
+        """Return the odometer's reading at each frame, metres; None where nobody knows."""
+        drive = self.drive
+        if drive.odometry is not None:
+            return [*drive.odometry.tolist()]
+        carried = {*drive.jumps.tolist(), *(np.flatnonzero(np.diff(drive.foreign)) + 1).tolist()}
+        metres, before = 0.0, None
+        readings: list[float | None] = []
+        for index, (number, foreign) in enumerate(zip(drive.frames, drive.foreign, strict=True)):
+            here = (self._other if foreign else self._query)[number].odometry_m
+            before = None if index in carried else before
+            if here is None:
+                readings.append(None)
+                continue
+            metres += 0.0 if before is None else abs(here - before)
+            readings.append(metres)
+            before = here
+        return readings
 
 
 def _held(source: Source) -> list[Frame]:

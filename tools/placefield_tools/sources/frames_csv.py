@@ -1,10 +1,10 @@
 """A folder's ``frames.csv``: which files are the frames, when and where each was taken.
 
 The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres travelled since any
-fixed start), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude`` (degrees,
-together), and with these ``yaw`` (radians, counterclockwise from x or from the east). The rows are
-in the order in which the frames were taken. A frame whose pose is not known leaves all the pose's
-cells empty. Where there is no yaw, the vehicle looks where it drives.
+fixed start, 0 or more), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude``
+(degrees, together), and with these ``yaw`` (radians, counterclockwise from x or from the east). The
+rows are in the order in which the frames were taken. A frame whose pose is not known leaves all the
+pose's cells empty. Where there is no yaw, the vehicle looks where it drives.
 """
 
 import csv
@@ -103,6 +103,8 @@ def _check_order(before: Listed, frame: Listed) -> None:
 def _listed(row: Row, default_stamp_ns: int) -> Listed:
     stamp_ns = nanoseconds(row["stamp"]) if "stamp" in row else default_stamp_ns
     odometry_m = _number(row, "odometry") if "odometry" in row else None
+    if odometry_m is not None and odometry_m < 0:
+        raise ValueError(f"the odometry is {odometry_m:g}, less than 0")
     return Listed(row["file"], stamp_ns, odometry_m=odometry_m)
 
 

@@ -8,22 +8,20 @@ from placefield_tools.sources.source import Source
 
 
 class Metered(Source):
-    """The frames of a live source from the vehicle's first word on, with the metres travelled."""
+    """The frames of a live source, with the metres travelled, where the vehicle has told them."""
 
     count = None
     live = True
 
     def __init__(self, source: Source, metres: Callable[[], float | None]) -> None:
-        """Take the source, and what tells the metres travelled, None while it is not known."""
+        """Take the source, and what tells the metres travelled, None if that is no news."""
         self._source = source
         self._metres = metres
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; those before the first word have no place on the way."""
+        """Yield the frames; those with no word since the one before have no odometry."""
         for frame in self._source:
-            metres = self._metres()
-            if metres is not None:
-                yield replace(frame, odometry_m=metres)
+            yield replace(frame, odometry_m=self._metres())
 
     def close(self) -> None:
         """Give back what the source holds."""

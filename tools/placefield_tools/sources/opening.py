@@ -60,8 +60,9 @@ def open_source(
     the network ``rtsp://…`` or ``http://…``.
 
     The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
-    one every ``spacing_m`` metres (see ``Spaced``), of a camera by what ``metres`` tells.
-    ``stop`` ends the frames; a camera that is away is waited for until then.
+    one every ``spacing_m`` metres (see ``Spaced``). The odometry of a camera's frames is what
+    ``metres`` tells, None where that is no news. ``stop`` ends the frames; a camera that is away is
+    waited for until then.
 
     Raises:
         SourceError: nothing of the kind is there, it cannot be read, or ``start``, ``stride``,
@@ -82,11 +83,9 @@ def open_source(
         raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
     if parts.poses is not None:
         source = _located(source, where, parts.poses, start, stride)
-    if spacing_m is None:
-        return source
     if source.live and metres is not None:
         source = Metered(source, metres)
-    return Spaced(source, spacing_m)
+    return source if spacing_m is None else Spaced(source, spacing_m)
 
 
 def _open(

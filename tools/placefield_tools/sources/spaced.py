@@ -22,10 +22,15 @@ class Spaced(Source):
         self.origin = source.origin
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; raise SourceError at one that has no odometry."""
+        """Yield the frames; raise SourceError at one that has no odometry.
+
+        Of a live source it is left out: with no news, the vehicle is no farther for all we know.
+        """
         spacing = Spacing(self._metres)
         for frame in self._source:
             if frame.odometry_m is None:
+                if self.live:
+                    continue
                 raise SourceError(
                     f"{frame.name}: has no odometry to space frames by; "
                     f"leave --spacing out, or {self._remedy()}"

@@ -53,7 +53,7 @@ def _ablate(
 ) -> Iterator[AblationResult]:
     matching = trial.matching(rule)
     lags = [matching.lag] if matching.lag else []
-    matches = match_drive(channels, trial.descriptors, matching, lags)
+    matches = match_drive(channels, trial.descriptors, trial.metres, matching, lags)
     yield AblationResult(rule, part, 0, judge(matches.causal, trial.truth))
     for lag, smoothed in matches.smoothed.items():
         yield AblationResult(rule, part, lag, judge_smoothed(smoothed, trial.truth))

@@ -46,7 +46,7 @@ def combinations(channels: int, number: int, seed: int) -> list[Combination]:
 
 def _count(trial: Trial, channels: Sequence[MapChannel], rule: Rule) -> Iterator[CountResult]:
     matching = trial.matching(rule)
-    candidates = candidates_of(channels, trial.descriptors, matching)
+    candidates = candidates_of(channels, trial.descriptors, trial.metres, matching)
     fusion = FusionStage(trial.placemap.places.count, matching)
     for number in range(1, len(channels) + 1):
         curves = [

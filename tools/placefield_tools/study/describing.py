@@ -83,8 +83,8 @@ def describe_reference(
 
 def describe_query_frames(
     source: Source, feature: Feature, vocabulary: Vocabulary | None
-) -> Described:
-    """Describe a query's frames.
+) -> tuple[Described, list[float | None]]:
+    """Describe a query's frames; with them comes the odometry of each, None where nobody knows.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -94,8 +94,9 @@ def describe_query_frames(
         return feature.describe(image), _look(image, vocabulary)
 
     unseen = (None, _unseen(vocabulary))
-    both = [one or unseen for one in describe_query(source, describe)]
-    return _described([raw for raw, _ in both], [look for _, look in both])
+    described, readings = describe_query(source, describe)
+    both = [one or unseen for one in described]
+    return _described([raw for raw, _ in both], [look for _, look in both]), readings
 
 
 def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:

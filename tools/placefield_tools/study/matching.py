@@ -11,29 +11,35 @@ from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage
-from placefield_tools.drive_matching import Descriptors, match_drive
+from placefield_tools.drive_matching import Descriptors, Metres, match_drive
 
 
 def match_channels(
-    channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
+    channels: Sequence[MapChannel],
+    descriptors: Descriptors,
+    metres: Metres,
+    config: MatchingConfig,
 ) -> list[Match]:
     """Match a stream of descriptors (N,), None for a missing observation, by some channels."""
-    return match_drive(channels, descriptors, config).causal
+    return match_drive(channels, descriptors, metres, config).causal
 
 
 def candidates_of(
-    channels: Sequence[MapChannel], descriptors: Descriptors, config: MatchingConfig
+    channels: Sequence[MapChannel],
+    descriptors: Descriptors,
+    metres: Metres,
+    config: MatchingConfig,
 ) -> list[list[Candidate]]:
     """Return each channel's candidate for each frame of a stream.
 
     A frame is compared with the places once for all channels that share a metric.
     """
-    stage = ChannelStage(dict(enumerate(channels)), config)
+    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.travelled)
     stream = stage.new_stream(lag=0)
     compared = stage.compare([one for one in descriptors if one is not None])
     candidates: list[list[Candidate]] = [[] for _ in channels]
-    for descriptor in descriptors:
-        of_frame = stream.push(None if descriptor is None else next(compared))
+    for descriptor, reading in zip(descriptors, metres.readings, strict=True):
+        of_frame = stream.push(None if descriptor is None else next(compared), reading)
         for candidate, own in zip(of_frame, candidates, strict=True):
             own.append(candidate)
     return candidates

@@ -151,7 +151,8 @@ def _window(trial: Trial, length: int, lag: int = 0) -> Matched:
 
 def _window_by_evidence(trial: Trial, length: int) -> Matched:
     channel = with_scales(trial.plain, [length])
-    return Matched(match_channels([channel], trial.descriptors, trial.matching("evidence")))
+    matching = trial.matching("evidence")
+    return Matched(match_channels([channel], trial.descriptors, trial.metres, matching))
 
 
 def _seqslam(trial: Trial, lag: int = 0) -> Matched:
@@ -186,8 +187,9 @@ def _channels(
 ) -> Matched:
     channels, matching = channels_of(trial), trial.matching(rule)
     if not lag:
-        return Matched(match_channels(channels, trial.descriptors, matching))
-    smoothed = match_drive(channels, trial.descriptors, matching, [lag]).smoothed[lag]
+        return Matched(match_channels(channels, trial.descriptors, trial.metres, matching))
+    matches = match_drive(channels, trial.descriptors, trial.metres, matching, [lag])
+    smoothed = matches.smoothed[lag]
     mean_lag = float(np.mean([each.lag for each in smoothed]))
     return Matched([each.match for each in smoothed], mean_lag)
 

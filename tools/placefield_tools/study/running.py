@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from placefield.baselines.fabmap import Vocabulary
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
@@ -13,6 +15,7 @@ from placefield.features.network import Network
 from placefield.maps.map import Map
 from placefield.maps.metrics import identity_metric
 from placefield.maps.traverse import Traverse
+from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import Query, drive_in
 from placefield_tools.progress import CONSOLE
 from placefield_tools.sources import Source, open_source
@@ -86,8 +89,10 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     with query.open() as driven:
-        described_query = describe_query_frames(driven, feature, vocabulary)
+        described_query, readings = describe_query_frames(driven, feature, vocabulary)
     drive, undriven = drive_in(driven, len(described_query.raws))
+    if drive.odometry is not None:  # which takes it for a metre from place to place
+        traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
@@ -104,6 +109,7 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         reference=described_reference,
         query=described_query,
         descriptors=descriptors_of(placemap.model, described_query.raws),
+        metres=Metres(placemap.places.travelled, readings),
         truth=truth.along(drive.frames, drive.foreign),
         jumps=drive.jumps,
         every=query.every,

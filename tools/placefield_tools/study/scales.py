@@ -40,6 +40,7 @@ def _compare(
 
 
 def _figures(trial: Trial, channels: Sequence[MapChannel]) -> tuple[float, float]:
-    matches = match_channels(channels, trial.descriptors, trial.matching("lowest-score"))
+    matching = trial.matching("lowest-score")
+    matches = match_channels(channels, trial.descriptors, trial.metres, matching)
     curve = judge(matches, trial.truth).curve
     return curve.auc, curve.recall_at_100_precision

@@ -17,6 +17,7 @@ from placefield.maps.map import Map, MapChannel
 from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.scales.channels import Channel
+from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import RawFeature
 from placefield_tools.study.describing import Described
 
@@ -36,6 +37,7 @@ class Trial:
         reference: its frames.
         query: the driven frames.
         descriptors: Q descriptors (N,) float32 of the driven frames, None where not seen.
+        metres: of the drive, and of the places.
         truth: of the driven frames.
         jumps: (J,) int64, positions in the drive of the first frame after a jump.
         every: n of a protocol that takes every n-th frame; None: it is none.
@@ -51,6 +53,7 @@ class Trial:
     reference: Described
     query: Described
     descriptors: list[Array | None]
+    metres: Metres
     truth: Truth
     jumps: NDArray[np.int64]
     every: int | None = None

@@ -1,0 +1,13 @@
+from dataclasses import replace
+
+import numpy as np
+
+from placefield.maps.map import Map
+from placefield_tools.map_facts import map_facts
+
+
+def test_how_far_it_is_along_the_places_is_told_where_it_is_known(route_map: Map) -> None:
+    assert map_facts(route_map)["travelled"] == "not known"
+    places = replace(route_map.places, travelled=np.linspace(0, 29.5, 60))
+    told = map_facts(replace(route_map, places=places))["travelled"]
+    assert told == "29.5 m, 0.50 m from place to place on average"
