@@ -23,6 +23,7 @@ _AT_ONCE = 2**22  # distances held at once
 _LOOKED_AT = 64  # one of so many places is near enough at the coarse look for an exact one
 _SAMPLE = 2**14  # places that tell how near that is
 
+
 Distances = NDArray[np.int32]
 
 
@@ -110,6 +111,26 @@ class MetricPlaces:
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
             _measure(metric.places, metric.squares, vector, near, row)
             yield Comparison(metric, vector, row, look.deviation(vector), is_exact=False)
+
+
+class SomePlaces:
+    """Compares frames with some of a map's places, that stand for all, and with their neighbours.
+
+    Who has a shard of the map alone, or distances that are not exact, knows all of it by these.
+    """
+
+    def __init__(self, metric: MapMetric, chosen: NDArray[np.int32]) -> None:
+        """Take the chosen places, (n,), of a metric of the whole map."""
+        last = len(metric.places) - 1
+        around = np.clip(np.add.outer(chosen, (-1, 0, 1)), 0, last).ravel()
+        self._places = np.ascontiguousarray(metric.places[around])
+        self._squares = np.ascontiguousarray(metric.squares[around])
+
+    def distances(self, codes: Codes) -> Distances:
+        """Squared distances of a frame (M,) to each one's neighbour, itself, neighbour, (n, 3)."""
+        (row,) = products(self._places, codes[None])
+        _to_distances(row, 1.0, self._squares, codes)
+        return np.asarray(row.reshape(-1, 3))
 
 
 def _nearness(distances: Distances) -> np.int32:

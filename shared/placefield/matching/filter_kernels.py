@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
-from placefield.matching.motion import COUNT_OF, REACH, SPEEDS, Array, Motion, step_likelihoods
+from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihoods
 
 _BLOCK = 1024  # places whose beliefs stay in the cache from one loop to the next
-_SPEEDS, _COUNT_OF = SPEEDS, COUNT_OF  # as constants of compiled code
+_SPEEDS = SPEEDS  # as a constant of compiled code
 
 
 class Transition(NamedTuple):
@@ -54,9 +54,9 @@ def advance(
             and in those after them on its reverse.
         transition: from the frame before to this one.
         apart: (6, K) float32, see ``StepLengths``.
-        seen: (R, K) float32, by how much likelier what was observed is at each place than when
-            lost, at the speeds of each of ``COUNTS``.
-        likelihood: (K,) float32, of what was observed, at each place.
+        seen: (2, K) float32, by how much likelier what was observed is at each place than when
+            lost, for a vehicle that was there already, and for one that has come there.
+        likelihood: (K,) float32, the same if all of the evidence counts.
         of_place: (2, K) float32, receives the sums over the speeds.
         of_speed: (2, S) float64, receives the sums over the places.
 
@@ -96,13 +96,15 @@ def advance(
                     speed, : size + REACH - reached
                 ]
                 before[hypothesis, speed] = moving[size : size + REACH]
-                _arrive(moving, motion.chances[speed], hypothesis == 0, arrived[:size])
+                _come(moving, motion.chances[speed], hypothesis == 0, arrived[:size])
+                stays = motion.chances[speed, 0]
                 found, after = transition.found[hypothesis, speed], ahead[:size]
-                sees, sums = seen[_COUNT_OF[speed]], of_place[hypothesis]
+                again, anew, sums = seen[0], seen[1], of_place[hypothesis]
                 for i in range(size):
+                    stayed = stays * moving[REACH + i] * steps[speed, i]
                     came = arrived[i] * steps[speed, i] + found
-                    predicted[i] += came
-                    after[i] = came * sees[start + i]
+                    predicted[i] += stayed + came
+                    after[i] = stayed * again[start + i] + came * anew[start + i]
                     sums[start + i] += after[i]
                 of_speed[hypothesis, speed] += sum_of(after)
             if hypothesis == 0:
@@ -138,10 +140,10 @@ def _sum_changes(belief: Array, change: Array, changed: Array) -> None:
 
 
 @kernel
-def _arrive(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None:
-    """Sum what arrives at places from those up to REACH before them, or after on the reverse."""
+def _come(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None:
+    """Sum what comes to places from those up to REACH before them, or after on the reverse."""
     arrived[:] = 0
-    for step in range(REACH + 1):
+    for step in range(1, REACH + 1):
         chance = chances[step]
         if chance > 0:
             start = REACH - step if is_map else REACH + step
@@ -150,35 +152,19 @@ def _arrive(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None
 
 
 @kernel
-def log_likelihoods(
-    distances: NDArray[np.int32], inverse_temperature: float, logarithms: Array
-) -> int:
-    """Write by how much less likely than the nearest each place is, (K,), as a logarithm.
+def nearness(distances: NDArray[np.int32], near: NDArray[np.int32]) -> None:
+    """Write twice the squared distance of places (K,) from a frame.
 
-    Distances are the mean of a place's own and the least of its own and its two neighbours': from a
-    frame that was taken between two places both are far.
+    It is the mean of a place's own and the least of its own and its two neighbours': from a frame
+    that was taken between two places both are far.
 
     Args:
         distances: (K + 2,) int32, squared; the first and the last belong to neighbours.
-        inverse_temperature: by how much the logarithm falls with the squared distance.
-        logarithms: (K,) float32, receives them.
-
-    Returns:
-        Twice the least distance.
+        near: (K,) int32, receives it.
     """
-    nearest = np.int32(2**31 - 1)
-    for i in range(len(logarithms)):
-        nearest = min(nearest, _near(distances, i + 1))
-    factor = np.float32(0.5 * inverse_temperature)
-    for i in range(len(logarithms)):
-        logarithms[i] = factor * np.float32(np.int32(nearest - _near(distances, i + 1)))
-    return int(nearest)
-
-
-@kernel
-def _near(distances: NDArray[np.int32], i: int) -> np.int32:
-    around = min(distances[i - 1], distances[i], distances[i + 1])
-    return np.int32(distances[i] + around)
+    for i in range(len(near)):
+        around = min(distances[i], distances[i + 1], distances[i + 2])
+        near[i] = np.int32(distances[i + 1] + around)
 
 
 @kernel

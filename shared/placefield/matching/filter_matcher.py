@@ -3,6 +3,7 @@
 What the filter is, and what its shards need of each other, nobody else knows.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
-from placefield.matching.comparing import Comparison
-from placefield.matching.filter_kernels import log_likelihoods, pick, step_length
+from placefield.matching.comparing import Comparison, SomePlaces
+from placefield.matching.filter_kernels import nearness, pick, step_length
 from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.motion import (
     REACH,
@@ -35,8 +36,13 @@ LEAST_PLACES = REACH
 HALO = 1
 """Places on either side of a shard's own that frames are compared with."""
 
+SOME = 1000
+"""Places that tell how likely a frame is at an average place."""
+
 _NOTHING = np.empty(0)
+_MOST_EVIDENCE = 50.0  # nats, that float32 can work with
 _TEMPERATURE = 0.8  # deviations of a frame's distances, per nat
+_JUMPS = 250  # places from which jumps stand for all
 _REPEATED = 1e-3  # of a descriptor: a frame that is no further from the last one is the same image
 
 
@@ -57,6 +63,7 @@ class FilterMatcher(Matcher):
         smoother: Smoother,
         spread: Spread | None = None,
         road: Road | None = None,
+        some: SomePlaces | None = None,
     ) -> None:
         """Begin a stream.
 
@@ -68,12 +75,14 @@ class FilterMatcher(Matcher):
             spread: of all places of the map; None where the shard has all of them, so that a
                 comparison has their deviation already.
             road: the way along the whole map; None if its metres are not known.
+            some: places of the map that stand for all; None where a comparison has all of them,
+                exactly.
         """
         self._filter = PlaceFilter(lengths, own, road)
         self._road, self._odometer = road, Odometer()
         self._smoother = smoother
         self._lengths, self._own, self._number = lengths, own, number
-        self._spread = spread
+        self._spread, self._some = spread, some
         before, after = own.start > 0, own.stop < lengths.apart.shape[1]
         self._halo = HALO * before, HALO * after
         self._believed = NO_PLACES
@@ -117,7 +126,7 @@ class FilterMatcher(Matcher):
 
     def _missing(self, step: float, way: Way | None) -> Observation:
         places = self._own.stop - self._own.start
-        return Observation(step, way, 0.0, 0, 0.0, np.zeros(places, np.float32), 0.0)
+        return Observation(step, way, 0.0, np.zeros(places, np.float32), 0.0)
 
     def _observe(self, frame: Comparison, step: float, way: Way | None) -> Observation:
         """The nearer a place is, the likelier it is what is seen."""
@@ -131,16 +140,33 @@ class FilterMatcher(Matcher):
         # A frame like the last one says again what that has said.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
         drive = self._filter.drive
-        inverse_temperature = 1 / (_TEMPERATURE * drive.deviation(deviation))
-        before, after = self._halo
-        distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
-        likely = np.empty(len(distances) - 2 * HALO, np.float32)
-        nearest = log_likelihoods(distances, inverse_temperature, likely)
+        nats = 0.5 / (_TEMPERATURE * drive.deviation(deviation))
+        evidence = self._evidence(frame, nats, drive.lost_evidence)
         if way is not None and self._road is not None and not tells_length(way, self._road):
             step = UNKNOWN
-        return Observation(
-            step, way, novelty, nearest, inverse_temperature, likely, drive.lost_evidence
-        )
+        return Observation(step, way, novelty, evidence, drive.lost_evidence)
+
+    def _evidence(self, frame: Comparison, nats: float, lost_evidence: float) -> Array:
+        """Return the evidence of a frame at each place of the shard, see ``Observation``.
+
+        Args:
+            frame: how it compares with these places.
+            nats: by which it is less likely where twice the squared distance is one more.
+            lost_evidence: see ``Observation``.
+        """
+        before, after = self._halo
+        distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
+        near = np.empty(len(distances) - 2 * HALO, np.int32)
+        nearness(distances, near)
+        if self._some is None:
+            some = evenly_spaced(near, SOME)
+        else:
+            around = self._some.distances(frame.codes)
+            some = around[:, 1] + around.min(axis=1)
+        least = some.min()
+        lost = math.log(float(np.exp(-nats * (some - least)).mean())) + lost_evidence
+        evidence = np.float32(-nats) * (near - least) - np.float32(lost)
+        return np.asarray(np.minimum(evidence, np.float32(_MOST_EVIDENCE)))
 
     def _within_reach(self, way: Way | None, count: int) -> NDArray[np.int32]:
         """Return where the vehicle may be, among the first so many places that are compared."""
@@ -208,7 +234,7 @@ def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
 def jumps_of(metric: MapMetric) -> Array:
     """Return how far places are from those half a map away, (J,) float32."""
     count = len(metric.places)
-    some = evenly_spaced(np.arange(count))
+    some = evenly_spaced(np.arange(count), _JUMPS)
     here, there = metric.places[some], metric.places[some - count // 2]
     difference = here.astype(np.float32) - there
     return np.asarray(metric.unit * np.linalg.norm(difference, axis=1), np.float32)

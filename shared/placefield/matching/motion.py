@@ -39,12 +39,11 @@ LOSE = 0.003
 FIND = 0.2
 """Chance that one that is lost is on the map at the next frame."""
 
-_COUNTS = np.minimum(np.maximum(np.sqrt(SPEEDS), 0.05), 1)
-COUNTS, COUNT_OF = np.unique(_COUNTS, return_inverse=True)
-"""How much of a frame's evidence counts: (R,) shares, ascending, and which is each speed's, (S,).
+AGAIN = 0.1
+"""How much of a frame's evidence for a place counts if the vehicle was there at the frame before.
 
-A frame that was taken a little further on looks like the one before, and is wrong with it: less of
-it is news, the slower the vehicle. As the length of a step, that goes by the root of the speed.
+What the frames of one place have in common with it they have together, be it by mistake: only a
+further place is a further look.
 """
 
 _PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 1]) / 32
@@ -52,7 +51,7 @@ _PERSISTENCE = 60.0  # frames that a speed lasts
 _STOP = 5.0  # frames that a stop lasts
 _DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
 _NOISE = 0.05  # share of a typical step that the frames of a standing camera differ by
-_SAMPLE = 250  # places that stand for all where only a mean is wanted
+_STEPS = 250  # places whose steps stand for all
 
 
 class Motion(NamedTuple):
@@ -117,13 +116,13 @@ def step_lengths(apart: Array, jumps: Array) -> StepLengths:
     """Return the lengths of steps; see ``StepLengths`` for the arguments."""
     typical = float(np.median(apart[0])) or 1.0
     standing = _NOISE * typical
-    some = evenly_spaced(apart.T).T.copy()
+    some = evenly_spaced(apart.T, _STEPS).T.copy()
     return StepLengths(apart, some, jumps, typical, standing)
 
 
-def evenly_spaced(rows: Rows) -> Rows:
-    """Return at most 250 of the rows, evenly spaced, to stand for all of them."""
-    return cast(Rows, rows[:: -(-len(rows) // _SAMPLE)])
+def evenly_spaced(rows: Rows, most: int) -> Rows:
+    """Return so many of the rows at most, evenly spaced, to stand for all of them."""
+    return cast(Rows, rows[:: -(-len(rows) // most)])
 
 
 @kernel

@@ -153,10 +153,11 @@ def carry(places: Places, belief: Array, road: Road, way: Way, first: int, carri
         road: of the whole map.
         way: that was driven.
         first: place of the map to which the first of ``carried`` belongs.
-        carried: (2, K) float32, the beliefs arriving there are added to it.
+        carried: (2, 2, K) float32, the beliefs that stay at a place and those that come to it are
+            added to it.
     """
     borders = road.borders
-    last = first + carried.shape[1]
+    last = first + carried.shape[2]
     for i in range(len(places)):
         for hypothesis in range(2):
             here = belief[i, hypothesis]
@@ -166,7 +167,8 @@ def carry(places: Places, belief: Array, road: Road, way: Way, first: int, carri
             place = max(int(np.searchsorted(borders, low, side="right")) - 1, first)
             while place < last and borders[place] < high:
                 chance = _chance(road, places[i], way, hypothesis, place)
-                carried[hypothesis, place - first] += here * np.float32(chance)
+                part = 0 if place == places[i] else 1
+                carried[part, hypothesis, place - first] += here * np.float32(chance)
                 place += 1
 
 
@@ -178,7 +180,8 @@ def carry_back(
 
     Args:
         places: (n,) int32, ascending, that are believed in at the frame.
-        ahead: (n, 2) float32, how likely the frame and those after it are in each.
+        ahead: (2, n, 2) float32, how likely the frame and those after it are in each, for a vehicle
+            that stayed there and one that has come there.
         road: of the whole map.
         way: that was driven.
         before: (m,) int32, places at the frame before.
@@ -192,7 +195,8 @@ def carry_back(
             i = int(np.searchsorted(places, first))
             while i < len(places) and road.borders[places[i]] < high:
                 chance = _chance(road, before[j], way, hypothesis, places[i])
-                total += ahead[i, hypothesis] * np.float32(chance)
+                part = 0 if places[i] == before[j] else 1
+                total += ahead[part, i, hypothesis] * np.float32(chance)
                 i += 1
             carried[j, hypothesis] = total
 

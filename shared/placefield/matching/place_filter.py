@@ -22,8 +22,7 @@ from placefield.kernels import sum_of
 from placefield.matching.drive import Drive
 from placefield.matching.filter_kernels import Transition, advance, pick
 from placefield.matching.motion import (
-    COUNT_OF,
-    COUNTS,
+    AGAIN,
     FIND,
     HYPOTHESES,
     LOSE,
@@ -36,7 +35,7 @@ from placefield.matching.motion import (
     step_likelihoods,
 )
 from placefield.matching.odometry import Road, Way, carry, speeds_of
-from placefield.matching.partial_results import Joined, Share, joined
+from placefield.matching.partial_results import Share
 from placefield.matching.trace import NEGLIGIBLE, Trace, most
 
 _NOVEL = 0.25  # a frame that is newer than this counts in full
@@ -51,18 +50,15 @@ class Observation(NamedTuple):
         step: how far it is from the frame before, or ``UNKNOWN``.
         way: driven since that, None if odometry does not tell.
         novelty: how much it tells that the frame before has not told, 0 to 1.
-        nearest: twice the squared distance of the nearest place of the shard, in squared units.
-        inverse_temperature: by how much the log likelihood falls with the squared distance.
-        log_likelihood: (K,) float32, at each place of the shard, less that at the nearest.
+        evidence: (K,) float32, nats by which it is likelier at each place of the shard than when
+            lost.
         lost_evidence: nats by which it is likelier, when lost, than at an average place.
     """
 
     step: float
     way: Way | None
     novelty: float
-    nearest: int
-    inverse_temperature: float
-    log_likelihood: Array
+    evidence: Array
     lost_evidence: float
 
 
@@ -109,12 +105,9 @@ class PlaceFilter:
     def local(self, observation: Observation) -> Share:
         """Predict, and update by what the shard's places have of the frame."""
         self._observation = observation
-        self._counts = np.minimum(COUNTS, observation.novelty / _NOVEL)
-        likelihood = np.exp(observation.log_likelihood)
-        summed = sum_of(likelihood)
-        lost = math.log(summed / len(likelihood)) + observation.lost_evidence
-        evidence = observation.log_likelihood - np.float32(lost)
-        seen = np.exp(self._counts.astype(np.float32)[:, None] * evidence)
+        self._counts = np.minimum((AGAIN, 1), observation.novelty / _NOVEL).astype(np.float32)
+        likelihood = np.exp(observation.evidence)
+        seen = np.exp(self._counts[:, None] * observation.evidence)
         of_speed = np.empty((2, len(SPEEDS)))
         if not self.begun:
             predicted, expected = self._begin(seen, of_speed)
@@ -126,15 +119,12 @@ class PlaceFilter:
             predicted, expected = self._advance(seen, likelihood, of_speed)
         places = self._most_believed(float(of_speed.sum()))
         return Share(
-            observation.nearest,
-            lost,
-            summed,
             predicted,
             expected,
             of_speed,
             self._border(),
             places + np.int32(self._own.start),
-            evidence[places],
+            observation.evidence[places],
             np.ascontiguousarray(self._belief[:, :, places].transpose(2, 0, 1)),
         )
 
@@ -143,7 +133,7 @@ class PlaceFilter:
         self.begun = True
         self._prior, self._jump = self._motion.prior, 1.0
         self._stray = np.ones(len(SPEEDS))
-        self._belief *= seen[COUNT_OF]
+        self._belief *= seen[1]
         self._of_place = self._belief.sum(axis=1)
         of_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
         return 0.0, 0.0
@@ -202,17 +192,18 @@ class PlaceFilter:
         self._belief[:], of_speed[:] = 0, 0
         predicted = np.zeros(len(likelihood), np.float32)
         for speed in np.flatnonzero(speeds):
-            came = np.float32(speeds[speed]) * carried * steps + found[:, speed, None]
-            predicted += came[0]
-            self._belief[:, speed] = came * seen[COUNT_OF[speed]]
+            stayed, came = np.float32(speeds[speed]) * steps * carried
+            came += found[:, speed, None]
+            predicted += stayed[0] + came[0]
+            self._belief[:, speed] = stayed * seen[0] + came * seen[1]
             of_speed[:, speed] = [sum_of(row) for row in self._belief[:, speed]]
         self._of_place = self._belief.sum(axis=1)
         return sum_of(predicted), sum_of(predicted * likelihood)
 
     def _carried(self, road: Road, way: Way) -> Array:
-        """Carry the beliefs of all shards on by a way, to the shard's own places, (2, K)."""
+        """Carry the beliefs of all shards on by a way, see ``carry``, to the own places."""
         of_place = self._of_place * np.float32((1 - LOSE) / self._total)
-        carried = np.zeros_like(of_place)
+        carried = np.zeros((2, *of_place.shape), np.float32)
         least = NEGLIGIBLE / self._all_places
         picked = np.empty(of_place.shape[1], np.int32)
         own = picked[: pick(of_place[0] + of_place[1], least, picked)]
@@ -254,51 +245,36 @@ class PlaceFilter:
             number: which of them this one's is.
         """
         seen = self._observation
-        whole = joined(
-            shares, self._all_places, seen.inverse_temperature, seen.lost_evidence, self._counts
-        )
-        factors = whole.factors
-        of_speed = np.sum([f * share.of_speed for f, share in zip(factors, shares, strict=True)], 0)
+        of_speed = np.sum([share.of_speed for share in shares], axis=0)
         self._total = float(of_speed.sum() + self._lost.sum())
-        self._correct(factors[number])
         self.too_fast = float(of_speed[:, -1].sum() + self._lost[-1]) / self._total
         predicted = sum(share.predicted for share in shares)
         if predicted > 0 and seen.novelty > 0:
-            ratio = whole.expected / predicted / whole.likelihood
-            self.drive.learn(of_speed[0] / self._total, self._on_map, ratio, seen.novelty)
+            expected = sum(share.expected for share in shares) * math.exp(seen.lost_evidence)
+            speeds = of_speed[0] / self._total
+            self.drive.learn(speeds, self._on_map, expected / predicted, seen.novelty)
         self._on_map = float(of_speed[0].sum()) / self._total
         for hypothesis, neighbour in enumerate((number - 1, number + 1)):
             if 0 <= neighbour < len(shares):
-                factor = (factors[neighbour] / self._total)[:, None]
-                self._halo[hypothesis] = shares[neighbour].halo[hypothesis] * factor
-        self._believed = self._trace(shares, whole)
+                halo = shares[neighbour].halo[hypothesis]
+                self._halo[hypothesis] = halo / np.float32(self._total)
+        self._believed = self._trace(shares)
         return self._believed
 
-    def _correct(self, factor: Vector) -> None:
-        if np.any(factor != 1):  # there are other shards
-            self._belief *= factor.astype(np.float32)[:, None]
-            self._of_place = self._belief.sum(axis=1)
-
-    def _trace(self, shares: Sequence[Share], whole: Joined) -> Trace:
-        belief = np.concatenate(
-            [
-                share.belief * (factor / self._total)
-                for factor, share in zip(whole.factors, shares, strict=True)
-            ]
-        )
-        evidence = np.concatenate(
-            [share.evidence + nats for nats, share in zip(whole.shortfalls, shares, strict=True)]
-        )
+    def _trace(self, shares: Sequence[Share]) -> Trace:
+        belief = np.concatenate([share.belief for share in shares])
+        belief /= np.float32(self._total)
+        evidence = np.concatenate([share.evidence for share in shares])
         places = np.concatenate([share.places for share in shares])
         believed = belief.sum(axis=(1, 2))
         kept = np.flatnonzero(believed >= min(NEGLIGIBLE, believed.max())).astype(np.int32)
         kept = most(believed, kept)
         return Trace(
             places[kept],
-            belief[kept].astype(np.float32),
+            belief[kept],
             self._lost / self._total,
-            evidence[kept].astype(np.float32),
-            self._counts[COUNT_OF].astype(np.float32),
+            evidence[kept],
+            self._counts,
             self._prior,
             self._observation.step,
             self._observation.way,

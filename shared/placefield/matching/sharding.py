@@ -8,10 +8,18 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.comparing import SomePlaces
 from placefield.matching.evidence import EvidenceMatcher
-from placefield.matching.filter_matcher import HALO, LEAST_PLACES, FilterMatcher, lengths_of
+from placefield.matching.filter_matcher import (
+    HALO,
+    LEAST_PLACES,
+    SOME,
+    FilterMatcher,
+    lengths_of,
+)
 from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher, ReverseMatcher
+from placefield.matching.motion import evenly_spaced
 from placefield.matching.odometry import Road, road
 from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
@@ -26,6 +34,7 @@ class MetricShards:
     def __init__(self) -> None:
         self._cuts: dict[tuple[MapMetric, int, int], MapMetric] = {}
         self._spreads: dict[MapMetric, Spread] = {}
+        self._some: dict[tuple[MapMetric, bool], SomePlaces] = {}
         self._mean_distances: dict[MapMetric, MeanDistance] = {}
 
     def cut(self, metric: MapMetric, places: slice) -> MapMetric:
@@ -43,6 +52,14 @@ class MetricShards:
             coarse = metric.coarse
             self._spreads[metric] = spread_of(metric.places) if coarse is None else coarse.spread
         return self._spreads[metric]
+
+    def some(self, metric: MapMetric, *, reverse: bool) -> SomePlaces:
+        """Return places under a metric that stand for all, as they are driven; this reads them."""
+        if (metric, reverse) not in self._some:
+            places = np.arange(len(metric.places), dtype=np.int32)
+            chosen = evenly_spaced(places[::-1] if reverse else places, SOME)
+            self._some[metric, reverse] = SomePlaces(metric, chosen)
+        return self._some[metric, reverse]
 
     def mean_distance(self, metric: MapMetric) -> MeanDistance:
         """Return what tells a frame's mean distance under a metric; this reads all places."""
@@ -97,6 +114,8 @@ class ChannelShard:
         if matching.rule == "filter":
             self._lengths = lengths_of(metric, reverse=matching.reverse)
             self._spread = shared.spread(metric) if shards > 1 else None
+            sees_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
+            self._some = None if sees_all else shared.some(metric, reverse=matching.reverse)
             self._road = self._road_along(travelled)
             first, last = self._driven.start - HALO, self._driven.stop + HALO
             self._observed = slice(max(first, 0), min(last, self._places))
@@ -133,7 +152,13 @@ class ChannelShard:
     def _filter(self, lag: int) -> Matcher:
         smoother = Smoother(self._lengths, lag, self._matching.tolerance, self._road)
         return FilterMatcher(
-            self._lengths, self._driven, self._number, smoother, self._spread, self._road
+            self._lengths,
+            self._driven,
+            self._number,
+            smoother,
+            self._spread,
+            self._road,
+            self._some,
         )
 
     def _windows(self, lag: int) -> Matcher:

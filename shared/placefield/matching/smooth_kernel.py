@@ -15,6 +15,7 @@ _FIND, _LOSE = FIND, LOSE
 @kernel
 def step_back(
     places: NDArray[np.int32],
+    ahead: Array,
     seen: Array,
     steps: Array,
     prior: Array,
@@ -28,7 +29,9 @@ def step_back(
 
     Args:
         places: (n,) int32, that were believed in at the frame.
-        seen: (n, 2, S) float32, how likely the frame and those after it are in each; is changed.
+        ahead: (n, 2, S) float32, how likely what follows the frame is in each; is changed.
+        seen: (2, n) float32, by how much likelier the frame is there than when lost, for a vehicle
+            that was there already, and for one that has come there.
         steps: (S, n) float32, likelihood of the observed step, by the place that it leads to.
         prior: (S,) float32, of the speeds in the transition.
         motion: of the vehicle.
@@ -47,9 +50,10 @@ def step_back(
     for i in range(len(places)):
         rows[places[i]] = i
         for speed in range(speeds):
-            found[speed] += _MAP_SHARE * seen[i, 0, speed] + _NULL_SHARE * seen[i, 1, speed]
-            seen[i, 0, speed] *= steps[speed, i]
-            seen[i, 1, speed] *= steps[speed, i]
+            both = _MAP_SHARE * ahead[i, 0, speed] + _NULL_SHARE * ahead[i, 1, speed]
+            found[speed] += both * seen[1, i]
+            ahead[i, 0, speed] *= steps[speed, i]
+            ahead[i, 1, speed] *= steps[speed, i]
     reached = np.empty(speeds, np.float32)
     adrift = stray * ((1 - _FIND) * when_lost + _FIND / count * found)
     from_lost = adrift + motion.change * ((motion.prior * adrift).sum() - adrift)
@@ -61,9 +65,11 @@ def step_back(
             for step in range(REACH + 1):
                 place = before[j] + (step if hypothesis == 0 else -step)
                 if 0 <= place < count and rows[place] >= 0:
-                    ahead = seen[rows[place], hypothesis]
+                    i = rows[place]
+                    there = seen[0 if step == 0 else 1, i]
                     for speed in range(speeds):
-                        reached[speed] += motion.chances[speed, step] * ahead[speed]
+                        chance = motion.chances[speed, step] * there
+                        reached[speed] += chance * ahead[i, hypothesis, speed]
             mixed = np.float32(0)
             for speed in range(speeds):
                 mixed += prior[speed] * reached[speed]

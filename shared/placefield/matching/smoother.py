@@ -130,12 +130,20 @@ class Smoother:
     def _back(
         self, later: Trace, trace: Trace, backward: Array, backward_lost: Vector
     ) -> tuple[Array, Vector]:
-        seen = np.exp(later.evidence[:, None] * later.counts)[:, None] * backward
+        seen = np.exp(later.counts[:, None] * later.evidence)
         if self._road is not None and later.way is not None:
-            return self._back_by(self._road, later.way, later, trace, seen, backward_lost)
+            return self._back_by(
+                self._road,
+                later.way,
+                later,
+                trace,
+                seen[:, :, None, None] * backward,
+                backward_lost,
+            )
         before = np.empty_like(trace.belief)
         lost = step_back(
             later.places,
+            backward.copy(),
             seen,
             self._steps(later, SPEEDS),
             later.prior,
@@ -160,7 +168,7 @@ class Smoother:
         """Go back over a way that odometry tells, whatever the speed before it was."""
         speeds = speeds_of(way.pace / road.spacing)
         ahead = (seen @ speeds).astype(np.float32)
-        found = float((ahead @ HYPOTHESES).sum()) / len(self._rows)
+        found = float((ahead[1] @ HYPOTHESES).sum()) / len(self._rows)
         when_lost = float(lost @ speeds)
         from_lost = float(later.stray[0]) * ((1 - FIND) * when_lost + FIND * found)
         ahead *= self._steps(later, np.array([way.pace / road.spacing])).T

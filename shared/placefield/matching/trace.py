@@ -25,7 +25,8 @@ class Trace(NamedTuple):
         belief: (n, 2, S) float32, posterior on the map and on its reverse.
         lost: (S,) float64, posterior of being lost, at each speed.
         evidence: (n,) float32, nats by which the frame is likelier at each place than when lost.
-        counts: (S,) float32, how much of that counts at each speed.
+        counts: (2,) float32, how much of that counts for a vehicle that was there already, and for
+            one that has come there.
         prior: (S,) float32, of the speeds in the transition to this frame.
         step: length of the step to it, or ``UNKNOWN``.
         way: of the step, None if it goes by the speeds.

@@ -8,7 +8,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.textbook import State, Step, initial, predict, smooth, update
+from placefield.matching.textbook import (
+    Likelihood,
+    Predicted,
+    State,
+    Step,
+    initial,
+    predict,
+    smooth,
+    update,
+)
 
 Points = NDArray[np.float64]
 
@@ -24,7 +33,9 @@ NATS_PER_DEVIATION = 1.25
 REPEATED = 1e-3
 MEMORY = 0.99
 LOST_SHARE = 0.55
-COUNTS = np.array([min(max(math.sqrt(speed), 0.05), 1) for speed in SPEEDS])
+AGAIN = 0.1
+SOME = 1000
+MOST_EVIDENCE = 50  # nats
 NOVEL = 0.25
 
 
@@ -39,14 +50,14 @@ class LiteralFilter:
         self.typical = float(np.median(self.apart[0])) or 1.0
         self.standing = STANDING * self.typical
         self.some = range(0, count, math.ceil(count / SAMPLE))
-        self.state = initial(PRIOR, count)
+        self.state: State | None = None
         self.last: Points | None = None
         self.speeds = np.zeros(len(SPEEDS))  # posterior counts
         self.evidence, self.weight = 0.0, 0.0
         self.deviations, self.deviation_weight = 0.0, 0.0
         self.filtered: list[State] = []
         self.steps: list[Step] = []
-        self.likelihoods: list[Points] = []
+        self.likelihoods: list[Likelihood] = []
         self.frames: list[int | None] = []
         """Which of these each frame has; None before the first observation."""
 
@@ -71,17 +82,16 @@ class LiteralFilter:
         length = math.dist(frame, self.last) if known else None  # type: ignore[arg-type]
         step = self.step(length)
         novelty, evidence, lost_evidence = self.observe(frame, length)
-        against_lost = evidence - math.log(np.exp(evidence).mean()) - lost_evidence
-        counts = np.minimum(COUNTS, novelty / NOVEL)
-        likelihood = np.exp(counts[:, None] * against_lost)
-        if self.filtered:
-            before = self.state
-            moved = predict(before, step)
-            self.state = update(moved, likelihood)
-            if novelty > 0 and moved.placed[0].sum() > 0:
-                self.learn(before, moved, np.exp(evidence), novelty)
-        else:
-            self.state = update(self.state, likelihood)
+        some = evidence[:: math.ceil(len(evidence) / SOME)]
+        against_lost = evidence - math.log(np.exp(some).mean()) - lost_evidence
+        against_lost = np.minimum(against_lost, MOST_EVIDENCE)
+        again, anew = (min(share, novelty / NOVEL) for share in (AGAIN, 1))
+        likelihood = Likelihood(np.exp(again * against_lost), np.exp(anew * against_lost))
+        before = self.state
+        moved = initial(PRIOR, len(evidence)) if before is None else predict(before, step)
+        self.state = update(moved, likelihood)
+        if before is not None and novelty > 0 and moved.came[0].sum() > 0:
+            self.learn(before, moved, against_lost + lost_evidence, novelty)
         self.filtered.append(self.state)
         self.steps.append(step)
         self.likelihoods.append(likelihood)
@@ -144,9 +154,11 @@ class LiteralFilter:
         mean_evidence = (self.evidence + 1.5 * 10) / (self.weight + 10)
         return novelty, evidence, max(0.75, LOST_SHARE * mean_evidence)
 
-    def learn(self, before: State, moved: State, likelihood: Points, novelty: float) -> None:
-        expected = moved.placed[0].sum(axis=0) / moved.placed[0].sum()
-        ratio = float(expected @ likelihood / likelihood.mean())
+    def learn(self, before: State, moved: Predicted, odds: Points, novelty: float) -> None:
+        """Learn, given the log odds of the frame at each place to that at an average one."""
+        assert self.state is not None
+        expected = (moved.stayed[0] + moved.came[0]).sum(axis=0)
+        ratio = float(expected @ np.exp(odds) / expected.sum())
         was_on_map = float(before.placed[0].sum())
         nats = math.log(max(ratio, 1e-6))
         self.evidence = MEMORY * self.evidence + was_on_map * novelty * nats
@@ -155,6 +167,7 @@ class LiteralFilter:
 
     def belief(self) -> Points:
         """Posterior of each place on the map, (K,), but for the last speed, which is too fast."""
+        assert self.state is not None
         return np.asarray(self.state.placed[0, :-1].sum(axis=0))
 
     def smoothed(self) -> list[Points | None]:

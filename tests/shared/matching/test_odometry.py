@@ -34,9 +34,18 @@ def road_of(*travelled: float) -> Road:
 def carried(along: Road, way: Way, place: int, hypothesis: int) -> NDArray[np.float32]:
     belief = np.zeros((1, 2), np.float32)
     belief[0, hypothesis] = 1
-    arrived = np.zeros((2, len(along.middles)), np.float32)
-    carry(np.array([place], np.int32), belief, along, way, 0, arrived)
-    return arrived[hypothesis]
+    stayed, came = arrivals(along, way, np.array([place], np.int32), belief)[:, hypothesis]
+    assert np.count_nonzero(np.delete(stayed, place)) == came[place] == 0
+    return np.asarray(stayed + came)
+
+
+def arrivals(
+    along: Road, way: Way, places: NDArray[np.int32], belief: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """What stays and what comes, on the map and its reverse, (2, 2, K)."""
+    arrived = np.zeros((2, 2, len(along.middles)), np.float32)
+    carry(places, belief, along, way, 0, arrived)
+    return arrived
 
 
 def driven(along: Road, way: Way, place: int, sign: int) -> NDArray[np.float64]:
@@ -86,13 +95,13 @@ def test_what_follows_is_taken_back_as_beliefs_are_carried_on(seed: int, metres:
     rng = np.random.default_rng(seed)
     along, way = ROADS[seed % 2], told(metres)
     belief = rng.random((12, 2)).astype(np.float32)
-    ahead = rng.random((12, 2)).astype(np.float32)
+    ahead = rng.random((2, 12, 2)).astype(np.float32)
     places = np.arange(12, dtype=np.int32)
-    arrived = np.zeros((2, 12), np.float32)
-    carry(places, belief, along, way, 0, arrived)
+    arrived = arrivals(along, way, places, belief)
     back = np.empty((12, 2), np.float32)
     carry_back(places, ahead, along, way, places, back)
-    np.testing.assert_allclose((arrived.T * ahead).sum(0), (belief * back).sum(0), rtol=1e-4)
+    both = arrived.transpose(0, 2, 1) * ahead
+    np.testing.assert_allclose(both.sum((0, 1)), (belief * back).sum(0), rtol=1e-4)
 
 
 @given(st.integers(0, 10**6), st.floats(-3, 9))
@@ -101,10 +110,9 @@ def test_places_reached_are_those_where_beliefs_arrive(seed: int, metres: float)
     rng = np.random.default_rng(seed)
     along, way = ROADS[seed % 2], told(metres)
     places = np.flatnonzero(rng.random(12) < 0.3).astype(np.int32)
-    arrived = np.zeros((2, 12), np.float32)
-    carry(places, np.ones((len(places), 2), np.float32), along, way, 0, arrived)
+    arrived = arrivals(along, way, places, np.ones((len(places), 2), np.float32))
     reached = reached_by(way, along, places)
-    assert set(np.flatnonzero(arrived[0] > 1e-9)) <= set(reached.tolist())
+    assert set(np.flatnonzero(arrived[:, 0].sum(0) > 1e-9)) <= set(reached.tolist())
     assert set(reached.tolist()) <= set(range(12))
 
 

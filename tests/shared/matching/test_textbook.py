@@ -9,13 +9,21 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE
-from placefield.matching.textbook import State, Step, initial, predict, smooth, update
+from placefield.matching.textbook import (
+    Likelihood,
+    State,
+    Step,
+    initial,
+    predict,
+    smooth,
+    update,
+)
 
 PLACES, SPEEDS = 3, 2
 PLACED = [*itertools.product(range(2), range(SPEEDS), range(PLACES))]
 STATES: list[tuple[int, ...]] = [*PLACED, *((speed,) for speed in range(SPEEDS))]
 """The second ones are lost."""
-Chain = tuple[list[Step], list[NDArray[np.float64]]]
+Chain = tuple[list[Step], list[Likelihood]]
 
 
 @st.composite
@@ -37,7 +45,7 @@ def chains(draw: st.DrawFn) -> Chain:
                 rng.random(),
             )
         )
-        likelihoods.append(rng.random((SPEEDS, PLACES)))
+        likelihoods.append(Likelihood(rng.random(PLACES), rng.random(PLACES)))
     return steps, likelihoods
 
 
@@ -67,22 +75,29 @@ def of_state(distribution: State, state: tuple[int, ...]) -> float:
     return float(distribution.placed[state] if len(state) == 3 else distribution.lost[state])
 
 
-def likelihood_at(state: tuple[int, ...], likelihood: NDArray[np.float64]) -> float:
-    return float(likelihood[state[1], state[2]]) if len(state) == 3 else 1.0
+def likelihood_at(
+    state: tuple[int, ...], likelihood: Likelihood, before: tuple[int, ...] = ()
+) -> float:
+    """Of a frame in a state, given the one before."""
+    if len(state) == 1:
+        return 1.0
+    was_there = len(before) == 3 and before[2] == state[2]
+    return float((likelihood.again if was_there else likelihood.anew)[state[2]])
 
 
 def posteriors_by_enumeration(chain: Chain, frames: int) -> list[dict[tuple[int, ...], float]]:
     """Of every state at each of the first frames, given these."""
     steps, likelihoods = chain
     start = initial(steps[0].prior, PLACES)
+    first = State(start.came, start.lost)
     ways: dict[tuple[tuple[int, ...], ...], float] = {
-        (state,): of_state(start, state) * likelihood_at(state, likelihoods[0]) for state in STATES
+        (state,): of_state(first, state) * likelihood_at(state, likelihoods[0]) for state in STATES
     }
     for frame in range(1, frames):
         ways = {
             (*way, state): weight
             * probability_of_moving(way[-1], state, steps[frame])
-            * likelihood_at(state, likelihoods[frame])
+            * likelihood_at(state, likelihoods[frame], way[-1])
             for way, weight in ways.items()
             for state in STATES
             if weight > 0
