@@ -351,6 +351,8 @@ class Fuser:
         message = MatchMessage.of(self._fuse(joined), self._map.places.pose)
         self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
+        if message.too_fast:
+            self._counts["too_fast"] += 1
 
     def _fuse(self, joined: Joined) -> Match:
         """Make one match of a frame's candidates; a defect costs its answer, and no other's."""

@@ -100,6 +100,15 @@ def test_a_frame_that_no_channel_answers_is_answered_all_the_same(stage: Stage) 
     assert stage.counts["partial"] == 1
 
 
+def test_frames_that_are_too_fast_are_told_and_counted(stage: Stage) -> None:
+    for sequence, posterior in enumerate([0.0, 0.75, 0.25, 1.0]):
+        written = [stage.written(channel, sequence, too_fast=posterior) for channel in range(3)]
+        stage.announce(header(sequence))
+        stage.handle(CANDIDATES, header(sequence), stage.message(*written))
+    assert [match.too_fast for _, match in stage.published] == [False, True, False, True]
+    assert (stage.counts["too_fast"], stage.counts["matches"]) == (2, 4)
+
+
 def test_the_stream_ends_behind_its_last_answer(stage: Stage) -> None:
     stage.announce(header(0))
     stage.handle(KEYS.feature, header(1, end=True))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import pytest
 from hosting import Host, Process, placefield, wait_until
 
 from placefield.bus.keys import Keys, Part
@@ -57,6 +58,15 @@ def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
     assert complaint(half) == f"placefield: run 'half' lacks {lacking}"
 
 
+def test_status_says_in_words_how_many_frames_were_faster_than_the_map_resolves(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # so that no cell is broken into lines
+    with open_bus(BusConfig(endpoint=host.endpoint)) as bus, half_a_run(bus, Keys("half")):
+        half = placefield("status", "--endpoint", host.endpoint, "--run", "half")
+    assert "matches 7, 2 frames faster than the map resolves" in half.stdout
+
+
 def test_watching_prints_to_a_file_and_ends_by_a_signal_that_the_parent_ignored(
     host: Host, logs: Path
 ) -> None:
@@ -76,7 +86,7 @@ def test_watching_prints_to_a_file_and_ends_by_a_signal_that_the_parent_ignored(
 @contextmanager
 def half_a_run(bus: Bus, keys: Keys) -> Iterator[None]:
     """A fuser of two channels, and half of the first."""
-    stats = StatsMessage(service="fuser", counts={"matches": 7}, channels=2)
+    stats = StatsMessage(service="fuser", counts={"matches": 7, "too_fast": 2}, channels=2)
     over = threading.Event()
 
     def tell() -> None:

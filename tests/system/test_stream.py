@@ -154,6 +154,7 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "missing": [],
             "probability": match.probability,
             "known": match.known,
+            "too_fast": False,
             "pose": None,
         }
     for number, one in smoothed:
@@ -167,13 +168,14 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
     assert parsed[-1]["sequence"] == 10
 
 
-def test_listen_says_where_the_place_is_and_which_channels_are_missing(
+def test_listen_says_where_the_place_is_which_channels_are_missing_and_what_is_too_fast(
     logs: Path, endpoint: str
 ) -> None:
     bus = BusConfig(endpoint=endpoint)
     sent = [
         MatchMessage(place=7, score=1.5, pose=(1.0, -2.5, 0.25)),
         MatchMessage(place=-1, score=0.0, missing=(0, 3)),
+        MatchMessage(place=7, score=-2.0, probability=0.125, known=False, too_fast=True),
     ]
     with open_router(bus) as router, Process(logs, "listen", "--endpoint", endpoint) as listen:
         wait_until(lambda: connected(listen, endpoint), "listen is connected")
@@ -181,11 +183,13 @@ def test_listen_says_where_the_place_is_and_which_channels_are_missing(
         matches = router.publisher(Keys("default").match)
         for sequence, match in enumerate(sent):
             matches.put(Header(stream="s", sequence=sequence, stamp_ns=0), match)
-        wait_until(lambda: listen.out.count("\n") == 2, "both are printed")
+        wait_until(lambda: listen.out.count("\n") == len(sent), "all are printed")
         assert listen.stop() == 0
         assert listen.out.splitlines() == [
             "frame 0: place 7, score 1.50, at x 1.00 m, y -2.50 m, yaw 0.25 rad",
             "frame 1: no place, score 0.00, without channels 0, 3",
+            "frame 2: place 7, score -2.00, faster than the map resolves, right with probability "
+            "0.125",
         ]
 
 

@@ -115,19 +115,19 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     for rule, shares in figures["rules"].items():
         lags = shares.pop("lag")
         assert [*lags] == ["0", "10", "20", "all"]
-        assert lags["0"] == {"expected_calibration_error": None, "known": None} | shares | {
-            "mean_lag": 0
-        }
+        untold = dict.fromkeys(("expected_calibration_error", "known", "too_fast"))
+        assert lags["0"] == untold | shares | {"mean_lag": 0}
         for at_lag in lags.values():
             assert at_lag.pop("mean_lag") >= 0
             known, error = at_lag.pop("known"), at_lag.pop("expected_calibration_error")
             assert (known is None) == (error is None) == (rule != "filter")
+            assert at_lag.pop("too_fast") == (0 if rule == "filter" else None)
             if known is not None:
                 assert set(known) == {"count", "precision", "recall"}
                 assert 0 <= error <= 1
             assert set(at_lag) == {"auc", "recall_at_100_precision", "recall_at_1"}
             assert all(0 <= value <= 1 for value in at_lag.values())
-        certainty = {"expected_calibration_error", "known"} if rule == "filter" else set()
+        certainty = {*untold} if rule == "filter" else set()
         assert set(shares) == {"auc", "recall_at_100_precision", "recall_at_1"} | certainty
     assert figures["rules"]["evidence"]["recall_at_1"] == 1
     assert figures["rules"]["filter"]["recall_at_1"] > 0.9

@@ -25,6 +25,16 @@ def test_the_known_are_told_with_how_many_are_right_and_how_much_of_the_route_th
     assert certainty_figures(judged)["known"] == {"count": 2, "precision": 0.5, "recall": 0.25}
 
 
+def test_frames_that_are_faster_than_the_map_resolves_are_told_where_there_are_any() -> None:
+    matches = [Match(0, 9.0, (), 0.8, True)] * 2 + [Match(2, 1.0, (), 0.1, False, True)]
+    judged = judge(matches, within_3(3, 20))
+    line = certainty_line("filter", judged)
+    assert line is not None
+    assert line.startswith("filter: 2 known, ")
+    assert line.endswith("; 1 of 3 frames: faster than the map resolves")
+    assert certainty_figures(judged)["too_fast"] == 1
+
+
 def test_no_share_is_told_of_none() -> None:
     unsure = judge([Match(0, 1.0, (), 0.1, False)], within_3(1, 20))
     assert certainty_line("filter", unsure) == (
@@ -33,6 +43,7 @@ def test_no_share_is_told_of_none() -> None:
     assert json.loads(json.dumps(certainty_figures(unsure), allow_nan=False)) == {
         "expected_calibration_error": 0.9,
         "known": {"count": 0, "precision": None, "recall": 0.0},
+        "too_fast": 0,
     }
     unanswered = judge([Match(-1, 0.0, (), 0.0, False)], within_3(1, 20))
     line = certainty_line("filter", unanswered)

@@ -7,6 +7,7 @@ from placefield_tools.standing import (
     RunRecord,
     RunStanding,
     ServiceStanding,
+    counts_in_words,
     missing,
     other_runs,
 )
@@ -140,3 +141,12 @@ def test_other_runs_are_named_in_the_order_of_their_numbers_where_this_one_is_no
     assert other_runs("cars", runs) == "there is car-1, car-2, car-10: name one with --run"
     assert other_runs("car-2", runs) is None
     assert other_runs("car-2", set()) is None
+
+
+def test_counts_are_told_by_name_and_those_that_are_too_fast_in_words() -> None:
+    counts = {"received": 70, "too_fast": 12, "matches": 60}
+    assert counts_in_words(counts) == (
+        "matches 60, received 70, 12 frames faster than the map resolves"
+    )
+    assert counts_in_words({"too_fast": 1}) == "1 frame faster than the map resolves"
+    assert counts_in_words({}) == ""

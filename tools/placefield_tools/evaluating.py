@@ -57,6 +57,7 @@ class Judged:
         reliability: of the answers' probabilities, where the method gives them.
         claims: the matches that are known, likewise.
         mean_lag: how many frames after it a match looks at, on average.
+        too_fast: of how many frames the vehicle is said to be faster than the map resolves.
     """
 
     places: NDArray[np.int64]
@@ -66,6 +67,7 @@ class Judged:
     reliability: Reliability | None = None
     claims: Claims | None = None
     mean_lag: float = 0.0
+    too_fast: int = 0
 
 
 @dataclass(frozen=True)
@@ -210,6 +212,7 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
         curve,
         reliability(probability[answered], correct[answered]),
         claims(known, correct, truth.on_route),
+        too_fast=sum(match.too_fast for match in matches),
     )
 
 

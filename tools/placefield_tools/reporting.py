@@ -9,8 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from placefield.evaluation.reliability import Reliability
+from placefield.fusion.match import FASTER
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.evaluating import Evaluation, Judged
+from placefield_tools.natural import counted
 
 
 def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
@@ -31,6 +33,7 @@ def _lag_figures(causal: Judged, smoothed: Mapping[int, Judged]) -> dict[str, di
             **_curve_figures(judged),
             "expected_calibration_error": None,
             "known": None,
+            "too_fast": None,
             **certainty_figures(judged),
             "mean_lag": judged.mean_lag,
         }
@@ -49,14 +52,18 @@ def _curve_figures(judged: Judged) -> dict[str, Any]:
 def certainty_figures(judged: Judged) -> dict[str, Any]:
     """Return how far a method's probabilities can be believed; nothing where it has none.
 
-    A figure over no match at all is None.
+    With it comes how many frames are told to be too fast. A figure over no match at all is None.
     """
     if judged.reliability is None or judged.claims is None:
         return {}
     known = asdict(judged.claims)
     if not judged.claims.count:
         known["precision"] = None
-    return {"expected_calibration_error": _calibration_error(judged.reliability), "known": known}
+    return {
+        "expected_calibration_error": _calibration_error(judged.reliability),
+        "known": known,
+        "too_fast": judged.too_fast,
+    }
 
 
 def certainty_line(name: str, judged: Judged) -> str | None:
@@ -72,7 +79,10 @@ def certainty_line(name: str, judged: Judged) -> str | None:
     )
     error = _calibration_error(judged.reliability)
     told = "–" if error is None else f"{error:.3f}"
-    return f"{name}: {known.count} known, {right}; expected calibration error {told}"
+    line = f"{name}: {known.count} known, {right}; expected calibration error {told}"
+    if judged.too_fast:
+        line += f"; {judged.too_fast} of {counted(len(judged.places), 'frame')}: {FASTER}"
+    return line
 
 
 def _calibration_error(found: Reliability) -> float | None:
@@ -81,8 +91,8 @@ def _calibration_error(found: Reliability) -> float | None:
 
 def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     """Print the figures and the pictures' paths."""
-    frames = _counted(len(evaluation.raws), "frame")
-    places = _counted(evaluation.placemap.places.count, "place")
+    frames = counted(len(evaluation.raws), "frame")
+    places = counted(evaluation.placemap.places.count, "place")
     table = Table(
         title=f"{evaluation.query.where}: {frames}, {places}",
         caption="recall: of all query frames that are on the route; best match per frame; "
@@ -111,7 +121,3 @@ def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:
         yield rule, causal
         smoothed = evaluation.smoothed[rule]
         yield from ((f"{rule}, {names[lag]}", smoothed[lag]) for lag in names if lag in smoothed)
-
-
-def _counted(count: int, name: str) -> str:
-    return f"{count} {name}" if count == 1 else f"{count} {name}s"

@@ -3,12 +3,13 @@
 Pure: it is told what was heard, and when.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from placefield.bus.keys import Part, part_of, service_and_identity
 from placefield.bus.messages import Header, StatsMessage
-from placefield_tools.natural import natural_key
+from placefield.fusion.match import FASTER
+from placefield_tools.natural import counted, natural_key
 
 SILENT_S = 3.0
 """Every service tells of itself once a second; one that has not for so long is silent."""
@@ -148,6 +149,14 @@ class RunRecord:
             silent,
             stats.counts,
         )
+
+
+def counts_in_words(counts: Mapping[str, int]) -> str:
+    """Say what was counted: by its name, but for what a person is to be told in words."""
+    return ", ".join(
+        f"{counted(count, 'frame')} {FASTER}" if name == "too_fast" else f"{name} {count}"
+        for name, count in sorted(counts.items())
+    )
 
 
 def other_runs(run: str, runs: Collection[str]) -> str | None:

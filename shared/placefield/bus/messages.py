@@ -122,6 +122,8 @@ class ChannelCandidate(_Strict):
         score: of that place.
         places: (n,) ascending, whose the evidence is; empty where it is every place's.
         evidence: (n,), or (K,) of every place; empty under ``lowest-score`` and without answer.
+        too_fast: posterior that the vehicle moves faster than the map resolves; 0 where the rule
+            does not tell.
     """
 
     channel: Channel
@@ -129,22 +131,17 @@ class ChannelCandidate(_Strict):
     score: FiniteFloat
     places: IndexVector
     evidence: FloatVector
+    too_fast: float = Field(0.0, ge=0, le=1)
 
     @classmethod
     def of(cls, channel: int, candidate: Candidate) -> Self:
         """Say whose candidate it is."""
-        return cls(
-            channel=channel,
-            place=candidate.place,
-            score=candidate.score,
-            places=candidate.places,
-            evidence=candidate.evidence,
-        )
+        return cls(channel=channel, **vars(candidate))
 
     @property
     def candidate(self) -> Candidate:
         """The candidate, without the channel."""
-        return Candidate(self.place, self.score, self.places, self.evidence)
+        return Candidate(self.place, self.score, self.places, self.evidence, self.too_fast)
 
 
 class _OfShard(Message):
@@ -194,6 +191,7 @@ class SettledFrames(_Strict):
         places: those of all, one after the other; as in ``ChannelCandidate``.
         evidence_counts: (m,) how many of ``evidence`` are its own.
         evidence: that of all.
+        too_fast: (m,) posterior that the vehicle moves faster than the map resolves.
     """
 
     channels: IndexVector
@@ -205,11 +203,13 @@ class SettledFrames(_Strict):
     places: IndexVector
     evidence_counts: IndexVector
     evidence: FloatVector
+    too_fast: NumberVector
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         counts = self.place_counts, self.evidence_counts
-        each = (self.channels, self.before, self.lags, self.best, self.scores, *counts)
+        of_frames = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
+        each = (*of_frames, *counts)
         if len({len(vector) for vector in each}) > 1:
             raise PydanticCustomError("settled", "of some frames there is more than of others")
         if any((vector < 0).any() for vector in (self.channels, self.before, self.lags, *counts)):
@@ -218,6 +218,8 @@ class SettledFrames(_Strict):
             raise PydanticCustomError("settled", "there is no such channel or place")
         if not np.isfinite(self.scores).all():
             raise PydanticCustomError("settled", "a score is not finite")
+        if ((self.too_fast < 0) | (self.too_fast > 1)).any():
+            raise PydanticCustomError("settled", "a posterior is not between 0 and 1")
         for count, vector in zip(counts, (self.places, self.evidence), strict=True):
             if int(count.sum(dtype=np.int64)) != len(vector):
                 raise PydanticCustomError("settled", "places or evidence are not as many as said")
@@ -243,21 +245,22 @@ class SettledFrames(_Strict):
             places=np.concatenate([each.places for each in candidates]),
             evidence_counts=np.array([len(each.evidence) for each in candidates], np.int32),
             evidence=np.concatenate([each.evidence for each in candidates]),
+            too_fast=np.array([candidate.too_fast for candidate in candidates], np.float64),
         )
 
     def frames(self, sequence: int) -> Iterator[SettledFrame]:
         """Yield what came with the frame of this number."""
-        numbers = (self.channels, self.before, self.lags, self.best, self.scores)
+        numbers = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
         counts = (self.place_counts, self.evidence_counts)
         place_end = evidence_end = 0
-        for channel, before, lag, best, score, places, evidence in zip(
+        for channel, before, lag, best, score, too_fast, places, evidence in zip(
             *(vector.tolist() for vector in (*numbers, *counts)), strict=True
         ):
             first, place_end = place_end, place_end + places
             own_places = self.places[first:place_end]
             first, evidence_end = evidence_end, evidence_end + evidence
             own_evidence = self.evidence[first:evidence_end]
-            candidate = Candidate(best, score, own_places, own_evidence)
+            candidate = Candidate(best, score, own_places, own_evidence, too_fast)
             yield SettledFrame(channel, sequence - before, lag, candidate)
 
 
@@ -317,7 +320,8 @@ class MatchMessage(Message):
         missing: channels that did not answer in time.
         probability: that the vehicle is within the fuser's tolerance of the place; none where the
             rule does not tell.
-        known: whether that is at least the precision asked for.
+        known: whether that is at least the precision asked for, and the vehicle not too fast.
+        too_fast: whether the vehicle moves faster than the map resolves; only some rules tell.
         pose: of the place, x and y in metres and yaw in radians, where the map has poses.
     """
 
@@ -326,6 +330,7 @@ class MatchMessage(Message):
     missing: tuple[Channel, ...] = ()
     probability: float | None = Field(None, ge=0, le=1)
     known: bool | None = None
+    too_fast: bool = False
     pose: Pose | None = None
 
     @classmethod
@@ -337,7 +342,9 @@ class MatchMessage(Message):
     @property
     def match(self) -> Match:
         """The match, without the pose."""
-        return Match(self.place, self.score, self.missing, self.probability, self.known)
+        return Match(
+            self.place, self.score, self.missing, self.probability, self.known, self.too_fast
+        )
 
 
 class SmoothedMessage(MatchMessage):

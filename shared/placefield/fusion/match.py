@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+FASTER = "faster than the map resolves"
+"""What is told of a match that is ``too_fast``, everywhere in the same words."""
+
 
 @dataclass(frozen=True)
 class Match:
@@ -15,6 +18,8 @@ class Match:
         missing: channels that did not answer in time.
         probability: that the vehicle is within the tolerance of the place; only ``filter`` tells.
         known: whether that is likely enough, by the precision asked for, to act on.
+        too_fast: whether the vehicle most likely moves faster than the map resolves: then the match
+            is not known, for nobody knows where it is; only ``filter`` tells.
     """
 
     place: int
@@ -22,6 +27,7 @@ class Match:
     missing: tuple[int, ...] = ()
     probability: float | None = None
     known: bool | None = None
+    too_fast: bool = False
 
 
 @dataclass(frozen=True)

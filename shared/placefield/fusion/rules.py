@@ -10,6 +10,9 @@ from placefield.fusion.match import Match
 from placefield.matching.best_window import best_window
 from placefield.matching.candidate import UNANSWERED, Candidate
 
+TOO_FAST = 0.5
+"""Mean posterior of the channels at which a vehicle is said to be faster than the map resolves."""
+
 _SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 
 
@@ -24,7 +27,9 @@ def fuse(
     if config.rule == "filter":
         place, probability = _mean_belief(answered, config.tolerance)
         score = float(np.log(probability) - np.log1p(-probability))
-        return Match(place, score, absent, probability, probability >= config.precision)
+        too_fast = sum(each.too_fast for each in answered) / len(answered) >= TOO_FAST
+        known = probability >= config.precision and not too_fast
+        return Match(place, score, absent, probability, known, too_fast)
     if config.rule == "evidence":
         return Match(*_mean_evidence(answered, config.neighbourhood), absent)
     return Match(*_lowest_score(answered), absent)

@@ -1,6 +1,7 @@
 """The candidates of a channel's shards to that of the channel."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +40,8 @@ class ShardJoiner:
 def join_shards(candidates: Sequence[Candidate], rule: Rule) -> Candidate:
     """Return what a matcher of the whole map would have answered.
 
+    How likely the vehicle is too fast, every shard knows of the whole map.
+
     Args:
         candidates: of all shards of a channel for one frame, in the order of their places.
         rule: by which they were made.
@@ -52,4 +55,4 @@ def join_shards(candidates: Sequence[Candidate], rule: Rule) -> Candidate:
     if rule == "filter":  # each shard tells its own best place, even if that is next to nothing
         told = (evidence >= np.float32(NEGLIGIBLE)) | (places == best.place)
         places, evidence = places[told], evidence[told]
-    return Candidate(best.place, best.score, places, evidence)
+    return replace(best, places=places, evidence=evidence)

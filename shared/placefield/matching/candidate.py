@@ -1,6 +1,6 @@
 """What a channel says of one query frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,15 @@ class Candidate:
         places: (n,) int32, ascending, what ``evidence`` is of under ``filter``; else empty.
         evidence: float32. Under ``filter`` (n,), the belief in these places, the others being next
             to nothing; under ``evidence`` (K,), of every place; empty under ``lowest-score``.
+        too_fast: posterior, 0 to 1, that the vehicle moves faster than the map resolves; only
+            ``filter`` tells, elsewhere it is 0.
     """
 
     place: int
     score: float
     places: NDArray[np.int32]
     evidence: NDArray[np.float32]
+    too_fast: float = 0.0
 
     def turned(self, count: int) -> "Candidate":
         """Return the same for a map of so many places in reverse order."""
@@ -33,7 +36,7 @@ class Candidate:
             return self
         last = count - 1
         places, evidence = last - self.places[::-1], self.evidence[::-1].copy()
-        return Candidate(last - self.place, self.score, places, evidence)
+        return replace(self, place=last - self.place, places=places, evidence=evidence)
 
 
 NO_PLACES: NDArray[np.int32] = np.empty(0, np.int32)

@@ -196,7 +196,9 @@ class FilterMatcher(Matcher):
             behind = np.flatnonzero(self._filter.behind >= NEGLIGIBLE) - REACH
             self._believed = np.concatenate([behind.astype(np.int32), own])
         first = self._own.start
-        return Candidate(first + best, float(belief[best]), first + own, belief[own])
+        return Candidate(
+            first + best, float(belief[best]), first + own, belief[own], self._filter.too_fast
+        )
 
     def fits(self, partial: Partial) -> bool:
         """Whether what came from another shard can be its partial result for this frame."""

@@ -293,6 +293,12 @@ class PlaceFilter:
         return np.asarray(np.maximum(resolved, 0) / np.float32(self._total))
 
     @property
+    def too_fast(self) -> float:
+        """Posterior, 0 to 1, that the vehicle moves on the map faster than that resolves."""
+        unresolved = float(self._belief[0, -1].sum(dtype=np.float64))
+        return min(unresolved * self._unit / self._total, 1.0)
+
+    @property
     def behind(self) -> Array:
         """Posterior of each of the places before the shard, (REACH,); 0 where there are none."""
         return np.asarray(self._halo[0].sum(axis=0))

@@ -37,7 +37,7 @@ PLACES = np.arange(5, dtype=np.int32)
 SETTLED = SettledFrames.of(
     9,
     [
-        SettledFrame(3, 4, 5, Candidate(2, 0.5, PLACES, VECTOR)),
+        SettledFrame(3, 4, 5, Candidate(2, 0.5, PLACES, VECTOR, 0.75)),
         SettledFrame(3, 5, 4, NO_CANDIDATE),
         SettledFrame(4, 8, 1, Candidate(0, 0.25, PLACES[:2], VECTOR[:2])),
     ],
@@ -50,7 +50,9 @@ EXAMPLES: list[Message] = [
     CandidatesMessage(
         rule="filter",
         candidates=(
-            ChannelCandidate(channel=3, place=4, score=0.5, places=PLACES, evidence=VECTOR + 1),
+            ChannelCandidate(
+                channel=3, place=4, score=0.5, places=PLACES, evidence=VECTOR + 1, too_fast=0.25
+            ),
         ),
         settled=SETTLED,
     ),
@@ -107,6 +109,7 @@ candidates = st.fixed_dictionaries(
         "score": st.floats(0, 1) | leaves,
         "places": arrays,
         "evidence": arrays,
+        "too_fast": st.floats(0, 1) | leaves,
     }
 )
 settled = st.fixed_dictionaries(dict.fromkeys(SettledFrames.model_fields, arrays))
@@ -184,6 +187,7 @@ def check_bounds(message: Message) -> None:
             assert all(0 <= channel < 2**16 for channel in message.missing)
             assert message.probability is None or 0 <= message.probability <= 1
             assert message.known in (None, False, True)
+            assert message.too_fast in (False, True)
             assert message.pose is None or np.isfinite(message.pose).all()
             assert not isinstance(message, SmoothedMessage) or 0 <= message.lag < 2**31
         case BordersMessage():
@@ -216,6 +220,7 @@ def check_candidate(candidate: ChannelCandidate) -> None:
     assert 0 <= candidate.channel < 2**16
     assert -1 <= candidate.place < 2**31
     assert np.isfinite(candidate.score)
+    assert 0 <= candidate.too_fast <= 1
     check_vector(candidate.evidence)
     assert candidate.places.dtype == np.int32
     assert candidate.places.ndim == 1

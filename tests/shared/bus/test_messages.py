@@ -18,10 +18,14 @@ from placefield.bus.messages import (
     Header,
     MatchMessage,
     Message,
+    SettledFrame,
+    SettledFrames,
     StatsMessage,
 )
 from placefield.config import Rule
 from placefield.errors import MessageError
+from placefield.fusion.match import Match
+from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 vectors = hnp.arrays(
@@ -49,6 +53,7 @@ channel_candidates = st.builds(
     score=finite,
     places=hnp.arrays(np.int32, st.integers(0, 40)),
     evidence=vectors,
+    too_fast=st.floats(0, 1),
 )
 all_messages: st.SearchStrategy[Message] = st.one_of(
     headers,
@@ -64,6 +69,7 @@ all_messages: st.SearchStrategy[Message] = st.one_of(
         place=st.integers(-1, 2**31 - 1),
         score=finite,
         missing=st.lists(st.integers(0, 64)).map(tuple),
+        too_fast=st.booleans(),
         pose=st.none() | st.tuples(finite, finite, finite),
     ),
     st.builds(
@@ -291,6 +297,56 @@ def test_pixels_that_make_no_image_are_refused(shape: tuple[int, ...]) -> None:
 def test_a_score_that_is_no_finite_number_is_refused(score: Any) -> None:
     fields = msgpack.unpackb(MatchMessage(place=0, score=0.0).encode())
     assert decode_or_refuse(MatchMessage, msgpack.packb(fields | {"score": score})) is None
+
+
+def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
+    places, evidence = np.arange(2, dtype=np.int32), np.zeros(2, np.float32)
+    told = Candidate(1, 0.25, places, evidence, too_fast=0.625)
+    assert ChannelCandidate.of(3, told).candidate == told
+    match = Match(7, -2.0, (), 0.125, known=False, too_fast=True)
+    sent = MatchMessage.of(match, lambda place: None)
+    assert MatchMessage.decode(sent.encode()).match == match
+
+
+def test_settled_frames_come_back_with_how_likely_each_is_too_fast() -> None:
+    places, evidence = np.arange(2, dtype=np.int32), np.zeros(2, np.float32)
+    told = [0.0, 0.625, 1.0]
+    settled = [
+        SettledFrame(2, 5, 4, Candidate(1, 0.25, places, evidence, posterior)) for posterior in told
+    ]
+    packed = SettledFrames.of(9, [*settled, SettledFrame(3, 5, 4, NO_CANDIDATE)])
+    assert packed is not None
+    unpacked = SettledFrames.model_validate(msgpack.unpackb(msgpack.packb(packed.model_dump())))
+    assert [frame.candidate.too_fast for frame in unpacked.frames(9)] == [*told, 0.0]
+
+
+def test_a_message_that_does_not_say_whether_it_is_too_fast_is_not() -> None:
+    fields = msgpack.unpackb(MatchMessage(place=0, score=0.0).encode())
+    del fields["too_fast"]
+    assert MatchMessage.decode(msgpack.packb(fields)).too_fast is False
+    message = CandidatesMessage(rule="filter", candidates=(candidate(0),))
+    fields = msgpack.unpackb(message.encode())
+    del fields["candidates"][0]["too_fast"]
+    assert CandidatesMessage.decode(msgpack.packb(fields)).candidates[0].too_fast == 0
+
+
+@pytest.mark.parametrize("posterior", [-0.01, 1.01, float("nan"), float("inf"), "0", None, True])
+def test_a_posterior_that_is_none_is_refused(posterior: Any) -> None:
+    message = CandidatesMessage(rule="filter", candidates=(candidate(0),))
+    fields = msgpack.unpackb(message.encode())
+    fields["candidates"][0]["too_fast"] = posterior
+    with pytest.raises(MessageError, match="too_fast"):
+        CandidatesMessage.decode(msgpack.packb(fields))
+
+
+@pytest.mark.parametrize("posterior", [-0.01, 1.01, float("nan"), float("inf")])
+def test_a_posterior_of_a_settled_frame_that_is_none_is_refused(posterior: float) -> None:
+    packed = SettledFrames.of(9, [SettledFrame(3, 5, 4, NO_CANDIDATE)])
+    message = CandidatesMessage(rule="filter", candidates=(candidate(0),), settled=packed)
+    fields = msgpack.unpackb(message.encode())
+    fields["settled"]["too_fast"]["data"] = np.float64(posterior).tobytes()
+    with pytest.raises(MessageError, match="settled"):
+        CandidatesMessage.decode(msgpack.packb(fields))
 
 
 def test_a_message_nested_too_deeply_is_refused() -> None:

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from fractions import Fraction
 from typing import get_args
 
@@ -187,6 +188,26 @@ def test_between_two_peaks_the_match_is_where_most_belief_is_around_it() -> None
     within_one = fuse([belief_of(values)], MatchingConfig(rule="filter", tolerance=1))
     assert within_one.place == 6
     assert within_one.score == pytest.approx(math.log(0.55 / 0.45))
+
+
+@pytest.mark.parametrize(
+    ("posteriors", "too_fast"),
+    [([0.5], True), ([0.49], False), ([0.75, 0.25], True), ([1.0, 0.0, 0.25], False)],
+)
+def test_a_match_is_too_fast_where_the_channels_think_so_on_average(
+    posteriors: list[float], too_fast: bool
+) -> None:
+    channels = [replace(belief_of([0.0, 0.25]), too_fast=posterior) for posterior in posteriors]
+    assert fuse([*channels, NO_CANDIDATE], MatchingConfig()).too_fast == too_fast
+
+
+def test_a_match_that_is_too_fast_is_not_known_however_little_precision_is_asked_for() -> None:
+    config = MatchingConfig(precision=0.25)
+    channel = belief_of([0.0, 0.375])
+    assert fuse([channel], config).known is True
+    match = fuse([replace(channel, too_fast=0.625)], config)
+    assert (match.known, match.too_fast) == (False, True)
+    assert match.probability == fuse([channel], config).probability
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=32)

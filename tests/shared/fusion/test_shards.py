@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from placefield.fusion.shards import join_shards
@@ -59,6 +61,12 @@ def test_the_lowest_score_is_the_best() -> None:
     joined = join_shards(shards, "lowest-score")
     assert (joined.place, joined.score) == (8, 1.5)
     assert len(joined.places) == len(joined.evidence) == 0
+
+
+def test_how_likely_the_vehicle_is_too_fast_is_what_every_shard_says() -> None:
+    shards = [replace(belief_in({3: 0.125}), too_fast=0.75), belief_in({10: 0.0625})]
+    shards[1] = replace(shards[1], too_fast=0.75)
+    assert join_shards(shards, "filter").too_fast == 0.75
 
 
 def test_shards_that_have_no_answer_yet_have_none_together() -> None:

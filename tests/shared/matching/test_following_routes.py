@@ -9,6 +9,8 @@ from comparisons import compared
 from filters import filter_of, posterior_of
 from numpy.typing import NDArray
 
+from placefield.config import MatchingConfig
+from placefield.fusion.rules import fuse
 from placefield.maps.metrics import identity_metric
 
 Array = NDArray[np.float32]
@@ -89,6 +91,29 @@ def test_at_a_speed_that_the_map_does_not_resolve_nothing_is_known(
     positions = speed * np.arange(int(199 / speed))
     _, lost = filtered(route.places, route.drive(positions))
     assert lost[3:].min() > 0.01
+
+
+def told_too_fast(route: Route, speed: float) -> NDArray[np.bool_]:
+    """Return of which frames of a drive the match says so."""
+    places = route.places
+    metric, matching = identity_metric(places), MatchingConfig()
+    matcher = filter_of(metric)
+    frames = route.drive(speed * np.arange(int((len(places) - 1) / speed)))
+    matches = [fuse([matcher.push(frame)], matching) for frame in compared(metric, [*frames])]
+    assert not any(match.known for match in matches if match.too_fast)
+    return np.array([match.too_fast for match in matches])
+
+
+@pytest.mark.parametrize("speed", [7.0, 9.0])
+def test_a_drive_is_told_to_be_faster_than_the_map_resolves(route: Route, speed: float) -> None:
+    assert told_too_fast(route, speed)[3:].mean() > 0.9
+
+
+@pytest.mark.parametrize("speed", [0.25, 1.0, 4.0, 6.0])
+def test_a_drive_that_the_map_resolves_is_never_told_to_be_too_fast(
+    route: Route, speed: float
+) -> None:
+    assert not told_too_fast(route, speed).any()
 
 
 def test_a_query_is_followed_through_stops(route: Route) -> None:

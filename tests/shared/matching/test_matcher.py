@@ -205,6 +205,8 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
         assert candidate.score == pytest.approx(expected.score, rel=rtol, abs=0)
         assert candidate.places.tolist() == [last - place for place in expected.places[::-1]]
         np.testing.assert_allclose(candidate.evidence, expected.evidence[::-1], rtol=rtol)
+        assert candidate.too_fast == pytest.approx(expected.too_fast, rel=rtol)
+        assert (candidate.too_fast > 0) == (answered and rule == "filter")
     assert count < 90 or candidate.place == 0
 
 

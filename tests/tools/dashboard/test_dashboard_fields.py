@@ -36,8 +36,9 @@ def test_of_much_evidence_the_best_is_kept() -> None:
     np.testing.assert_array_equal(best.evidence, evidence[evidence < 400])
 
     places = np.arange(5000, 6000, dtype=np.int32)
-    best = thinned(Candidate(5000, 1.0, places, evidence), "filter")
+    best = thinned(Candidate(5000, 1.0, places, evidence, 0.25), "filter")
     np.testing.assert_array_equal(best.places, 5000 + np.flatnonzero(evidence >= 600))
+    assert (best.place, best.score, best.too_fast) == (5000, 1.0, 0.25)
 
 
 def test_beliefs_are_drawn_where_their_places_are() -> None:

@@ -70,6 +70,26 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
     np.testing.assert_array_equal(answer.distances, expected)  # a column for each place
 
 
+@pytest.mark.parametrize(
+    ("told", "verdict"),
+    [
+        (MatchMessage(place=-1, score=0.0), "no answer"),
+        (MatchMessage(place=3, score=1.0), "matched"),
+        (MatchMessage(place=3, score=1.0, probability=0.999, known=True), "known"),
+        (MatchMessage(place=3, score=1.0, probability=0.5, known=False), "unknown"),
+        (
+            MatchMessage(place=3, score=1.0, probability=0.1, known=False, too_fast=True),
+            "faster than the map resolves",
+        ),
+    ],
+)
+def test_the_verdict_says_what_the_match_comes_to(
+    state: LiveState, told: MatchMessage, verdict: str
+) -> None:
+    state.take_match(header(0), told.encode())
+    assert state.answers[0].verdict == verdict
+
+
 def test_shards_of_a_channel_are_told_as_one(state: LiveState) -> None:
     state.take_candidates(header(0), candidates(candidate(0, 3, 0.2), shard=0, of=2))
     state.take_candidates(header(0), candidates(candidate(0, 40, 0.7), shard=1, of=2))

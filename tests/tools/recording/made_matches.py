@@ -44,5 +44,6 @@ matches = st.builds(
     missing=st.lists(st.integers(0, 2**16 - 1), max_size=4).map(tuple),
     probability=st.none() | st.floats(0, 1),
     known=st.none() | st.booleans(),
+    too_fast=st.booleans(),
     pose=st.none() | st.tuples(finite, finite, finite),
 )

@@ -48,7 +48,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory, jpeg: bytes) -> dict[str, li
     return read(path)
 
 
-@pytest.mark.parametrize("name", ["place", "score", "probability", "known"])
+@pytest.mark.parametrize("name", ["place", "score", "probability", "known", "too_fast"])
 def test_numbers_of_every_match_are_over_stamps_and_frames(
     drive: dict[str, list[Row]], name: str
 ) -> None:

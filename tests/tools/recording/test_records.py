@@ -35,8 +35,19 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
         "missing": (),
         "probability": 0.999,
         "known": True,
+        "too_fast": False,
         "pose": (1.5, -2.25, 0.5),
     }
+
+
+def test_a_recording_of_before_it_was_told_is_of_matches_that_are_not_too_fast(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "matches.csv"
+    path.write_text("stream,sequence,stamp_ns,place,score\ns,0,0,1,2\n")
+    [record] = read_records(path)
+    assert record.match == MatchMessage(place=1, score=2.0)
+    assert not record.match.too_fast
 
 
 def test_json_lines_have_a_line_for_each_match_and_the_end(tmp_path: Path) -> None:
@@ -80,6 +91,7 @@ def test_csv_has_a_row_for_each_match_and_empty_cells_for_what_there_is_not(
         rows = list(csv.DictReader(file))
     assert [row["place"] for row in rows] == ["7", "9", "3", "-1"]
     assert [row["known"] for row in rows] == ["true", "false", "", ""]
+    assert [row["too_fast"] for row in rows] == ["false"] * 4
     assert [row["missing"] for row in rows] == ["", "", "0 12", "1"]
     assert [row["probability"] for row in rows] == ["0.999", "0.25", "", ""]
     assert [(row["x"], row["y"], row["yaw"]) for row in rows][::3] == [
@@ -104,7 +116,7 @@ def test_what_is_read_back_is_what_was_written(path: Path) -> None:
 
 
 def test_whatever_a_file_holds_it_is_read_or_refused(path: Path) -> None:
-    header = "stream,sequence,stamp_ns,place,score,probability,known,x,y,yaw,missing"
+    header = "stream,sequence,stamp_ns,place,score,probability,known,too_fast,x,y,yaw,missing"
 
     @WHOLE_FILE_EACH
     @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
@@ -113,11 +125,11 @@ def test_whatever_a_file_holds_it_is_read_or_refused(path: Path) -> None:
     @example(b"[" * 100_000 + b"\n")
     @example(b"9" * 5000 + b"\n")
     @example(b'{"end": true}\n')
-    @example(f"{header}\na,0,0,1,2,3,4,5,6,7,8,9,10\n".encode())
+    @example(f"{header}\na,0,0,1,2,3,4,5,6,7,8,9,10,11\n".encode())
     @example(f"{header}\na,0\n".encode())
     @example(f'{header}\n"a,0\n'.encode())
-    @example(f"{header}\ns,0,0,1,nan,,,,,,\n".encode())
-    @example(f"{header}\ns,0,0,1,2,,,1,,3,\n".encode())
+    @example(f"{header}\ns,0,0,1,nan,,,,,,,\n".encode())
+    @example(f"{header}\ns,0,0,1,2,,,,1,,3,\n".encode())
     def check(content: bytes) -> None:
         path.write_bytes(content)
         with suppress(RecordingError):

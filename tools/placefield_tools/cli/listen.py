@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.fusion.match import FASTER
 from placefield_tools.cli import options
 from placefield_tools.recording.records import as_object
 
@@ -64,7 +65,8 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
     parts = [f"{frame}: {place}, score {match.score:.2f}"]
     if match.probability is not None:
         known = "known" if match.known else "unknown"
-        parts.append(f"{known}, right with probability {match.probability:.3f}")
+        verdict = FASTER if match.too_fast else known
+        parts.append(f"{verdict}, right with probability {match.probability:.3f}")
     if match.pose is not None:
         x, y, yaw = match.pose
         parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")

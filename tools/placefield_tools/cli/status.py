@@ -118,10 +118,12 @@ def _table(standing: "RunStanding", run: str) -> "RenderableType":
 
 
 def _cells(service: "ServiceStanding") -> tuple[str, str, str, str]:
+    from placefield_tools.standing import counts_in_words
+
     rate = "" if service.rate is None else f"{service.rate:.1f}"
     return (
         "" if service.sequence is None else str(service.sequence),
         "" if service.behind is None else str(service.behind),
         "silent" if service.silent else rate,
-        ", ".join(f"{name} {count}" for name, count in sorted(service.counts.items())),
+        counts_in_words(service.counts),
     )

@@ -1,6 +1,6 @@
 """What a channel says of a frame, as it lies over the route: its firing field, and its evidence."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def thinned(candidate: Candidate, rule: Rule) -> Candidate:
         ranked = -evidence if rule == "filter" else evidence
         best = np.sort(np.argpartition(ranked, _MOST)[:_MOST])
         places, evidence = places[best], evidence[best]
-    return Candidate(candidate.place, candidate.score, places, evidence)
+    return replace(candidate, places=places, evidence=evidence)
 
 
 def heights(

@@ -6,6 +6,7 @@ from typing import Protocol
 from nicegui import ui
 
 from placefield.bus.messages import Header, SmoothedMessage
+from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.charts import certainty_chart, set_certainty
@@ -92,9 +93,8 @@ class MatchPanel:
     def show(self, answer: Answer) -> None:
         """Show an answer's."""
         match = answer.match
-        verdict = _verdict(answer)
-        self._verdict.text = verdict
-        self._verdict.classes(replace=f"verdict {verdict.replace(' ', '-')}")
+        self._verdict.text = answer.verdict
+        self._verdict.classes(replace=f"verdict {answer.verdict.replace(' ', '-')}")
         self._place.text = "none" if match.place < 0 else str(match.place)
         probability = match.probability
         self._probability.text = "not told" if probability is None else f"{probability:.3f}"
@@ -110,6 +110,8 @@ class MatchPanel:
         parts = [f"frame {header.sequence + 1}: {place}"]
         if match.probability is not None:
             parts.append(f"{match.probability:.3f}")
+        if match.too_fast:
+            parts.append(FASTER)
         self._smoothed.text = ", ".join([*parts, f"{match.lag} frames later"])
 
     def warn(self, words: str) -> None:
@@ -124,14 +126,6 @@ class MatchPanel:
             latitude, longitude = self._origin.to_degrees(x, y)
             return f"{latitude:.6f}°, {longitude:.6f}°"
         return f"x {x:.1f} m, y {y:.1f} m"
-
-
-def _verdict(answer: Answer) -> str:
-    if answer.match.place < 0:
-        return "no answer"
-    if answer.match.known is None:
-        return "matched"
-    return "known" if answer.match.known else "unknown"
 
 
 def _fact(name: str) -> ui.label:

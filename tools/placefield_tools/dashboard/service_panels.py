@@ -6,7 +6,7 @@ from nicegui import ui
 
 from placefield_tools.dashboard.lacking import lacking_words
 from placefield_tools.dashboard.site import Site, card
-from placefield_tools.standing import RunStanding, ServiceStanding
+from placefield_tools.standing import RunStanding, ServiceStanding, counts_in_words
 
 _COLUMNS = {
     "service": "service",
@@ -99,7 +99,7 @@ def _row(service: ServiceStanding) -> dict[str, str]:
         "behind": "" if service.behind is None else str(service.behind),
         "rate": "silent" if service.silent else rate,
         **{name: str(service.counts.get(name, 0)) for name in _APART},
-        "counts": ", ".join(f"{name} {count}" for name, count in sorted(others.items())),
+        "counts": counts_in_words(others),
     }
 
 

@@ -18,6 +18,7 @@ from placefield.bus.messages import (
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
 from placefield.features.descriptors import checked
+from placefield.fusion.match import FASTER
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
@@ -51,6 +52,17 @@ class Answer:
     rule: Rule | None
     candidates: dict[int, Candidate]
     distances: Row | None
+
+    @property
+    def verdict(self) -> str:
+        """What the match comes to, in a few words."""
+        if self.match.place < 0:
+            return "no answer"
+        if self.match.known is None:
+            return "matched"
+        if self.match.too_fast:
+            return FASTER
+        return "known" if self.match.known else "unknown"
 
 
 @dataclass

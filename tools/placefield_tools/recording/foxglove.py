@@ -57,6 +57,7 @@ MATCH = _object(
         "missing": _numbers(),
         "probability": _NUMBER,
         "known": _BOOLEAN,
+        "too_fast": _BOOLEAN,
         "pose": _numbers(3),
         "lag": _NUMBER,
     },

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 _HEADER = ("stream", "sequence", "stamp_ns")
 _POSE = ("x", "y", "yaw")
-COLUMNS = (*_HEADER, "place", "score", "probability", "known", *_POSE, "missing", "lag")
+COLUMNS = (*_HEADER, "place", "score", "probability", "known", "too_fast", *_POSE, "missing", "lag")
 """Of a CSV file; a smoothed match has a lag."""
 
 
@@ -43,11 +43,13 @@ def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
 def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     """Return the cells of a match by ``COLUMNS``; what it does not have is empty.
 
-    ``known`` is ``true`` or ``false``; in ``missing`` spaces are between the channels.
+    ``known`` and ``too_fast`` are ``true`` or ``false``; in ``missing`` spaces are between the
+    channels.
     """
     row = {name: getattr(header, name) for name in _HEADER}
     row |= match.model_dump(include={"place", "score", "probability"})
     row["known"] = "" if match.known is None else str(match.known).lower()
+    row["too_fast"] = str(match.too_fast).lower()
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)
     lag = match.lag if isinstance(match, SmoothedMessage) else ""
     return row | {"missing": " ".join(map(str, match.missing)), "lag": lag}

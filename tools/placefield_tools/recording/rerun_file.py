@@ -33,7 +33,8 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             return
         is_smoothed = isinstance(match, SmoothedMessage)
         root = "smoothed/" if is_smoothed else ""
-        for name in ("place", "score", "probability", "known", *(["lag"] if is_smoothed else [])):
+        numbers = ("place", "score", "probability", "known", "too_fast")
+        for name in (*numbers, *(["lag"] if is_smoothed else [])):
             value = getattr(match, name)
             if value is not None:
                 stream.log(f"{root}match/{name}", rr.Scalars(float(value)))
