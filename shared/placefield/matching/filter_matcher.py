@@ -40,7 +40,7 @@ SOME = 1000
 """Places that tell how likely a frame is at an average place."""
 
 _NOTHING = np.empty(0)
-_MOST_EVIDENCE = 50.0  # nats, that float32 can work with
+_BEYOND = 0.02  # share of a place's evidence that counts beyond what it can have
 _TEMPERATURE = 0.8  # deviations of a frame's distances, per nat
 _JUMPS = 250  # places from which jumps stand for all
 _REPEATED = 1e-3  # of a descriptor: a frame that is no further from the last one is the same image
@@ -166,7 +166,10 @@ class FilterMatcher(Matcher):
         least = some.min()
         lost = math.log(float(np.exp(-nats * (some - least)).mean())) + lost_evidence
         evidence = np.float32(-nats) * (near - least) - np.float32(lost)
-        return np.asarray(np.minimum(evidence, np.float32(_MOST_EVIDENCE)))
+        # No place is more times likelier than the average one than there are places. Where some of
+        # them stand for all, the one that is seen may be missing; who is nearest still counts most.
+        most = np.float32(math.log(self._lengths.apart.shape[1]))
+        return np.asarray(np.minimum(evidence, most + np.float32(_BEYOND) * (evidence - most)))
 
     def _within_reach(self, way: Way | None, count: int) -> NDArray[np.int32]:
         """Return where the vehicle may be, among the first so many places that are compared."""
@@ -215,16 +218,16 @@ class FilterMatcher(Matcher):
         return [self._of_shard(smoothed) for smoothed in self._smoother.finish()]
 
     def _of_shard(self, smoothed: Smoothed) -> Settled:
-        if not len(smoothed.places):
+        places, belief, too_fast = smoothed.posterior
+        if not len(places):
             return Settled(NO_CANDIDATE, smoothed.lag)
-        own = (self._own.start <= smoothed.places) & (smoothed.places < self._own.stop)
-        places, belief = smoothed.places[own], smoothed.belief[own]
+        own = (self._own.start <= places) & (places < self._own.stop)
+        places, belief = places[own], belief[own]
         if not len(places):
             places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)
         best = int(np.argmax(belief))
-        return Settled(
-            Candidate(int(places[best]), float(belief[best]), places, belief), smoothed.lag
-        )
+        candidate = Candidate(int(places[best]), float(belief[best]), places, belief, too_fast)
+        return Settled(candidate, smoothed.lag)
 
 
 def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:

@@ -86,6 +86,8 @@ class PlaceFilter:
         self._halo = np.empty((2, len(SPEEDS), REACH), np.float32)
         self.begun = False
         """Whether a frame was observed."""
+        self.too_fast = 0.0
+        """Posterior that the vehicle moves faster than the map resolves."""
         self.forget()
 
     def forget(self) -> None:
@@ -247,7 +249,7 @@ class PlaceFilter:
         seen = self._observation
         of_speed = np.sum([share.of_speed for share in shares], axis=0)
         self._total = float(of_speed.sum() + self._lost.sum())
-        self.too_fast = float(of_speed[:, -1].sum() + self._lost[-1]) / self._total
+        self.too_fast = min(float(of_speed[:, -1].sum() + self._lost[-1]) / self._total, 1.0)
         predicted = sum(share.predicted for share in shares)
         if predicted > 0 and seen.novelty > 0:
             expected = sum(share.expected for share in shares) * math.exp(seen.lost_evidence)
@@ -291,12 +293,6 @@ class PlaceFilter:
         """
         resolved = self._of_place[0] - self._belief[0, -1]
         return np.asarray(np.maximum(resolved, 0) / np.float32(self._total))
-
-    @property
-    def too_fast(self) -> float:
-        """Posterior, 0 to 1, that the vehicle moves on the map faster than that resolves."""
-        unresolved = float(self._belief[0, -1].sum(dtype=np.float64))
-        return min(unresolved * self._unit / self._total, 1.0)
 
     @property
     def behind(self) -> Array:

@@ -35,7 +35,6 @@ MEMORY = 0.99
 LOST_SHARE = 0.55
 AGAIN = 0.1
 SOME = 1000
-MOST_EVIDENCE = 50  # nats
 NOVEL = 0.25
 
 
@@ -84,7 +83,8 @@ class LiteralFilter:
         novelty, evidence, lost_evidence = self.observe(frame, length)
         some = evidence[:: math.ceil(len(evidence) / SOME)]
         against_lost = evidence - math.log(np.exp(some).mean()) - lost_evidence
-        against_lost = np.minimum(against_lost, MOST_EVIDENCE)
+        most = math.log(len(evidence))
+        against_lost = np.minimum(against_lost, most + (against_lost - most) / 50)
         again, anew = (min(share, novelty / NOVEL) for share in (AGAIN, 1))
         likelihood = Likelihood(np.exp(again * against_lost), np.exp(anew * against_lost))
         before = self.state

@@ -114,10 +114,10 @@ def test_a_frame_on_which_a_channel_fails_is_missing_in_that_alone(
     stream, frames = stage.new_stream(), list(stage.compare(query[:8]))
     failing, real = iter(range(100)), FilterMatcher.local
 
-    def local(self: FilterMatcher, frame: Comparison | None) -> Partial:
+    def local(self: FilterMatcher, frame: Comparison | None, metres: float | None) -> Partial:
         if next(failing) == 5:  # of two channels, the second, at the third frame
             raise ZeroDivisionError
-        return real(self, frame)
+        return real(self, frame, metres)
 
     monkeypatch.setattr(FilterMatcher, "local", local)
     answers = {}
@@ -143,9 +143,9 @@ def test_channels_that_answer_alike_are_answered_for_once(
     stage = ChannelStage({0: channel, 3: channel, 5: channel}, MatchingConfig())
     steps, real = iter(range(100)), FilterMatcher.local
 
-    def local(self: FilterMatcher, frame: Comparison | None) -> Partial:
+    def local(self: FilterMatcher, frame: Comparison | None, metres: float | None) -> Partial:
         next(steps)
-        return real(self, frame)
+        return real(self, frame, metres)
 
     monkeypatch.setattr(FilterMatcher, "local", local)
     stream = stage.new_stream()

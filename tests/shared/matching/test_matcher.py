@@ -232,27 +232,33 @@ def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_wa
         assert candidate.lag == expected.lag
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-def test_a_filter_is_told_the_metres_in_the_order_in_which_it_is_driven(
+def test_in_reverse_odometry_is_followed_as_on_a_route_whose_places_come_the_other_way(
     small_map: Map,
-    told_odometry: list[float | None],
-    told_travelled: list[NDArray[np.float64] | None],
-    reverse: bool,
 ) -> None:
-    matching = MatchingConfig(reverse=reverse)
-    places = small_map.places.count
-    travelled = np.cumsum(np.arange(places, dtype=np.float64))
-    of_map = dict(enumerate(small_map.channels))
-    stream = ChannelStage(of_map, matching, travelled=travelled).new_stream()
-    stream.push(None, 4.0)
-    assert told_odometry == [4.0]
-    (driven,) = told_travelled
-    assert driven is not None
-    assert driven[0] == 0
-    assert np.diff(driven).tolist() == [*range(1, places)][:: -1 if reverse else 1]
-    for unknown in (None, np.empty(0)):
-        ChannelStage(of_map, matching, travelled=unknown).new_stream()
-        assert told_travelled[-1] is None
+    forth = small_map.channels[0]
+    places = descriptors_of(forth.metric)[:90]
+    forth = replace(forth, metric=identity_metric(places))
+    back = replace(forth, metric=identity_metric(places[::-1]))
+    travelled = np.cumsum(np.random.default_rng(1).uniform(0, 3, 90))
+    driven = np.random.default_rng(2).integers(-1, 9, 20).cumsum()
+    seen = [int(place) for place in driven if 0 <= place < 90]
+    readings = [float(travelled[-1] - travelled[89 - place]) for place in seen]
+    reverse = ChannelStage({0: forth}, MatchingConfig(reverse=True), travelled=travelled)
+    turned = ChannelStage({0: back}, MatchingConfig(), travelled=travelled[-1] - travelled[::-1])
+    without = ChannelStage({0: back}, MatchingConfig(), travelled=np.empty(0))
+    streams = [stage.new_stream() for stage in (reverse, turned, without)]
+    stages = (reverse, turned, without)
+    differ = False
+    for place, reading in zip(seen, readings, strict=True):
+        frame = places[::-1][place]
+        (there,), (here,), (blind,) = (
+            stream.push(next(stage.compare([frame])), reading)
+            for stage, stream in zip(stages, streams, strict=True)
+        )
+        assert there.place == 89 - here.place
+        np.testing.assert_allclose(there.evidence, here.evidence[::-1], rtol=1e-4)
+        differ |= here.score != blind.score
+    assert differ
 
 
 @pytest.mark.parametrize("places", [1, 7, 300])
