@@ -12,6 +12,7 @@ from placefield.matching.motion import (
     FIND,
     HYPOTHESES,
     LOSE,
+    RESOLVED,
     SPEEDS,
     Array,
     StepLengths,
@@ -121,7 +122,9 @@ def posterior(trace: Trace, ahead: Ahead) -> Posterior:
     """Return where the vehicle was at a frame, given what followed."""
     placed, lost = trace.belief * ahead.placed, trace.lost * ahead.lost
     total = float(placed.sum(dtype=np.float64)) + float(lost.sum())
-    belief = placed[:, 0, :-1].sum(axis=1) / np.float32(total)  # at speeds that the map resolves
+    belief = placed[:, 0, :RESOLVED].sum(axis=1) / np.float32(
+        total
+    )  # at speeds that the map resolves
     kept = belief >= min(np.float32(NEGLIGIBLE), belief.max())
-    too_fast = (float(placed[:, :, -1].sum(dtype=np.float64)) + float(lost[-1])) / total
-    return Posterior(trace.places[kept], belief[kept], min(too_fast, 1.0))
+    too_fast = float(placed[:, :, RESOLVED:].sum(dtype=np.float64)) + float(lost[RESOLVED:].sum())
+    return Posterior(trace.places[kept], belief[kept], min(too_fast / total, 1.0))

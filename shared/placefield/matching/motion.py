@@ -17,14 +17,19 @@ from placefield.kernels import kernel, sum_of
 Array = NDArray[np.float32]
 Rows = TypeVar("Rows", bound=NDArray[np.generic])
 
-SPEEDS = np.array([0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6, 7])
+_RESOLVED = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6]
+_TOO_FAST = [7, 11.5]  # up to 7.5, and up to 15.5
+SPEEDS = np.array(_RESOLVED + _TOO_FAST)
 """Places per frame.
 
-The last one stands for all that is faster than the map resolves: who drives so is not known to be
-anywhere. Without it, a vehicle that is a little too fast would be taken for one that just is not.
+The last two stand for what is faster than the map resolves: who drives so is not known to be
+anywhere. Without them, a vehicle that is too fast would be taken for one that just is not.
 """
 
-REACH = 8
+RESOLVED = len(_RESOLVED)
+"""So many of the speeds, the first, the map resolves."""
+
+REACH = 16
 """Places that a step takes at most."""
 
 UNKNOWN = -1.0
@@ -46,7 +51,7 @@ What the frames of one place have in common with it they have together, be it by
 further place is a further look.
 """
 
-_PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 1]) / 32
+_PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.5]) / 32
 _PERSISTENCE = 60.0  # frames that a speed lasts
 _STOP = 5.0  # frames that a stop lasts
 _DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
@@ -103,9 +108,10 @@ def _step_chances() -> NDArray[np.float64]:
     Between two whole steps, the nearer oftener. A speed stands for those around it, half way to the
     farther one of its neighbours, so that those that are not in ``SPEEDS`` are followed as well.
     """
-    gaps = np.diff(SPEEDS)
-    width = np.maximum(np.append(0, gaps), np.append(gaps, 0)) / 2
+    gaps = np.diff([*_RESOLVED, 7])
+    width = np.maximum(np.append(0, gaps[:-1]), gaps) / 2
     width[0] = 0  # who stands, stands
+    width = np.append(width, (0.5, 4))
     around = SPEEDS[:, None] + width[:, None] * np.linspace(-1, 1, 201)
     exact = np.maximum(1 - np.abs(around[:, :, None] - np.arange(REACH + 1)), 0)
     chances = exact.mean(axis=1)

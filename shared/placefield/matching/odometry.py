@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
-from placefield.matching.motion import SPEEDS, Array
+from placefield.matching.motion import RESOLVED, SPEEDS, Array
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
@@ -72,7 +72,7 @@ class Way(NamedTuple):
 
 def tells_length(way: Way, road: Road) -> bool:
     """Whether a step in descriptor space can be compared with those of the map over such a way."""
-    return way.is_told and way.pace <= SPEEDS[-2] * road.spacing
+    return way.is_told and way.pace <= SPEEDS[RESOLVED - 1] * road.spacing
 
 
 class Odometer:
@@ -134,7 +134,7 @@ def speeds_of(pace: float) -> Vector:
 
     It is between two of them, and never faster than the map resolves: odometry resolves it.
     """
-    resolved = SPEEDS[:-1]
+    resolved = SPEEDS[:RESOLVED]
     pace = min(pace, resolved[-1])
     above = max(int(np.searchsorted(resolved, pace)), 1)
     share = (pace - resolved[above - 1]) / (resolved[above] - resolved[above - 1])

@@ -27,6 +27,7 @@ from placefield.matching.motion import (
     HYPOTHESES,
     LOSE,
     REACH,
+    RESOLVED,
     SPEEDS,
     Array,
     StepLengths,
@@ -249,7 +250,8 @@ class PlaceFilter:
         seen = self._observation
         of_speed = np.sum([share.of_speed for share in shares], axis=0)
         self._total = float(of_speed.sum() + self._lost.sum())
-        self.too_fast = min(float(of_speed[:, -1].sum() + self._lost[-1]) / self._total, 1.0)
+        too_fast = of_speed[:, RESOLVED:].sum() + self._lost[RESOLVED:].sum()
+        self.too_fast = min(float(too_fast) / self._total, 1.0)
         predicted = sum(share.predicted for share in shares)
         if predicted > 0 and seen.novelty > 0:
             expected = sum(share.expected for share in shares) * math.exp(seen.lost_evidence)
@@ -291,7 +293,7 @@ class PlaceFilter:
 
         What is missing to 1 is the posterior of being on none of them, or faster.
         """
-        resolved = self._of_place[0] - self._belief[0, -1]
+        resolved = self._of_place[0] - self._belief[0, RESOLVED:].sum(axis=0)
         return np.asarray(np.maximum(resolved, 0) / np.float32(self._total))
 
     @property

@@ -106,7 +106,8 @@ class ChannelShard:
         self._channel, self._matching = channel, matching
         metric, self._places = channel.metric, len(channel.metric.places)
         longest = int(channel.scales.max())
-        self.own = shard_range(self._places, shard, shards, max(longest, LEAST_PLACES))
+        least = LEAST_PLACES if matching.rule == "filter" else longest
+        self.own = shard_range(self._places, shard, shards, least)
         # In the order in which they are driven past.
         self._number = shards - 1 - shard if matching.reverse else shard
         self._driven = self._turned(self.own)
@@ -175,8 +176,8 @@ def shard_range(places: int, shard: int, shards: int, least: int) -> slice:
         places: of the map.
         shard: which, from 0.
         shards: how many there are.
-        least: how many places each must have, if there are several; the longest scale, so that a
-            window that ends in a shard begins in the one before it at the earliest.
+        least: how many places each must have, if there are several, so that a window that ends in
+            a shard, or a step that leads there, begins in the one before it at the earliest.
 
     Raises:
         ConfigError: they have fewer, or there is no such shard.

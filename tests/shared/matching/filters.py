@@ -28,10 +28,16 @@ def channel_of(metric: MapMetric, scales: Sequence[int] = SCALES) -> MapChannel:
     )
 
 
-def filter_of(metric: MapMetric, lag: int = 20, *, tolerance: int = 3) -> Matcher:
+def filter_of(
+    metric: MapMetric,
+    lag: int = 20,
+    *,
+    tolerance: int = 3,
+    travelled: NDArray[np.float64] | None = None,
+) -> Matcher:
     """A filter of all places, which are the only shard."""
     matching = MatchingConfig(lag=lag, tolerance=tolerance)
-    return ChannelShard(channel_of(metric), matching).new_matcher()
+    return ChannelShard(channel_of(metric), matching, travelled=travelled).new_matcher()
 
 
 def posterior_of(candidate: Candidate, places: int) -> NDArray[np.float64]:

@@ -4,10 +4,13 @@ Predicting, updating and smoothing are the textbook's, which is tested by itself
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.matching.motion import FIND, HYPOTHESES, LOSE
+from placefield.matching.odometry import Way, carry, road, speeds_of
 from placefield.matching.textbook import (
     Likelihood,
     Predicted,
@@ -15,15 +18,16 @@ from placefield.matching.textbook import (
     Step,
     initial,
     predict,
-    smooth,
+    predict_backward,
     update,
 )
 
 Points = NDArray[np.float64]
 
-SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6, 7]
-PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 1]) / 32
-REACH = 8
+SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6, 7, 11.5]
+RESOLVED = 15  # speeds
+PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.5]) / 32
+REACH = 16
 PERSISTENCE = 60  # frames
 STOP = 5
 STEP_DEVIATION = 0.3
@@ -38,11 +42,56 @@ SOME = 1000
 NOVEL = 0.25
 
 
+@dataclass(frozen=True)
+class Driven:
+    """A step that odometry tells of.
+
+    Attributes:
+        speeds: (S,), chance of each.
+        chances: (2, K, K), of getting from each place to each, on the map and on its reverse.
+        likelihood: (K,), of the observed step, by the place that it leads to.
+        stray: the same when lost.
+        jump: the same of one that jumps.
+    """
+
+    speeds: Points
+    chances: Points
+    likelihood: Points
+    stray: float
+    jump: float
+
+    def predict(self, state: State) -> Predicted:
+        of_place = state.placed.sum(axis=1)
+        count, here = of_place.shape[1], np.einsum("hii->hi", self.chances)
+        moved = np.einsum("hi,hij->hj", of_place, self.chances)
+        kept = (1 - LOSE) * self.speeds[:, None] * self.likelihood
+        adrift = self.stray * float(state.lost.sum()) * self.speeds
+        found = FIND * HYPOTHESES[:, None, None] * adrift[:, None] / count
+        left = LOSE * self.jump * float(of_place.sum()) * self.speeds
+        stayed = (of_place * here)[:, None]
+        came = (moved - of_place * here)[:, None]
+        return Predicted(kept * stayed, kept * came + found, (1 - FIND) * adrift + left)
+
+    def predict_backward(self, backward: State, likelihood: Likelihood) -> State:
+        count, here = len(self.likelihood), np.einsum("hii->hi", self.chances)
+        ahead = np.einsum("s,hsk->hk", self.speeds, backward.placed)
+        anew = ahead * likelihood.anew
+        when_lost = float(self.speeds @ backward.lost)
+        found = float((HYPOTHESES[:, None] * anew).sum()) / count
+        lost = self.stray * ((1 - FIND) * when_lost + FIND * found)
+        there, again = anew * self.likelihood, ahead * likelihood.again * self.likelihood
+        reached = np.einsum("hij,hj->hi", self.chances, there) + here * (again - there)
+        placed = (1 - LOSE) * reached + LOSE * self.jump * when_lost
+        shape = backward.placed.shape
+        return State(np.broadcast_to(placed[:, None], shape), np.full(len(SPEEDS), lost))
+
+
 class LiteralFilter:
     """The distribution over all states, frame by frame, and what the smoother needs of them."""
 
-    def __init__(self, places: Points) -> None:
-        """Take the places (K, M)."""
+    def __init__(self, places: Points, travelled: Points | None = None) -> None:
+        """Take the places (K, M), and the metres up to each (K,)."""
+        self.road = None if travelled is None else road(travelled)
         self.places = places
         count = len(places)
         self.apart = [self.lengths_of_steps(step) for step in range(1, 7)]
@@ -55,7 +104,7 @@ class LiteralFilter:
         self.evidence, self.weight = 0.0, 0.0
         self.deviations, self.deviation_weight = 0.0, 0.0
         self.filtered: list[State] = []
-        self.steps: list[Step] = []
+        self.steps: list[Step | Driven] = []
         self.likelihoods: list[Likelihood] = []
         self.frames: list[int | None] = []
         """Which of these each frame has; None before the first observation."""
@@ -67,19 +116,19 @@ class LiteralFilter:
         made = np.linalg.norm(self.places[step:] - self.places[:-step], axis=1)
         return np.concatenate([np.full(step, made.mean()), made])
 
-    def push(self, frame: Points | None) -> None:
-        """Take the next frame (M,), or a missing observation."""
+    def push(self, frame: Points | None, way: Way | None = None) -> None:
+        """Take the next frame (M,), or a missing observation, and the way to it if it is known."""
         repeated = (
             frame is not None and self.last is not None and math.dist(frame, self.last) <= REPEATED
         )
         if not repeated and (frame is not None or self.filtered):
-            self.take(frame)
+            self.take(frame, way)
         self.frames.append(len(self.filtered) - 1 if self.filtered else None)
 
-    def take(self, frame: Points | None) -> None:
+    def take(self, frame: Points | None, way: Way | None) -> None:
         known = frame is not None and self.last is not None
         length = math.dist(frame, self.last) if known else None  # type: ignore[arg-type]
-        step = self.step(length)
+        step = self.step(length) if way is None else self.driven(length, way)
         novelty, evidence, lost_evidence = self.observe(frame, length)
         some = evidence[:: math.ceil(len(evidence) / SOME)]
         against_lost = evidence - math.log(np.exp(some).mean()) - lost_evidence
@@ -88,7 +137,7 @@ class LiteralFilter:
         again, anew = (min(share, novelty / NOVEL) for share in (AGAIN, 1))
         likelihood = Likelihood(np.exp(again * against_lost), np.exp(anew * against_lost))
         before = self.state
-        moved = initial(PRIOR, len(evidence)) if before is None else predict(before, step)
+        moved = initial(PRIOR, len(evidence)) if before is None else self.moved(before, step)
         self.state = update(moved, likelihood)
         if before is not None and novelty > 0 and moved.came[0].sum() > 0:
             self.learn(before, moved, against_lost + lost_evidence, novelty)
@@ -111,11 +160,30 @@ class LiteralFilter:
         jump = float(student(length - jumps).mean())
         return Step(self.prior(), PRIOR, change, chances, likelihood, stray, jump)
 
+    def moved(self, before: State, step: Step | Driven) -> Predicted:
+        return step.predict(before) if isinstance(step, Driven) else predict(before, step)
+
+    def driven(self, length: float | None, way: Way) -> Driven:
+        assert self.road is not None
+        count, pace = len(self.places), way.pace / self.road.spacing
+        chances = np.zeros((2, count, count))
+        for place in range(count):
+            arrived = np.zeros((2, 2, count), np.float32)
+            carry(
+                np.array([place], np.int32), np.ones((1, 2), np.float32), self.road, way, 0, arrived
+            )
+            chances[:, place] = arrived.sum(axis=0)
+        likelihood, stray, jump = np.ones(count), 1.0, 1.0
+        if length is not None and pace <= 6 and way.is_told:
+            likelihood = student(max(length, self.standing) - self.expected(pace))
+            stray = float(likelihood[self.some].mean())
+            jump = self.step(length).jump
+        return Driven(speeds_of(pace), chances, likelihood, stray, jump)
+
     def step_chances(self, speed: float) -> list[float]:
         """Means over the speeds that one stands for."""
-        number = SPEEDS.index(speed)
-        near = [abs(SPEEDS[other] - speed) for other in (number - 1, number + 1) if 0 <= other < 16]
-        width = max(near) / 2 if speed > 0 else 0
+        widths = [0, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 4]
+        width = [*widths, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 4][SPEEDS.index(speed)]
         around = [speed + width * (share / 100 - 1) for share in range(201)]
         return [
             sum(max(1 - abs(each - step), 0) for each in around) / 201 for step in range(REACH + 1)
@@ -166,19 +234,34 @@ class LiteralFilter:
         self.speeds = MEMORY * self.speeds + self.state.placed[0].sum(axis=1)
 
     def belief(self) -> Points:
-        """Posterior of each place on the map, (K,), but for the last speed, which is too fast."""
+        """Posterior of each place on the map, (K,), at a speed that it resolves."""
         assert self.state is not None
-        return np.asarray(self.state.placed[0, :-1].sum(axis=0))
+        return np.asarray(self.state.placed[0, :RESOLVED].sum(axis=0))
 
     def smoothed(self) -> list[Points | None]:
         """Posterior of each place, (K,), at each frame, given all; None before an observation."""
         if not self.filtered:
             return [None] * len(self.frames)
-        states = smooth(self.filtered, self.steps, self.likelihoods)
+        states = self.smooth()
         return [
-            None if frame is None else np.asarray(states[frame].placed[0, :-1].sum(axis=0))
+            None if frame is None else np.asarray(states[frame].placed[0, :RESOLVED].sum(axis=0))
             for frame in self.frames
         ]
+
+    def smooth(self) -> list[State]:
+        """As the textbook does, over steps of both kinds."""
+        last = self.filtered[-1]
+        backward, smoothed = State(np.ones_like(last.placed), np.ones_like(last.lost)), [last]
+        for frame in range(len(self.filtered) - 1, 0, -1):
+            step, likelihood = self.steps[frame], self.likelihoods[frame]
+            if isinstance(step, Driven):
+                backward = step.predict_backward(backward, likelihood)
+            else:
+                backward = predict_backward(backward, step, likelihood)
+            before = self.filtered[frame - 1]
+            both = State(before.placed * backward.placed, before.lost * backward.lost)
+            smoothed.append(both.normalised())
+        return smoothed[::-1]
 
 
 def student(difference: Points | float) -> Points:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from placefield.matching.motion import (
     REACH,
+    RESOLVED,
     SPEEDS,
     UNKNOWN,
     evenly_spaced,
@@ -31,10 +32,10 @@ def student(difference: float) -> float:
     return float((1 + (difference / 0.3) ** 2 / 2) ** -1.5)
 
 
-def test_speeds_reach_from_standing_to_six_places_a_frame_and_one_that_is_too_fast() -> None:
+def test_speeds_reach_from_standing_to_six_places_a_frame_and_two_that_are_too_fast() -> None:
     assert SPEEDS[0] == 0
     assert 0 < SPEEDS[1] <= 1 / 30
-    assert SPEEDS[-2:].tolist() == [6, 7]
+    assert SPEEDS[RESOLVED - 1 :].tolist() == [6, 7, 11.5]
     assert np.all(np.diff(SPEEDS) > 0)
 
 
@@ -46,11 +47,12 @@ def test_chances_of_steps_are_those_of_the_page() -> None:
     np.testing.assert_allclose(made.chances @ np.arange(REACH + 1), SPEEDS, atol=1e-6)
     by_speed = dict(zip(SPEEDS.tolist(), made.chances.tolist(), strict=True))
     assert by_speed[0] == [1, *[0] * REACH]
-    assert by_speed[0.25] == pytest.approx([0.75, 0.25, *[0] * 7])
-    assert by_speed[1.5] == pytest.approx([0, 0.5, 0.5, *[0] * 6])
+    assert by_speed[0.25] == pytest.approx([0.75, 0.25, *[0] * 15])
+    assert by_speed[1.5] == pytest.approx([0, 0.5, 0.5, *[0] * 14])
     # The mean of max(1 - |s - 1|, 0) for s from 7/8 to 9/8, and for s from 5/2 to 7/2.
-    assert by_speed[1] == pytest.approx([1 / 32, 15 / 16, 1 / 32, *[0] * 6], abs=1e-3)
-    assert by_speed[3] == pytest.approx([0, 0, 1 / 8, 3 / 4, 1 / 8, 0, 0, 0, 0], abs=2e-3)
+    assert by_speed[1] == pytest.approx([1 / 32, 15 / 16, 1 / 32, *[0] * 14], abs=1e-3)
+    assert by_speed[3] == pytest.approx([0, 0, 1 / 8, 3 / 4, 1 / 8, *[0] * 12], abs=2e-3)
+    assert by_speed[11.5][9:15] == pytest.approx([1 / 8] * 6, abs=1e-3)
 
 
 def test_a_stop_lasts_five_frames_and_a_speed_sixty() -> None:
@@ -68,11 +70,12 @@ def test_a_step_is_as_likely_as_it_is_near_what_its_speed_expects(
 ) -> None:
     made = likelihoods_of(np.array(apart)[:, None], step)[:, 0]
     lengths = [STANDING, *(max(length, STANDING) for length in apart)]
-    lengths.append(lengths[-1])  # of seven places there is no more than of six
     for speed, likelihood in zip(SPEEDS.tolist(), made.tolist(), strict=True):
         low = math.floor(speed)
         if speed < 1:
             expected = STANDING + (lengths[1] - STANDING) * math.sqrt(speed)
+        elif speed > 6:  # no more is known than of six places
+            expected = lengths[6]
         elif speed == low:
             expected = lengths[low]
         else:

@@ -1,5 +1,7 @@
 """The filter against its model, written out."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from comparisons import comparison, comparison_at, metric_of_codes
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
+from placefield.matching.odometry import Odometer
 from placefield.metric.codes import DESCRIPTOR_UNIT, Codes, codes_of
 
 Point = list[int]
@@ -22,16 +25,26 @@ points = st.lists(st.integers(-6, 6), min_size=3, max_size=3)
 """Coarse, so that some coincide."""
 
 
-def assert_the_model_is_followed(places: Codes, unit: float, query: list[Codes | None]) -> None:
+def assert_the_model_is_followed(
+    places: Codes,
+    unit: float,
+    query: list[Codes | None],
+    travelled: NDArray[np.float64] | None = None,
+    readings: Sequence[float | None] | None = None,
+) -> None:
     """Assert that the posteriors are the literal filter's, and in hindsight its smoother's."""
     metric = metric_of_codes(places, unit)
-    matcher = filter_of(metric, lag=1000)
-    literal = LiteralFilter(unit * places.astype(np.float64))
-    settled = []
-    for frame in query:
-        candidate = matcher.push(None if frame is None else comparison(metric, frame))
+    matcher = filter_of(metric, lag=1000, travelled=travelled)
+    literal, odometer = LiteralFilter(unit * places.astype(np.float64), travelled), Odometer()
+    settled, last = [], None
+    for frame, reading in zip(query, readings or [None] * len(query), strict=True):
+        shown = None if frame is None else comparison(metric, frame)
+        candidate = matcher.push(shown, reading)
         settled += matcher.settled()
-        literal.push(None if frame is None else unit * frame.astype(np.float64))
+        is_news = frame is None or last is None or bool((frame != last).any())
+        way = odometer.way(reading) if is_news and literal.road is not None else None
+        literal.push(None if frame is None else unit * frame.astype(np.float64), way)
+        last = frame
         if not literal.filtered:
             assert candidate is NO_CANDIDATE
             continue
@@ -69,6 +82,22 @@ def queries(draw: st.DrawFn) -> list[Codes | None]:
 @settings(max_examples=100, deadline=None)
 def test_posteriors_are_those_of_the_model(places: Codes, query: list[Codes | None]) -> None:
     assert_the_model_is_followed(places, UNIT, query)
+
+
+@given(maps(), queries(), st.data())
+@settings(max_examples=60, deadline=None)
+def test_posteriors_are_those_of_the_model_with_odometry_as_well(
+    places: Codes, query: list[Codes | None], data: st.DataObject
+) -> None:
+    gaps = data.draw(st.lists(st.sampled_from([0.0, 0.5, 1.0, 7.0]), min_size=7, max_size=7))
+    steps = st.sampled_from([0.0, 0.3, 1.0, 2.5, 40.0, None])
+    driven = data.draw(st.lists(steps, min_size=len(query), max_size=len(query)))
+    total = np.cumsum([step or 0.0 for step in driven])
+    readings = [
+        None if step is None else float(so_far) for step, so_far in zip(driven, total, strict=True)
+    ]
+    travelled = np.cumsum(gaps)[: len(places)]
+    assert_the_model_is_followed(places, UNIT, query, travelled, readings)
 
 
 def random_walk(count: int, seed: int) -> Codes:
