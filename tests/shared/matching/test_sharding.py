@@ -294,6 +294,38 @@ def test_shards_of_the_filter_believe_what_the_whole_does(
         assert_believed_alike(expected, found, len(places))
 
 
+@pytest.mark.parametrize("reverse", [False, True])
+def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: bool) -> None:
+    places, rng = random_walk(400, seed=1), np.random.default_rng(2)
+    channel, matching = channel_of(identity_metric(places)), MatchingConfig(reverse=reverse)
+    travelled = np.cumsum(rng.uniform(0, 2, 400))
+    made = [
+        [ChannelShard(channel, matching, shard, of, travelled=travelled) for shard in range(of)]
+        for of in (1, 4)
+    ]
+    (whole,), parts = ([shard.new_matcher() for shard in shards] for shards in made)
+    steps = rng.choice([0, 1, 1, 2, 3, 40, 110], 60, p=[0.1, 0.3, 0.2, 0.2, 0.1, 0.05, 0.05])
+    driven = np.minimum(np.cumsum(steps), 399)
+    at = 399 - driven if reverse else driven
+    for number, place in enumerate(at.tolist()):
+        frame = places[place] + 0.05 * rng.normal(size=DIMENSIONS).astype(np.float32)
+        frame /= np.linalg.norm(frame)
+        way = travelled[-1] - travelled[place] if reverse else travelled[place]
+        reading = None if number % 7 == 3 and steps[number] < 4 else float(way)
+        expected = whole.push(beside_all(channel.metric, frame), reading)
+        partials = [
+            matcher.local(beside_all(shard.metric, frame), reading)
+            for matcher, shard in zip(parts, made[1], strict=True)
+        ]
+        found = join_shards([matcher.reduce(partials) for matcher in parts], "filter")
+        assert_believed_alike(expected, found, 400)
+        assert number < 10 or abs(found.place - place) <= 1
+
+
+def beside_all(metric: MapMetric, frame: Array) -> Comparison:
+    return next(MetricPlaces(metric, exact=True).compare(frame[None]))
+
+
 def test_a_place_that_stands_out_in_one_shard_leaves_next_to_nothing_to_the_others() -> None:
     """Which are so far from it that float32 has no number for the likelihood there."""
     count, axes = 40_000, np.eye(DIMENSIONS)
