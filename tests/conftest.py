@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import settings
-from numpy.typing import NDArray
 
 from placefield.config import Config
 from placefield.features.images import decode
@@ -21,6 +20,7 @@ from placefield.maps.store import save_map
 from placefield.matching.comparing import Comparison
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
+from placefield.matching.odometry import Road
 from placefield_tools.building import build_from
 from placefield_tools.hosting import free_endpoint
 
@@ -70,13 +70,13 @@ def told_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 
 
 @pytest.fixture
-def told_travelled(monkeypatch: pytest.MonkeyPatch) -> list[NDArray[np.float64] | None]:
-    """What the filters that begin from now on are told of the metres up to each place."""
-    told: list[NDArray[np.float64] | None] = []
+def told_roads(monkeypatch: pytest.MonkeyPatch) -> list[Road | None]:
+    """What the filters that begin from now on are told of the way along the places."""
+    told: list[Road | None] = []
     begin: Callable[..., None] = FilterMatcher.__init__
 
     def listening(*arguments: Any, **more: Any) -> None:
-        told.append(signature(begin).bind(*arguments, **more).arguments.get("travelled"))
+        told.append(signature(begin).bind(*arguments, **more).arguments.get("road"))
         begin(*arguments, **more)
 
     monkeypatch.setattr(FilterMatcher, "__init__", listening)

@@ -108,6 +108,8 @@ class ChannelStream:
         self._stream = self._stage.new_stream(first)
         self._own: Mapping[int, Partial] | None = None
         """The partial results of the frame that is next, once its local step is done."""
+        self._tail: int | None = None
+        """How many missing observations are to be taken at the end, once it has come."""
         self._ask_at = time.monotonic() + _ASK_AFTER_S
 
     def take(self, frame: Frame) -> None:
@@ -161,7 +163,7 @@ class ChannelStream:
         """Answer the frames of which the partial results of all shards are there."""
         while self._waiting:
             frame = self._waiting[0]
-            if frame.header.end:
+            if frame.header.end and self._is_over():
                 self._waiting.popleft()
                 self._finish(frame.header)
                 continue
@@ -177,9 +179,21 @@ class ChannelStream:
                     self._waiting.popleft()
                 raise
 
+    def _is_over(self) -> bool:
+        """Whether the stream, which has come to its end, has taken what is to be taken then."""
+        if self._tail is None:
+            self._tail = self._stream.end()
+        return self._tail == 0
+
     def _local(self, frame: Frame) -> None:
-        """Do the local step of the frame, or of one before it that was missed, and publish it."""
-        self._own = self._stream.local(frame.compared, frame.header.sequence, frame.odometry_m)
+        """Do the local step of the frame, or of one before it that was missed, and publish it.
+
+        At the end, it is that of one after the last.
+        """
+        if frame.header.end:
+            self._own = self._stream.local(None, self._stream.next)
+        else:
+            self._own = self._stream.local(frame.compared, frame.header.sequence, frame.odometry_m)
         sequence, shard, shards = self._stream.next, self._stage.shard, self._stage.shards
         for old in [old for old in self._partials if old < sequence]:
             del self._partials[old]
@@ -192,7 +206,7 @@ class ChannelStream:
             )
             message = BordersMessage(shard=shard, shards=shards, summaries=summaries)
             self._outlet.borders.put(
-                frame.header.model_copy(update={"sequence": sequence}), message
+                frame.header.model_copy(update={"sequence": sequence, "end": False}), message
             )
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
@@ -216,6 +230,9 @@ class ChannelStream:
         self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
         candidates = self._stream.reduce(partials)
         self._keep_settled(self._stream.settled())
+        if self._tail:
+            self._tail -= 1
+            return
         sequence = frame.header.sequence
         if self._stream.next <= sequence:
             return

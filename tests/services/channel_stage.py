@@ -139,7 +139,9 @@ def settled_offline(
     for descriptor in descriptors:
         stream.push(None if descriptor is None else next(stage.compare([descriptor])))
         settled += stream.settled()[channel]
-    settled += stream.finish()[channel]
+    for _ in range(stream.end()):
+        stream.push(None)
+    settled += stream.settled()[channel] + stream.finish()[channel]
     return [
         _as_settled(SettledFrame(channel, sequence, each.lag, each.candidate))
         for sequence, each in settled

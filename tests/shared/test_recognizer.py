@@ -21,6 +21,7 @@ from placefield.maps.metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.comparing import MetricPlaces
+from placefield.matching.odometry import Road
 from placefield.matching.sharding import ChannelShard
 from placefield.recognizer import Recognizer
 
@@ -130,13 +131,13 @@ def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
 def test_matchers_are_told_the_metres_travelled_that_the_map_has(
     make_map: Callable[[Traverse], Map],
     make_traverse: Callable[..., Traverse],
-    told_travelled: list[NDArray[np.float64] | None],
+    told_roads: list[Road | None],
 ) -> None:
     placemap = make_map(make_traverse(spacing=0.5))
     Recognizer(placemap)
-    (told,) = told_travelled
-    assert told is placemap.places.travelled
-    assert told.tolist() == [place / 2 for place in range(len(told))]
+    (told,) = told_roads
+    assert told is not None
+    assert np.diff(told.middles).tolist() == [0.5] * (placemap.places.count - 1)
 
 
 @pytest.mark.parametrize("wrong", [-1.0, -np.inf, np.inf, np.nan])

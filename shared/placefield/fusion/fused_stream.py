@@ -41,6 +41,8 @@ class FusedStream:
 
     def finish(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that are left: no frame will come any more."""
+        for _ in range(self._stream.end()):
+            self._stream.push(None)
         self._settle(self._stream.finish(), math.inf)
         return self.smoothed()
 

@@ -142,6 +142,7 @@ class StreamMatcher:
         self._memory = max(group.matcher.memory for group in groups)
         self.next = first
         """The number of the frame whose steps are next."""
+        self._end: int | None = None
 
     def local(
         self, compared: Compared | None, sequence: int, odometry_m: float | None = None
@@ -200,12 +201,32 @@ class StreamMatcher:
         """Return the frames that each channel has settled since it was asked, by their numbers."""
         settled: dict[int, list[tuple[int, Settled]]] = {}
         for group in self._groups:
-            settled |= dict.fromkeys(group.numbers, group.settled)
+            settled |= dict.fromkeys(group.numbers, self._until_end(group.settled))
             group.settled = []
         return settled
 
+    def _until_end(self, settled: list[tuple[int, Settled]]) -> list[tuple[int, Settled]]:
+        """Leave out what comes after the end, and do not count it as known."""
+        end = self._end
+        if end is None:
+            return settled
+        return [
+            (number, each._replace(lag=min(each.lag, end - 1 - number)))
+            for number, each in settled
+            if number < end
+        ]
+
+    def end(self) -> int:
+        """Say that no frame will come any more.
+
+        Returns:
+            How many missing observations are to be taken before ``finish``.
+        """
+        self._end = self.next
+        return max(group.matcher.tail for group in self._groups)
+
     def finish(self) -> dict[int, list[tuple[int, Settled]]]:
-        """Return the frames that are left: the stream is over."""
+        """Return the frames that are left, after ``end`` and what it asks for."""
         for group in self._groups:
             group.settle(group.matcher.finish())
         return self.settled()

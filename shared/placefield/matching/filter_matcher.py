@@ -54,6 +54,7 @@ class FilterMatcher(Matcher):
     """
 
     memory = 50  # missing for so long, the vehicle may be anywhere
+    tail = 0
 
     def __init__(
         self,

@@ -43,6 +43,9 @@ class Matcher(ABC):
     memory: int
     """After so many missing observations, more of them change nothing that matters."""
 
+    tail: int
+    """So many missing observations come after the last frame before ``finish``."""
+
     @abstractmethod
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Take the next frame, and return what the other shards need of it, (n,) float64.
@@ -98,7 +101,7 @@ class ReverseMatcher(Matcher):
         """Take the matcher, whose shard is counted from the map's end, and the map's places."""
         self._matcher = matcher
         self._places = places
-        self.memory = matcher.memory
+        self.memory, self.tail = matcher.memory, matcher.tail
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Take the next frame, with the places in reverse order."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from placefield.kernels import kernel
 from placefield.maps.map import MapMetric
-from placefield.matching.candidate import NO_CANDIDATE, Candidate
+from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison
 from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.windows import RecentDistances, WindowSums
@@ -127,8 +127,8 @@ class WindowMatcher(Matcher):
         if lag > 0:
             cut = [min(length, lag + 1) for length in lengths]
             self._ahead = WindowSums(self._recent, cut, ahead=True)
+        self.tail = self._ahead.delay if self._ahead else 0
         self._length = 0
-        self._shards = 1
         self._settled: list[Settled] = []
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
@@ -147,7 +147,6 @@ class WindowMatcher(Matcher):
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate for the last frame."""
-        self._shards = len(partials)
         if self._ahead is None:
             candidate = self._best(self._back, self._places, partials)
             self._settled = [Settled(candidate, 0)]
@@ -170,20 +169,8 @@ class WindowMatcher(Matcher):
         return self._settled
 
     def finish(self) -> list[Settled]:
-        """Settle the frames that are left, by windows that end with the stream.
-
-        That is what missing observations after it would do. One of several shards cannot do it
-        alone: there, who wants these frames answered takes as many of those first.
-        """
-        left: list[Candidate] = []
-        delay = self._ahead.delay if self._ahead else 0
-        if self._shards > 1:
-            left = [NO_CANDIDATE] * min(delay, self._recent.frames)
-            delay = 0
-        for _ in range(delay):
-            self.reduce([self.local(None)])
-            left += [settled.candidate for settled in self._settled]
-        return [Settled(each, len(left) - 1 - n) for n, each in enumerate(left)]
+        """Return none: the tail has settled all frames, by windows that end with the stream."""
+        return []
 
     @abstractmethod
     def _best(

@@ -222,7 +222,7 @@ def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_wa
     settled = []
     for channel, reverse in ((forth, True), (back, False)):
         matcher, frames = matcher_of(channel, rule, reverse=reverse), []
-        for frame in compared(channel.metric, query):
+        for frame in [*compared(channel.metric, query), *[None] * matcher.tail]:
             matcher.push(frame)
             frames += matcher.settled()
         settled.append(frames + matcher.finish())

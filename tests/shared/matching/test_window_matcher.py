@@ -119,4 +119,4 @@ def test_a_frame_is_settled_when_its_longest_window_is_complete(rule: type[Windo
             windows.push(row)
             lags.append([each.lag for each in windows.matcher.settled()])
         assert lags == [[]] * waits + [[waits]] * (10 - waits)
-        assert [each.lag for each in windows.matcher.finish()] == list(range(waits))[::-1]
+        assert len(windows.finish()) == waits

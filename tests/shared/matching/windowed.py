@@ -55,4 +55,16 @@ class Windowed:
         for frame in frames:
             self.push_all([frame])
             settled += self.matcher.settled()
+        settled += self.finish()
+        return [
+            each._replace(lag=min(each.lag, len(frames) - 1 - number))
+            for number, each in enumerate(settled[: len(frames)])
+        ]
+
+    def finish(self) -> list[Settled]:
+        """Return what is settled at the end of a stream."""
+        settled = []
+        for _ in range(self.matcher.tail):
+            self.push_missing()
+            settled += self.matcher.settled()
         return settled + self.matcher.finish()
