@@ -4,7 +4,6 @@ from shutil import copy, copytree
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from placefield.baselines.seqslam import seqslam_image
 from placefield.config import Config
@@ -14,6 +13,7 @@ from placefield.evaluation.truth import Truth
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
+from placefield.matching.odometry import Road
 from placefield_tools.evaluating import Query
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import run_methods
@@ -84,7 +84,7 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
     reference_dir: Path,
     query_dir: Path,
     told_odometry: list[float | None],
-    told_travelled: list[NDArray[np.float64] | None],
+    told_roads: list[Road | None],
 ) -> None:
     query = Query(str(query_dir), protocol="odometry", seed=3)
     driven = prepare(str(reference_dir), query, within_3, CONFIG)
@@ -99,7 +99,8 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
         driven.placemap.channels, driven.descriptors, driven.metres, driven.matching("filter")
     )
     assert told_odometry == drive.odometry.tolist()
-    assert told_travelled[-1] is driven.metres.travelled
+    assert told_roads[-1] is not None
+    assert told_roads[-1].middles.tolist() == [*range(30)]
     assert trial.metres.readings == [None] * 60
     assert not len(trial.metres.travelled)
 
