@@ -21,6 +21,7 @@ from placefield.maps.store import save_map
 from placefield.matching.comparing import Comparison
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
+from placefield.matching.sharding import ChannelShard
 from placefield_tools.building import build_from
 from placefield_tools.hosting import free_endpoint
 
@@ -71,15 +72,15 @@ def told_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 
 @pytest.fixture
 def told_travelled(monkeypatch: pytest.MonkeyPatch) -> list[NDArray[np.float64] | None]:
-    """What the filters that begin from now on are told of the metres up to each place."""
+    """What the channels that are prepared from now on are told of the metres up to each place."""
     told: list[NDArray[np.float64] | None] = []
-    begin: Callable[..., None] = FilterMatcher.__init__
+    begin: Callable[..., None] = ChannelShard.__init__
 
     def listening(*arguments: Any, **more: Any) -> None:
         told.append(signature(begin).bind(*arguments, **more).arguments.get("travelled"))
         begin(*arguments, **more)
 
-    monkeypatch.setattr(FilterMatcher, "__init__", listening)
+    monkeypatch.setattr(ChannelShard, "__init__", listening)
     return told
 
 
