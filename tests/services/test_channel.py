@@ -281,7 +281,7 @@ def test_matchers_are_told_the_metres_travelled_if_the_map_has_them(
     places = replace(route_map.places, travelled=travelled)
     stage = Stage(replace(route_map, places=places), "filter")
     stage.send(header(0), descriptors[0])
-    assert told_travelled[-1] is travelled
+    assert told_travelled[0] is travelled
 
 
 def test_odometry_comes_back_with_the_frames_that_others_remember(

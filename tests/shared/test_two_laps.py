@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from placefield.config import MatchingConfig
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
+from placefield.fusion.shards import join_shards
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
+from placefield.matching.channel_stage import ChannelStage
 from placefield.recognizer import Recognizer
 
 PLACES = 90
@@ -68,3 +71,33 @@ def test_without_sharing_it_is_hardly_known(
         sum(bool(match.known) for match in matches_of(each, query)[0]) for each in (placemap, apart)
     )
     assert unknown < known / 2
+
+
+def test_shards_share_the_laps_and_settle_frames_as_the_whole_does(
+    map_of_laps: Callable[[int], Map],
+) -> None:
+    placemap, config = map_of_laps(2), MatchingConfig()
+    channels, same = {0: placemap.channels[0]}, placemap.places.same
+    metric = placemap.channels[0].metric
+    whole, *parts = (
+        ChannelStage(channels, config, shard, shards, same=same)
+        for shard, shards in ((0, 1), (0, 2), (1, 2))
+    )
+    alone, *streams = (stage.new_stream() for stage in (whole, *parts))
+    seen = (metric.unit * metric.places[PLACES:]).astype(np.float32)
+    for descriptor in seen / np.linalg.norm(seen, axis=1, keepdims=True):
+        alone.push(next(whole.compare([descriptor])))
+        partials = [
+            stream.local(next(stage.compare([descriptor])), stream.next)[0]
+            for stage, stream in zip(parts, streams, strict=True)
+        ]
+        for stream in streams:
+            stream.reduce({0: partials})
+    fusion = FusionStage(same, config)
+    expected, *shards = (stream.finish()[0] for stream in (alone, *streams))
+    for (_, one), *rest in zip(expected, *shards, strict=True):
+        assert [one.lag] * 2 == [part.lag for _, part in rest]
+        joined = join_shards([part.candidate for _, part in rest], "filter")
+        assert fusion.fuse([joined]).score == pytest.approx(
+            fusion.fuse([one.candidate]).score, rel=1e-3, abs=1e-3
+        )
