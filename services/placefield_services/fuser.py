@@ -73,7 +73,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 outlets,
                 process.counts[run],
             )
-        FusionStage(placemap.places.count, config.matching).rehearse()
+        FusionStage(placemap.places.same, config.matching).rehearse()
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
@@ -144,7 +144,7 @@ class Fuser:
     ) -> None:
         self._map = placemap
         self._config = config
-        self._stage = FusionStage(placemap.places.count, config.matching)
+        self._stage = FusionStage(placemap.places.same, config.matching)
         self._feature_key = keys.feature
         self.channels = channels
         self._memories = memories

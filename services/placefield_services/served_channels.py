@@ -35,8 +35,10 @@ class ServedChannels:
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
-        travelled = placemap.places.travelled
-        self._stage = ChannelStage(self._channels, matching, shard, shards, travelled)
+        places = placemap.places
+        self._stage = ChannelStage(
+            self._channels, matching, shard, shards, places.travelled, places.same
+        )
         # Called before reading, for what was cut off would end the process, and again after.
         self._check_unchanged = placemap.check_unchanged
         self.needs_all = shards > 1

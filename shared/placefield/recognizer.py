@@ -32,8 +32,11 @@ class Recognizer:
         self._dimensions = len(placemap.model.components)
         self._images = DescriptorStage(placemap.model).new_stream()
         channels = dict(enumerate(placemap.channels))
-        self._channels = ChannelStage(channels, config, travelled=placemap.places.travelled)
-        fusion = FusionStage(placemap.places.count, config)
+        places = placemap.places
+        self._channels = ChannelStage(
+            channels, config, travelled=places.travelled, same=places.same
+        )
+        fusion = FusionStage(places.same, config)
         self._stream = FusedStream(self._channels, fusion, config.lag)
 
     def push(self, image: Image, odometry_m: float | None = None) -> Match:

@@ -11,3 +11,11 @@ def test_how_far_it_is_along_the_places_is_told_where_it_is_known(route_map: Map
     places = replace(route_map.places, travelled=np.linspace(0, 29.5, 60))
     told = map_facts(replace(route_map, places=places))["travelled"]
     assert told == "29.5 m, 0.50 m from place to place on average"
+
+
+def test_how_many_places_are_driven_again_is_told(route_map: Map) -> None:
+    assert map_facts(route_map)["driven again"] == "no place"
+    same = np.arange(60, dtype=np.int32)
+    same[50:] = range(10)
+    told = map_facts(replace(route_map, places=replace(route_map.places, same=same)))
+    assert told["driven again"] == "10 places are the same as earlier ones"

@@ -10,7 +10,7 @@ from placefield.config import MatchingConfig
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
-from placefield.maps.map import MapChannel
+from placefield.maps.map import MapChannel, Places
 from placefield.matching.channel_stage import ChannelStage
 
 Descriptors = Sequence[NDArray[np.float32] | None]
@@ -18,14 +18,14 @@ Descriptors = Sequence[NDArray[np.float32] | None]
 
 @dataclass(frozen=True, eq=False)
 class Metres:
-    """How far a drive of Q frames has come, and how far the K places of its map are.
+    """How far a drive of Q frames has come, and the K places of its map.
 
     Attributes:
-        travelled: (K,) float64, of each place; (0,) if nobody knows.
+        places: that know how far they are, and which of them are the same.
         readings: Q of the odometer, None where nobody knows.
     """
 
-    travelled: NDArray[np.float64]
+    places: Places
     readings: Sequence[float | None]
 
 
@@ -58,8 +58,11 @@ def match_drive(
         config: how; its lag counts for nothing.
         lags: of the smoothed matches, or ``WHOLE_DRIVE``.
     """
-    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.travelled)
-    fusion = FusionStage(len(channels[0].metric.places), config)
+    places = metres.places
+    stage = ChannelStage(
+        dict(enumerate(channels)), config, travelled=places.travelled, same=places.same
+    )
+    fusion = FusionStage(places.same, config)
     streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])

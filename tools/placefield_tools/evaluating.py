@@ -190,7 +190,7 @@ def match_here(
     """Match a query's frames in this process, and smooth with these lags; see ``match_drive``."""
     images = DescriptorStage(placemap.model).new_stream()
     descriptors = [None if raw is None else images.push_raw(raw) for raw in raws]
-    metres = Metres(placemap.places.travelled, readings)
+    metres = Metres(placemap.places, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
 
 
@@ -245,7 +245,8 @@ def evaluate(
     with query.open() as source:
         raws, readings = describe_query(source, feature_of_model(placemap.model).describe)
         drive, undriven = drive_in(source, len(raws))
-        truth = truth_of(undriven, placemap.places.count).along(drive.frames, drive.foreign)
+        truth = truth_of(undriven, placemap.places.count).shared(placemap.places.same)
+        truth = truth.along(drive.frames, drive.foreign)
         for rule in RULES:
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:

@@ -1,5 +1,7 @@
 """What a person asks of a map first, in words."""
 
+import numpy as np
+
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, Places
 
@@ -11,6 +13,7 @@ def map_facts(opened: Map) -> dict[str, str]:
     return {
         "places": f"{opened.places.count}, {_poses(opened.pose_frame)}",
         "travelled": _travelled(opened.places),
+        "driven again": _driven_again(opened.places),
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
         "metric": opened.metric.kind,
@@ -26,6 +29,12 @@ def _travelled(places: Places) -> str:
     metres = float(places.travelled[-1] - places.travelled[0])
     mean = metres / max(places.count - 1, 1)
     return f"{metres:.1f} m, {mean:.2f} m from place to place on average"
+
+
+def _driven_again(places: Places) -> str:
+    """Say how many places show what an earlier one shows."""
+    count = int(np.count_nonzero(places.same != np.arange(places.count)))
+    return f"{count} places are the same as earlier ones" if count else "no place"
 
 
 def _poses(frame: str | None) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import TruthError
+from placefield.maps.map import STEPS
+from placefield.matching.best_window import twins_in
 
 _COLUMNS = ("query", "first", "last")
 
@@ -91,6 +93,33 @@ class Truth:
             first=np.where(empty & (is_last | (before <= behind)), upper, lower),
             last=np.where(empty & ~is_last & (behind <= before), lower, upper),
         )
+
+    def shared(self, same: NDArray[np.int32]) -> Self:
+        """Give the truth on a map where some places are the same: what is right is so in any lap.
+
+        A row's consecutive places are right wherever they come again, and so are places between
+        them that only another lap has.
+
+        Args:
+            same: the place that each place is the same as, (K,) int32, see ``Places``.
+
+        """
+        if twins_in(same) is None:
+            return self
+        order = np.argsort(same, kind="stable")
+        ascending = same[order]
+        rows = []
+        for query, first, last in zip(self.query, self.first, self.last, strict=True):
+            shown = same[first : last + 1]
+            rows.append((query, first, last))
+            for stretch in np.split(shown, np.flatnonzero(np.abs(np.diff(shown)) > STEPS) + 1):
+                begin = np.searchsorted(ascending, stretch.min())
+                end = np.searchsorted(ascending, stretch.max(), side="right")
+                places = np.sort(order[begin:end])
+                for lap in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+                    rows.append((query, lap[0], lap[-1]))
+        query, first, last = np.array(rows, dtype=np.int64).reshape(-1, len(_COLUMNS)).T
+        return replace(self, query=query, first=first, last=last)
 
     def correct(self, matches: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Tell which matches are right.

@@ -7,20 +7,27 @@ the ``Joiner``'s.
 from collections.abc import Collection, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.fusion.shards import ShardJoiner
+from placefield.matching.best_window import twins_in
 from placefield.matching.candidate import UNANSWERED, Candidate
 
 
 class FusionStage:
     """Fuses the candidates of channels of a map; all streams may share it."""
 
-    def __init__(self, places: int, matching: MatchingConfig) -> None:
-        """Take how many places the map has, and how candidates are made and fused."""
-        self._places = places
+    def __init__(self, same: NDArray[np.int32], matching: MatchingConfig) -> None:
+        """Prepare for a map.
+
+        Args:
+            same: (K,) int32, which of its places each is the same as, see ``Places``.
+            matching: how candidates are made and fused.
+        """
+        self._places, self._same = len(same), twins_in(same)
         self._matching = matching
 
     def rehearse(self) -> None:
@@ -52,7 +59,7 @@ class FusionStage:
             candidates: of whole channels for one frame, that fit the map.
             missing: the channels of which there is none.
         """
-        return fuse(candidates, self._matching, missing=missing)
+        return fuse(candidates, self._matching, same=self._same, missing=missing)
 
 
 def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:

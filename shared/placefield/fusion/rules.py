@@ -17,21 +17,32 @@ _SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 
 
 def fuse(
-    candidates: Sequence[Candidate], config: MatchingConfig, *, missing: Collection[int] = ()
+    candidates: Sequence[Candidate],
+    config: MatchingConfig,
+    *,
+    same: NDArray[np.int32] | None = None,
+    missing: Collection[int] = (),
 ) -> Match:
-    """Make one match of the candidates that arrived, in the order of their channels."""
+    """Make one match of the candidates that arrived, in the order of their channels.
+
+    Args:
+        candidates: for one frame.
+        config: by which they were made.
+        same: (K,) int32, which place each is the same as; None: all differ.
+        missing: channels of which there is none.
+    """
     answered = [candidate for candidate in candidates if candidate.place != UNANSWERED]
     absent = tuple(sorted(missing))
     if not answered:
         return Match(UNANSWERED, 0.0, absent)
     if config.rule == "filter":
-        place, probability = _mean_belief(answered, config.tolerance)
+        place, probability = _mean_belief(answered, config.tolerance, same)
         score = float(np.log(probability) - np.log1p(-probability))
         too_fast = sum(each.too_fast for each in answered) / len(answered) >= TOO_FAST
         known = probability >= config.precision and not too_fast
         return Match(place, score, absent, probability, known, too_fast)
     if config.rule == "evidence":
-        return Match(*_mean_evidence(answered, config.neighbourhood), absent)
+        return Match(*_mean_evidence(answered, config.neighbourhood, same), absent)
     return Match(*_lowest_score(answered), absent)
 
 
@@ -41,30 +52,40 @@ def _lowest_score(candidates: Sequence[Candidate]) -> tuple[int, float]:
     return best.place, -best.score
 
 
-def _mean_belief(candidates: Sequence[Candidate], tolerance: int) -> tuple[int, float]:
+def _mean_belief(
+    candidates: Sequence[Candidate], tolerance: int, same: NDArray[np.int32] | None
+) -> tuple[int, float]:
     """Pick the middle of the places that are most believed in together.
 
     These are the 2 tolerance + 1 consecutive places of the highest mean belief; the middle is their
     mean, weighted by belief. With it comes the belief that the vehicle is within the tolerance of
-    the middle.
+    the middle. Places that are the same share their belief, see ``best_window``.
     """
     places = np.concatenate([candidate.places for candidate in candidates])
     beliefs = np.concatenate([candidate.evidence for candidate in candidates])
     order = np.argsort(places, kind="stable")
-    place, around = best_window(places[order], beliefs[order], tolerance)
+    place, around = best_window(places[order], beliefs[order], tolerance, same)
     return place, min(max(around / len(candidates), 1 - _SUREST), _SUREST)
 
 
-def _mean_evidence(candidates: Sequence[Candidate], neighbourhood: int) -> tuple[int, float]:
-    """Pick the place of lowest mean evidence; its score is the margin to the best one elsewhere."""
+def _mean_evidence(
+    candidates: Sequence[Candidate], neighbourhood: int, same: NDArray[np.int32] | None
+) -> tuple[int, float]:
+    """Pick the place of lowest mean evidence; its score is the margin to the best one elsewhere.
+
+    What is the same as a place of its neighbourhood is not elsewhere.
+    """
     evidence = _mean(candidates)
     place = int(np.argmin(evidence))
+    lowest = float(evidence[place])
+    if same is not None:
+        evidence[np.abs(same - same[place]) <= neighbourhood] = np.inf
     before = evidence[: max(place - neighbourhood, 0)]
     after = evidence[place + neighbourhood + 1 :]
     elsewhere = min(before.min(initial=np.inf), after.min(initial=np.inf))
     if elsewhere == np.inf:
         return place, 0.0  # the map is one neighbourhood: nothing tells the match from chance
-    return place, float(elsewhere - evidence[place])
+    return place, float(elsewhere - lowest)
 
 
 def _mean(candidates: Sequence[Candidate]) -> NDArray[np.float64]:

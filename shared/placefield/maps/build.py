@@ -15,6 +15,7 @@ from placefield.maps.map import Map, MapChannel, MapMetric, Places
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
+from placefield.matching.revisits import same_places
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
 from placefield.scales.channels import Channel, Run, make_channels
 
@@ -131,6 +132,7 @@ def build_map(
         learned(1)
         return channel
 
+    same = same_places(places)
     channels = tuple(run(learn, range(len(encoded))))
     return Map(
         seed=config.seed,
@@ -140,7 +142,7 @@ def build_map(
         traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
-        places=_places(first),
+        places=_places(first, same),
         channels=channels,
     )
 
@@ -217,12 +219,13 @@ def _metric(
     )
 
 
-def _places(traverse: Traverse) -> Places:
+def _places(traverse: Traverse, same: NDArray[np.int32]) -> Places:
     ends = np.cumsum([len(thumbnail) for thumbnail in traverse.thumbnails], dtype=np.int64)
     return Places(
         traverse.stamps,
         traverse.poses,
         traverse.travelled,
+        same,
         np.frombuffer(b"".join(traverse.thumbnails), np.uint8),
         ends,
     )

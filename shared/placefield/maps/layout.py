@@ -21,6 +21,7 @@ PLACE_FILES: Layout = {
     "stamps": ("int64", "K"),
     "poses": ("float64", "P3"),
     "travelled": ("float64", "T"),
+    "same": ("int32", "K"),
     "thumbnails": ("uint8", "b"),
     "thumbnail_ends": ("int64", "K"),
 }

@@ -28,6 +28,8 @@ class Places:
         poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if there are none.
         travelled: (K,) float64, metres from the first place to each, not descending; (0,) if nobody
             knows.
+        same: (K,) int32, the earliest place that each shows the same stretch as, itself if none:
+            see ``placefield.matching.revisits``.
         thumbnails: (bytes,) uint8, JPEG images one after another.
         thumbnail_ends: (K,) int64, where each of them ends.
     """
@@ -35,6 +37,7 @@ class Places:
     stamps: NDArray[np.int64]
     poses: NDArray[np.float64]
     travelled: NDArray[np.float64]
+    same: NDArray[np.int32]
     thumbnails: NDArray[np.uint8]
     thumbnail_ends: NDArray[np.int64]
 

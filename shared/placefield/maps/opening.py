@@ -57,6 +57,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
     places = Places(*files.load("places", PLACE_FILES, sizes))
     _check_travelled(path, places)
+    _check_same(path, places.same)
     all_channels = _Channels(files, sizes)
     all_channels.open(channels or ())
     return Map(
@@ -128,6 +129,13 @@ def _check_travelled(path: Path, places: Places) -> None:
     if len(travelled) and not (is_way and (np.diff(travelled) >= 0).all()):
         file = path / "places" / "travelled.npy"
         raise MapError(f"{file}: not one metre count per place that never goes down; {REBUILD}")
+
+
+def _check_same(path: Path, same: NDArray[np.int32]) -> None:
+    there = ((same >= 0) & (same <= np.arange(len(same)))).all()
+    if not (there and (same[same] == same).all()):
+        file = path / "places" / "same.npy"
+        raise MapError(f"{file}: not the earliest place that each is the same as; {REBUILD}")
 
 
 def _open_network(files: _Files) -> Network | None:

@@ -37,6 +37,7 @@ class ChannelStage:
         shard: int = 0,
         shards: int = 1,
         travelled: NDArray[np.float64] | None = None,
+        same: NDArray[np.int32] | None = None,
     ) -> None:
         """Prepare channels; of shards, and for rules that compare windows, this reads all places.
 
@@ -46,6 +47,7 @@ class ChannelStage:
             shard: which of each, from 0.
             shards: how many there are.
             travelled: (K,) metres up to each place of the map; None or empty: unknown.
+            same: (K,) int32, which place of the map each is the same as; None: all differ.
 
         Raises:
             ConfigError: the map has too few places for so many shards.
@@ -55,7 +57,7 @@ class ChannelStage:
         self.shard, self.shards = shard, shards
         shared = MetricShards()
         self._parts = {
-            number: ChannelShard(channel, matching, shard, shards, shared, travelled)
+            number: ChannelShard(channel, matching, shard, shards, shared, travelled, same)
             for number, channel in channels.items()
         }
         exact = matching.compares_exactly

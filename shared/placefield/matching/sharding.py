@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.best_window import twins_in
 from placefield.matching.comparing import SomePlaces
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import (
@@ -87,6 +88,7 @@ class ChannelShard:
         shards: int = 1,
         shared: MetricShards | None = None,
         travelled: NDArray[np.float64] | None = None,
+        same: NDArray[np.int32] | None = None,
     ) -> None:
         """Prepare a shard; but for a whole channel under ``filter``, this may read all places.
 
@@ -98,6 +100,7 @@ class ChannelShard:
             shards: how many there are.
             shared: with the other channels of a worker.
             travelled: (K,) metres up to each place of the map; None or empty: unknown.
+            same: (K,) int32, which place of the map each is the same as; None: all differ.
 
         Raises:
             ConfigError: the map has too few places for so many shards.
@@ -112,6 +115,7 @@ class ChannelShard:
         self._number = shards - 1 - shard if matching.reverse else shard
         self._driven = self._turned(self.own)
         self._observed = self._driven
+        self._same = self._turned_twins(same)
         if matching.rule == "filter":
             self._lengths = lengths_of(metric, reverse=matching.reverse)
             self._spread = shared.spread(metric) if shards > 1 else None
@@ -133,6 +137,13 @@ class ChannelShard:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
+    def _turned_twins(self, same: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
+        """Return which places are the same, as they are driven; None where all differ."""
+        twins = None if same is None else twins_in(same)
+        if twins is None or not self._matching.reverse:
+            return twins
+        return np.int32(self._places - 1) - twins[::-1]
+
     def _road_along(self, travelled: NDArray[np.float64] | None) -> Road | None:
         """Return the way along the places, as they are driven; None where nobody knows."""
         if travelled is None or not len(travelled):
@@ -151,7 +162,8 @@ class ChannelShard:
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
     def _filter(self, lag: int) -> Matcher:
-        smoother = Smoother(self._lengths, lag, self._matching.tolerance, self._road)
+        tolerance = self._matching.tolerance
+        smoother = Smoother(self._lengths, lag, tolerance, self._road, self._same)
         return FilterMatcher(
             self._lengths,
             self._driven,

@@ -9,6 +9,9 @@ costs about twice the filter's own pass, and less on a large map.
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from placefield.matching.backward import NOWHERE, Ahead, BackwardPass, Posterior, posterior
 from placefield.matching.best_window import best_window
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -33,7 +36,12 @@ class Smoother:
     """Smooths one stream."""
 
     def __init__(
-        self, lengths: StepLengths, lag: int, tolerance: int, road: Road | None = None
+        self,
+        lengths: StepLengths,
+        lag: int,
+        tolerance: int,
+        road: Road | None = None,
+        same: NDArray[np.int32] | None = None,
     ) -> None:
         """Prepare for a new stream.
 
@@ -42,8 +50,9 @@ class Smoother:
             lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``.
             tolerance: places within which a match is right.
             road: the way along the whole map; None if its metres are not known.
+            same: (K,) int32, which place of the map each is the same as; None: all differ.
         """
-        self._lag, self._tolerance = lag, tolerance
+        self._lag, self._tolerance, self._same = lag, tolerance, same
         self._backward = BackwardPass(lengths, road)
         self._waiting: deque[Trace | None] = deque()
         self._frames = 0
@@ -88,7 +97,8 @@ class Smoother:
     def _is_certain(self, smoothed: Posterior, lag: int) -> bool:
         if not len(smoothed.places):
             return True
-        probability = best_window(smoothed.places, smoothed.belief, self._tolerance)[1]
+        places, belief, _ = smoothed
+        probability = best_window(places, belief, self._tolerance, self._same)[1]
         return probability >= _CERTAIN or (probability <= _HOPELESS and lag >= _PATIENCE)
 
     def _smooth(self) -> list[Posterior]:

@@ -216,3 +216,23 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     for path in (tmp_path / "missing.csv", tmp_path, binary):
         with pytest.raises(TruthError, match=path.name):
             read_truth(path, queries=3, places=4)
+
+
+def test_what_is_right_in_one_lap_is_right_in_every_lap() -> None:
+    same = np.array([*range(10), *range(10), *range(3), 23, 24, 25], np.int32)
+    truth = Truth.within(20, 20, 1).shared(same)
+    right = right_places(truth, len(same))
+    assert right[5] == right[15] == {4, 5, 6, 14, 15, 16}
+    assert right[1] == {0, 1, 2, 10, 11, 12, 20, 21, 22}
+    assert right[10] == {9, 19, 0, 1, 10, 11, 20, 21}
+
+
+def test_places_between_two_that_are_right_are_right_in_a_slower_lap() -> None:
+    same = np.array([*range(20), *range(0, 20, 2)], np.int32)
+    right = right_places(Truth(1, *np.array([[0], [23], [25]])).shared(same), len(same))
+    assert right[0] == {6, 7, 8, 9, 10, 23, 24, 25}
+
+
+def test_where_all_places_differ_the_truth_stays_the_same() -> None:
+    truth = Truth.within(20, 20, 1)
+    assert truth.shared(np.arange(20, dtype=np.int32)) is truth

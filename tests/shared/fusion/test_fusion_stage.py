@@ -33,7 +33,7 @@ FITTING: list[tuple[Rule, Candidate]] = [
 @pytest.mark.parametrize(("rule", "candidate"), FITTING)
 def test_what_a_rule_makes_of_the_map_fits_and_is_fused(rule: Rule, candidate: Candidate) -> None:
     matching = MatchingConfig(rule=rule)
-    stage = FusionStage(COUNT, matching)
+    stage = FusionStage(np.arange(COUNT, dtype=np.int32), matching)
     assert stage.fits(candidate)
     assert stage.fits(NO_CANDIDATE)
     expected = fuse([candidate, NO_CANDIDATE], matching, missing=[2])
@@ -54,17 +54,21 @@ def test_what_a_rule_makes_of_the_map_fits_and_is_fused(rule: Rule, candidate: C
     ],
 )
 def test_what_is_of_another_rule_or_map_does_not_fit(rule: Rule, candidate: Candidate) -> None:
-    assert not FusionStage(COUNT, MatchingConfig(rule=rule)).fits(candidate)
+    assert not FusionStage(np.arange(COUNT, dtype=np.int32), MatchingConfig(rule=rule)).fits(
+        candidate
+    )
 
 
 def test_a_shard_holds_no_more_than_the_map() -> None:
-    stage = FusionStage(COUNT, MatchingConfig(rule="evidence"))
+    stage = FusionStage(np.arange(COUNT, dtype=np.int32), MatchingConfig(rule="evidence"))
     assert stage.fits(evidence_of(4), shards=2)
     assert not stage.fits(evidence_of(COUNT + 1), shards=2)
 
 
 def test_shards_are_joined_and_whole_channels_pass() -> None:
-    joiner = FusionStage(COUNT, MatchingConfig(rule="evidence")).new_joiner()
+    joiner = FusionStage(
+        np.arange(COUNT, dtype=np.int32), MatchingConfig(rule="evidence")
+    ).new_joiner()
     assert joiner.add(0, 1, 0, 1, evidence_of(COUNT)) is not None
     assert joiner.add(0, 0, 1, 2, evidence_of(4)) is None
     joined = joiner.add(0, 0, 0, 2, evidence_of(5))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
@@ -35,6 +36,11 @@ def belief_in(values: dict[int, float]) -> Candidate:
     place = max(values, key=lambda place: values[place])
     places, beliefs = np.array([*values], np.int32), np.array([*values.values()], np.float32)
     return Candidate(place, values[place], places, beliefs)
+
+
+def laps(*lengths: int) -> NDArray[np.int32]:
+    """Which place each is the same as, where every lap begins where the first does."""
+    return np.concatenate([np.arange(length, dtype=np.int32) for length in lengths])
 
 
 def fine(place: int, score: float) -> Candidate:
@@ -259,3 +265,61 @@ def test_without_any_candidate_there_is_no_match(rule: Rule) -> None:
     for candidates in ([], [NO_CANDIDATE, NO_CANDIDATE]):
         match = fuse(candidates, MatchingConfig(rule=rule), missing=[2, 0])
         assert match == Match(UNANSWERED, 0.0, (0, 2))
+
+
+beliefs = st.dictionaries(st.integers(0, 29), st.floats(0, 0.25, width=32), min_size=1)
+
+
+@given(st.lists(beliefs, min_size=1, max_size=3), st.integers(0, 4))
+def test_where_no_place_is_the_same_as_another_matches_are_the_same_to_the_last_bit(
+    channels: list[dict[int, float]], tolerance: int
+) -> None:
+    config = MatchingConfig(tolerance=tolerance)
+    candidates = [belief_in(dict(sorted(channel.items()))) for channel in channels]
+    assert fuse(candidates, config, same=laps(30)) == fuse(candidates, config)
+
+
+@given(beliefs, st.integers(0, 4))
+def test_belief_is_that_in_all_places_near_the_match_or_the_same_as_one_near_it(
+    belief: dict[int, float], tolerance: int
+) -> None:
+    same = laps(12, 10, 8)
+    candidate = belief_in(dict(sorted(belief.items())))
+    match = fuse([candidate], MatchingConfig(tolerance=tolerance), same=same)
+    near = sum(
+        value
+        for place, value in belief.items()
+        if abs(place - match.place) <= tolerance
+        or abs(int(same[place]) - int(same[match.place])) <= tolerance
+    )
+    assert match.probability == pytest.approx(min(max(near, 1e-12), 1 - 1e-12), abs=1e-5)
+
+
+def test_two_laps_share_their_belief_and_the_one_of_most_is_the_match() -> None:
+    belief = belief_in({3: 0.2, 4: 0.2, 13: 0.1, 14: 0.3, 15: 0.2})
+    alone = fuse([belief], MatchingConfig(tolerance=1))
+    shared = fuse([belief], MatchingConfig(tolerance=1), same=laps(10, 10))
+    assert (alone.place, shared.place) == (14, 14)
+    assert alone.probability == pytest.approx(0.6)
+    assert shared.probability == pytest.approx(1, abs=1e-6)
+    assert not alone.known
+    assert shared.known
+
+
+def test_two_laps_together_are_believed_in_more_than_a_place_that_is_driven_once() -> None:
+    belief = belief_in({2: 0.3, 8: 0.4, 12: 0.3})
+    assert fuse([belief], MatchingConfig(tolerance=0), same=laps(10, 5)).place in {2, 12}
+
+
+def test_belief_is_not_cut_in_two_where_a_second_lap_leaves_the_first() -> None:
+    same = laps(10, 20)
+    same[15:] = np.arange(15, 30)  # from here on on a road of its own
+    belief = belief_in({14: 0.5, 15: 0.5})
+    assert fuse([belief], MatchingConfig(tolerance=1), same=same).probability > 0.999
+
+
+def test_a_match_in_another_lap_is_not_elsewhere_for_the_margin_of_evidence() -> None:
+    evidence = evidence_of([5, -3, 5, 5, 0, 5, -2.5, -2, 5, 5])
+    config = MatchingConfig(rule="evidence", neighbourhood=1)
+    assert fuse([evidence], config) == Match(1, 0.5)
+    assert fuse([evidence], config, same=laps(5, 5)) == Match(1, 3)

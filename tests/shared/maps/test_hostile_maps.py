@@ -294,6 +294,27 @@ def test_an_array_that_lies_in_fortran_order_is_the_same(saved: Path) -> None:
     np.testing.assert_array_equal(open_map(saved).metrics[0].projection, whole)
 
 
+def test_places_that_are_the_same_as_later_ones_or_none_are_refused(saved: Path) -> None:
+    file = saved / "places" / "same.npy"
+    known = np.load(file)
+    for at, wrong in ((0, 1), (5, -1), (5, 6), (5, 2**31 - 1), (5, -(2**31))):
+        changed = known.copy()
+        changed[at] = wrong
+        np.save(file, changed)
+        seal(saved)
+        assert f"{file}: " in refusal(saved)
+    chain = known.copy()
+    chain[50], chain[80] = 20, 50
+    for other in (chain, known[:-1], known.astype(np.int64), known.astype(np.float32)):
+        np.save(file, other)
+        seal(saved)
+        assert f"{file}: " in refusal(saved)
+    chain[80] = 20
+    np.save(file, chain)
+    seal(saved)
+    assert open_map(saved).places.same.tolist() == chain.tolist()
+
+
 def test_metres_travelled_that_are_no_way_along_the_places_are_refused(saved: Path) -> None:
     file = saved / "places" / "travelled.npy"
     known = np.load(file)

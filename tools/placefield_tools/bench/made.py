@@ -31,7 +31,12 @@ def made_map(walk: Array, *, coarse: bool = False) -> Map:
         pose_frame=None,
         model=DescriptorModel("gist", True, identity[0], identity[0], identity),
         places=Places(
-            np.arange(count), np.empty((0, 3)), np.empty(0), nothing, np.zeros(count, np.int64)
+            np.arange(count),
+            np.empty((0, 3)),
+            np.empty(0),
+            np.arange(count, dtype=np.int32),
+            nothing,
+            np.zeros(count, np.int64),
         ),
         channels=tuple(made_channel(walk, number, coarse=coarse) for number in range(CHANNELS)),
     )

@@ -70,7 +70,7 @@ def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames
     """Return what matches the next descriptors (B, N) of a stream."""
     config = MatchingConfig(rule=rule, reverse=reverse)
     stage = ChannelStage(dict(enumerate(channels)), config)
-    stream, fusion = stage.new_stream(), FusionStage(PLACES, config)
+    stream, fusion = stage.new_stream(), FusionStage(np.arange(PLACES, dtype=np.int32), config)
 
     def match(descriptors: Array) -> list[Match]:
         compared = stage.compare(list(descriptors))

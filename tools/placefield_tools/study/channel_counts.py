@@ -47,7 +47,7 @@ def combinations(channels: int, number: int, seed: int) -> list[Combination]:
 def _count(trial: Trial, channels: Sequence[MapChannel], rule: Rule) -> Iterator[CountResult]:
     matching = trial.matching(rule)
     candidates = candidates_of(channels, trial.descriptors, trial.metres, matching)
-    fusion = FusionStage(trial.placemap.places.count, matching)
+    fusion = FusionStage(trial.placemap.places.same, matching)
     for number in range(1, len(channels) + 1):
         curves = [
             judge(fuse_channels([candidates[i] for i in chosen], fusion), trial.truth).curve

@@ -34,7 +34,7 @@ def candidates_of(
 
     A frame is compared with the places once for all channels that share a metric.
     """
-    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.travelled)
+    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.places.travelled)
     stream = stage.new_stream(lag=0)
     compared = stage.compare([one for one in descriptors if one is not None])
     candidates: list[list[Candidate]] = [[] for _ in channels]

@@ -96,7 +96,7 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
-    truth = truth_of(undriven, references, drive.every)
+    truth = truth_of(undriven, references, drive.every).shared(placemap.places.same)
     return Trial(
         config=fitting.model_copy(update={"matching": query.matching(config.matching)}),
         traverse=traverse,
@@ -109,7 +109,7 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         reference=described_reference,
         query=described_query,
         descriptors=descriptors_of(placemap.model, described_query.raws),
-        metres=Metres(placemap.places.travelled, readings),
+        metres=Metres(placemap.places, readings),
         truth=truth.along(drive.frames, drive.foreign),
         jumps=drive.jumps,
         every=query.every,

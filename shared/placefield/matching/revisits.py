@@ -1,0 +1,158 @@
+"""Which later places of a reference show the same stretch as earlier ones: a route driven twice.
+
+The reference is recognised as if it were a query, by the rule ``filter`` and smoothed, but each of
+its frames among clearly earlier places only. Two different places that look alike must never be
+joined, so that much is asked for: long runs of frames that are all but certain, most of which
+resemble no other earlier place more. A stretch that is driven the other way is another one: a
+camera sees it from behind.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.maps.map import STEPS, MapChannel, MapMetric
+from placefield.maps.metrics import identity_metric
+from placefield.matching.best_window import best_window, twins_in
+from placefield.matching.candidate import Candidate
+from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.matcher import WHOLE_DRIVE
+from placefield.matching.sharding import ChannelShard
+
+MOST = 4000
+"""Places that are searched at most: of a longer reference so many, evenly spaced."""
+
+_GAP = 20  # places: nearer ones are neighbours, which look alike
+_APART = 2 * _GAP  # as many at least between a place and its twin, so that none is a neighbour
+_LIKELY = 0.9  # probability of each frame of a run
+_CERTAIN, _LEAST = 0.999, 12  # a run must have so many frames of this probability
+_NEAREST = 0.5  # share of a run that must resemble no earlier place more
+_TOLERANCE = 3  # places
+_PART, _AROUND = 200, 40  # frames that are recognised together, and others on either side
+
+Array = NDArray[np.float32]
+Same = NDArray[np.int32]
+
+
+class _Recognised(NamedTuple):
+    """The k frames of a reference among clearly earlier places.
+
+    Attributes:
+        nearest: (k,) int64, the place that each resembles most.
+        posteriors: of each, places (n,) int32, ascending, and the belief in each, (n,) float32.
+    """
+
+    nearest: NDArray[np.int64]
+    posteriors: list[tuple[Same, Array]]
+
+
+class _Run(NamedTuple):
+    """Consecutive frames, from ``first`` on, and the place that each is the same as, (n,) int32."""
+
+    first: int
+    twins: Same
+
+
+def same_places(descriptors: Array) -> Same:
+    """Return the earliest place that each is the same as, itself where there is none, (K,) int32.
+
+    The cost is quadratic in the places. Of more than ``MOST`` every n-th alone is searched; those
+    between two that are recognised are the same as what resembles them most where they should be.
+    Only stretches that are n times as long are found then.
+
+    Args:
+        descriptors: (K, N) float32, of the reference, of length 1.
+    """
+    every = -(-len(descriptors) // MOST)
+    searched = descriptors[::every]
+    recognised = _recognised(searched)
+    runs: list[_Run] = []
+    while True:  # where two laps share a place, a third one can be recognised
+        more = _runs(recognised, _joined(searched, runs))
+        if sum(len(run.twins) for run in more) <= sum(len(run.twins) for run in runs):
+            return _joined(descriptors, runs, every)
+        runs = more
+
+
+def _recognised(descriptors: Array) -> _Recognised:
+    """Recognise frames part by part, so that little is kept of those that are not settled."""
+    metric = identity_metric(descriptors)
+    shard = ChannelShard(_channel(metric), MatchingConfig(tolerance=_TOLERANCE))
+    places = MetricPlaces(metric, exact=True)
+    nearest: list[int] = []
+    posteriors: list[tuple[Same, Array]] = []
+    for start in range(0, len(descriptors), _PART):
+        matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, 0)
+        resembled: list[int] = []
+        for frame in _among_earlier(places, descriptors, first, start + _PART + _AROUND):
+            resembled.append(int(np.argmin(frame.distances)))
+            matcher.push(frame)
+        own = slice(start - first, start - first + _PART)
+        nearest += resembled[own]
+        posteriors += [_posterior(candidate) for candidate, _ in matcher.finish()[own]]
+    return _Recognised(np.array(nearest), posteriors)
+
+
+def _posterior(candidate: Candidate) -> tuple[Same, Array]:
+    """Return the places that are believed in, and the belief; of a frame that shows nothing, 0."""
+    if not len(candidate.places):
+        return np.zeros(1, np.int32), np.zeros(1, np.float32)
+    return candidate.places, candidate.evidence
+
+
+def _channel(metric: MapMetric) -> MapChannel:
+    """Return a channel of no segments."""
+    count = len(metric.places)
+    segments, scales = np.zeros((0, 2), np.int32), np.ones(1, np.int32)
+    return MapChannel(1, 1, metric, np.zeros(count, np.int32), segments, scales, np.zeros((0, 2)))
+
+
+def _among_earlier(
+    places: MetricPlaces, descriptors: Array, first: int, end: int
+) -> Iterator[Comparison]:
+    """Compare frames with the places before them; the others are as far as the average one."""
+    for number, frame in enumerate(places.compare(descriptors[first:end]), first):
+        distances = frame.distances.copy()
+        distances[max(number - _GAP + 1, 0) :] = distances.mean()
+        yield replace(frame, distances=distances)
+
+
+def _runs(recognised: _Recognised, same: Same) -> list[_Run]:
+    """Return the runs of frames that are surely the same as earlier places.
+
+    Args:
+        recognised: the frames.
+        same: (k,) int32, which place each is known to be the same as.
+    """
+    shared = twins_in(same)
+    windows = [best_window(*each, _TOLERANCE, shared) for each in recognised.posteriors]
+    places = np.array([place for place, _ in windows])
+    probabilities = np.array([probability for _, probability in windows])
+    twins = same[places]
+    likely = (probabilities >= _LIKELY) & (np.arange(len(same)) - places >= _APART)
+    follows = likely[1:] & likely[:-1] & (np.abs(np.diff(twins)) <= STEPS)
+    resembles = np.abs(same[recognised.nearest] - twins) <= _TOLERANCE
+    runs = []
+    for run in np.split(np.arange(len(same)), np.flatnonzero(~follows) + 1):
+        certain = np.count_nonzero(likely[run] & (probabilities[run] >= _CERTAIN))
+        if certain >= _LEAST and resembles[run].mean() >= _NEAREST:
+            runs.append(_Run(int(run[0]), twins[run]))
+    return runs
+
+
+def _joined(descriptors: Array, runs: Sequence[_Run], every: int = 1) -> Same:
+    """Return which place each is the same as, (K,), where every n-th one may be a run's."""
+    same = np.arange(len(descriptors), dtype=np.int32)
+    for first, twins in runs:
+        frames = np.arange(first * every, (first + len(twins) - 1) * every + 1)
+        known = (first + np.arange(len(twins))) * every
+        expected = np.interp(frames, known, twins * float(every)).round().astype(np.int32)
+        for frame, place in zip(frames, expected, strict=True):
+            around = max(place - every + 1, 0)
+            alike = descriptors[around : place + every] @ descriptors[frame]
+            same[frame] = same[around + int(np.argmax(alike))]
+    return same
