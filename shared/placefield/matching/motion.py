@@ -59,13 +59,16 @@ class Motion(NamedTuple):
 
     Attributes:
         prior: (S,) float32, chance of each speed, of a vehicle of which nothing is known.
-        change: (S,) float32, chance that the speed changes from one frame to the next.
+        change: (S,) float32, chance that the speed changes from one frame to the next; the same at
+            all speeds but the first, at which the vehicle stands.
         chances: (S, REACH + 1) float32, chance that a step takes 0, 1, … places at each speed.
+        least: (S,) int32, places that one takes at least, and two more at most.
     """
 
     prior: Array
     change: Array
     chances: Array
+    least: NDArray[np.int32]
 
 
 class StepLengths(NamedTuple):
@@ -90,10 +93,12 @@ class StepLengths(NamedTuple):
 def motion() -> Motion:
     """Return the transition of the speeds in ``SPEEDS``."""
     lasts = np.where(SPEEDS > 0, _PERSISTENCE, _STOP)
+    chances = _step_chances()
     return Motion(
         _PRIOR.astype(np.float32),
         (1 / lasts).astype(np.float32),
-        _step_chances().astype(np.float32),
+        chances.astype(np.float32),
+        np.argmax(chances > 0, axis=1).astype(np.int32),
     )
 
 
@@ -138,25 +143,32 @@ def step_likelihoods(
         step: length of the step; ``UNKNOWN`` is as likely as not at all speeds: 1.
         likelihoods: (S, K) float32, receives them.
     """
+    for row in range(len(speeds)):
+        step_likelihood(apart, 0, standing, speeds[row], step, likelihoods[row])
+
+
+@kernel
+def step_likelihood(
+    apart: Array, first: int, standing: float, speed: float, step: float, likelihoods: Array
+) -> None:
+    """Write the same at one speed, (n,), of places from ``first`` on."""
     if step < 0:
         likelihoods[:] = 1
         return
     walked, least = np.float32(max(step, standing)), np.float32(standing)
-    for row in range(len(speeds)):
-        low = int(speeds[row])
-        if low < 1:
-            root = np.float32(math.sqrt(speeds[row]))
-            for place in range(apart.shape[1]):
-                length = least + (max(apart[0, place], least) - least) * root
-                likelihoods[row, place] = student(walked - length)
-        else:
-            share = np.float32(speeds[row] - low)
-            high = min(low, len(apart) - 1)
-            low = min(low, len(apart))
-            for place in range(apart.shape[1]):
-                shorter, longer = apart[low - 1, place], apart[high, place]
-                length = max(shorter + (longer - shorter) * share, least)
-                likelihoods[row, place] = student(walked - length)
+    end, low = first + len(likelihoods), int(speed)
+    if low < 1:
+        root, lengths = np.float32(math.sqrt(speed)), apart[0, first:end]
+        for i in range(len(likelihoods)):
+            length = least + (max(lengths[i], least) - least) * root
+            likelihoods[i] = student(walked - length)
+        return
+    share = np.float32(speed - low)
+    shorter = apart[min(low, len(apart)) - 1, first:end]
+    longer = apart[min(low, len(apart) - 1), first:end]
+    for i in range(len(likelihoods)):
+        length = max(shorter[i] + (longer[i] - shorter[i]) * share, least)
+        likelihoods[i] = student(walked - length)
 
 
 @kernel
