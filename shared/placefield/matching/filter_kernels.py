@@ -1,6 +1,5 @@
-"""The filter's predict and update in one pass over its beliefs, and what is picked from them."""
+"""The filter's predict and update in one pass over its beliefs."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -272,40 +271,3 @@ def _sum_of_block(values: Array) -> float:
         for i in range(len(some)):
             lanes[i] += some[i]
     return sum_of(lanes)
-
-
-@kernel
-def nearness(distances: NDArray[np.int32], near: NDArray[np.int32]) -> None:
-    """Write twice the squared distance of places (K,) from a frame.
-
-    It is the mean of a place's own and the least of its own and its two neighbours': from a frame
-    that was taken between two places both are far.
-
-    Args:
-        distances: (K + 2,) int32, squared; the first and the last belong to neighbours.
-        near: (K,) int32, receives it.
-    """
-    for i in range(len(near)):
-        around = min(distances[i], distances[i + 1], distances[i + 2])
-        near[i] = np.int32(distances[i + 1] + around)
-
-
-@kernel
-def pick(values: Array, least: float, picked: NDArray[np.int32]) -> int:
-    """Write the indices of values (K,) of at least so much, ascending; return how many."""
-    count, threshold = 0, np.float32(least)
-    for i in range(len(values)):
-        if values[i] >= threshold:
-            picked[count] = i
-            count += 1
-    return count
-
-
-@kernel
-def step_length(codes: NDArray[np.int16], last: NDArray[np.int16], unit: float) -> float:
-    """How far apart two vectors of codes are."""
-    squares = np.int32(0)
-    for m in range(len(codes)):
-        difference = np.int32(np.int32(codes[m]) - np.int32(last[m]))
-        squares = np.int32(squares + np.int32(difference * difference))
-    return unit * math.sqrt(squares)
