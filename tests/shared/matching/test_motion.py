@@ -53,6 +53,14 @@ def test_chances_of_steps_are_those_of_the_page() -> None:
     assert by_speed[3] == pytest.approx([0, 0, 1 / 8, 3 / 4, 1 / 8, 0, 0, 0, 0], abs=2e-3)
 
 
+def test_a_step_takes_one_of_three_numbers_of_places_at_each_speed() -> None:
+    """Which is what the compiled loops add up."""
+    made = motion()
+    for chances, least in zip(made.chances, made.least.tolist(), strict=True):
+        assert chances[least : least + 3].sum() == chances.sum()
+        assert least == 0 or chances[0] == 0
+
+
 def test_a_stop_lasts_five_frames_and_a_speed_sixty() -> None:
     change = motion().change
     assert change[0] == pytest.approx(1 / 5)
