@@ -12,16 +12,15 @@ from placefield.matching.motion import (
     FIND,
     HYPOTHESES,
     LOSE,
-    RESOLVED,
     SPEEDS,
     Array,
     StepLengths,
     motion,
-    step_likelihoods,
+    step_likelihood,
 )
 from placefield.matching.odometry import Road, Way, carry_back, speeds_of
-from placefield.matching.smooth_kernel import step_back
-from placefield.matching.trace import NEGLIGIBLE, Trace
+from placefield.matching.smooth_kernel import step_back, weigh
+from placefield.matching.trace import NEGLIGIBLE, Trace, Transit
 
 Vector = NDArray[np.float64]
 
@@ -66,7 +65,6 @@ class BackwardPass:
             road: the way along it; None if its metres are not known.
         """
         self._lengths, self._road, self._motion = lengths, road, motion()
-        self._rows = np.full(lengths.apart.shape[1], -1, np.int32)
 
     def begin(self, trace: Trace) -> Ahead:
         """Return what follows the newest frame: nothing yet."""
@@ -74,42 +72,33 @@ class BackwardPass:
 
     def back(self, later: Trace, ahead: Ahead, trace: Trace) -> Ahead:
         """Go back from a frame, of which what follows is known, to the one before it."""
-        seen = np.exp(later.counts[:, None] * later.evidence)
         if self._road is not None and later.way is not None:
-            return self._back_by(later.way, self._road, later, ahead, seen, trace)
+            return self._back_by(later.way, self._road, later.transit, ahead, trace)
         before = np.empty_like(trace.belief)
         lost = step_back(
-            later.places,
-            ahead.placed.copy(),
-            seen,
-            self._steps(later, SPEEDS),
-            later.prior,
+            later.transit,
+            ahead.placed,
+            ahead.lost,
+            self._lengths.apart,
+            self._lengths.standing,
             self._motion,
-            (ahead.lost, later.stray, later.jump),
             trace.places,
-            self._rows,
             before,
         )
         return Ahead(before, lost)
 
-    def _steps(self, later: Trace, speeds: Vector) -> Array:
-        """Likelihoods of the step to a frame at these speeds, (S, n), by the place it leads to."""
-        steps = np.empty((len(speeds), len(later.places)), np.float32)
-        apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
-        step_likelihoods(apart, self._lengths.standing, speeds, later.step, steps)
-        return steps
-
-    def _back_by(
-        self, way: Way, road: Road, later: Trace, ahead: Ahead, seen: Array, trace: Trace
-    ) -> Ahead:
+    def _back_by(self, way: Way, road: Road, later: Transit, ahead: Ahead, trace: Trace) -> Ahead:
         """Go back over a way that odometry tells, whatever the speed before it was."""
         pace = way.pace / road.spacing
         speeds = speeds_of(pace)
-        there = seen[:, :, None] * (ahead.placed @ speeds).astype(np.float32)
-        found = float((there[1] @ HYPOTHESES).sum()) / len(self._rows)
+        there = later.seen[:, :, None] * (ahead.placed @ speeds).astype(np.float32)
+        found = float((there[1] @ HYPOTHESES).sum()) / self._lengths.apart.shape[1]
         when_lost = float(ahead.lost @ speeds)
         from_lost = float(later.stray[0]) * ((1 - FIND) * when_lost + FIND * found)
-        there *= self._steps(later, np.array([pace])).T
+        apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
+        steps = np.empty(len(later.places), np.float32)
+        step_likelihood(apart, 0, self._lengths.standing, pace, later.step, steps)
+        there *= steps[:, None]
         carried = np.empty((len(trace.places), 2), np.float32)
         carry_back(later.places, there, road, way, trace.places, carried)
         before = (1 - LOSE) * carried + LOSE * later.jump * when_lost
@@ -120,11 +109,7 @@ class BackwardPass:
 
 def posterior(trace: Trace, ahead: Ahead) -> Posterior:
     """Return where the vehicle was at a frame, given what followed."""
-    placed, lost = trace.belief * ahead.placed, trace.lost * ahead.lost
-    total = float(placed.sum(dtype=np.float64)) + float(lost.sum())
-    belief = placed[:, 0, :RESOLVED].sum(axis=1) / np.float32(
-        total
-    )  # at speeds that the map resolves
-    kept = belief >= min(np.float32(NEGLIGIBLE), belief.max())
-    too_fast = float(placed[:, :, RESOLVED:].sum(dtype=np.float64)) + float(lost[RESOLVED:].sum())
-    return Posterior(trace.places[kept], belief[kept], min(too_fast / total, 1.0))
+    belief = np.empty(len(trace.places), np.float32)
+    too_fast = weigh(trace.belief, ahead.placed, trace.lost, ahead.lost, belief)
+    kept = np.flatnonzero(belief >= min(np.float32(NEGLIGIBLE), belief.max()))
+    return Posterior(trace.places[kept], belief[kept], too_fast)

@@ -1,16 +1,18 @@
-"""The filter's predict and update in one pass over its beliefs, and what is picked from them."""
+"""The filter's predict and update in one pass over its beliefs."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
-from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihoods
+from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihood
 
 _BLOCK = 1024  # places whose beliefs stay in the cache from one loop to the next
+_LANES = 128  # sums side by side, of a block
 _SPEEDS = SPEEDS  # as a constant of compiled code
+
+Vector = NDArray[np.float64]
 
 
 class Transition(NamedTuple):
@@ -34,6 +36,26 @@ class Transition(NamedTuple):
     standing: float
 
 
+class _Block(NamedTuple):
+    """A block of places, and memory for what is computed of it.
+
+    Attributes:
+        first: of its places.
+        size: how many they are.
+        steps: (S, _BLOCK) float32, likelihood of the step by the place it leads to.
+        changed: (_BLOCK + REACH,) float32, chance that the speed changes, here and ahead.
+        moving: (_BLOCK + 2 * REACH,) float32, beliefs at one speed, from before to ahead.
+        predicted: (_BLOCK,) float32, beliefs before the update, at all speeds.
+    """
+
+    first: int
+    size: int
+    steps: Array
+    changed: Array
+    moving: Array
+    predicted: Array
+
+
 @kernel
 def advance(
     belief: Array,
@@ -43,7 +65,7 @@ def advance(
     seen: Array,
     likelihood: Array,
     of_place: Array,
-    of_speed: NDArray[np.float64],
+    of_speed: Vector,
 ) -> tuple[float, float]:
     """Predict the beliefs in K places from those of the frame before, and update them.
 
@@ -57,62 +79,96 @@ def advance(
         seen: (2, K) float32, by how much likelier what was observed is at each place than when
             lost, for a vehicle that was there already, and for one that has come there.
         likelihood: (K,) float32, the same if all of the evidence counts.
-        of_place: (2, K) float32, receives the sums over the speeds.
+        of_place: (2, K) float32, sums of the beliefs over the speeds; receives them.
         of_speed: (2, S) float64, receives the sums over the places.
 
     Returns:
         The sum of the beliefs on the map before the update, and that of each times its likelihood.
     """
-    motion, places = transition.motion, belief.shape[2]
-    speeds = len(motion.prior)
+    places, speeds = belief.shape[2], len(transition.prior)
+    steps = np.empty((speeds, _BLOCK), np.float32)
     changed = np.empty(_BLOCK + REACH, np.float32)
     moving = np.empty(_BLOCK + 2 * REACH, np.float32)
-    arrived, predicted = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    expected = np.empty(_BLOCK, np.float32)
-    steps = np.empty((speeds, _BLOCK), np.float32)
+    predicted = np.empty(_BLOCK, np.float32)
     # What lies before a block has been overwritten when its turn comes, and is kept here.
     before = _mixed_halo(halo, transition)
     after_all = before[1].copy()
     total, of_likelihood = 0.0, 0.0
     of_speed[:] = 0
-    for start in range(0, places, _BLOCK):
-        end = min(start + _BLOCK, places)
-        size = end - start
-        step_likelihoods(
-            apart[:, start:end], transition.standing, _SPEEDS, transition.step, steps[:, :size]
-        )
+    for first in range(0, places, _BLOCK):
+        size = min(_BLOCK, places - first)
+        block = _Block(first, size, steps, changed, moving, predicted)
+        for speed in range(speeds):
+            likelihoods, places_per_frame = steps[speed, :size], _SPEEDS[speed]
+            step_likelihood(
+                apart, first, transition.standing, places_per_frame, transition.step, likelihoods
+            )
         for hypothesis in range(2):
-            reached = min(size + REACH, places - start)
-            _sum_changes(belief[hypothesis, :, start : start + reached], motion.change, changed)
-            predicted[:size], of_place[hypothesis, start:end] = 0, 0
-            for speed in range(speeds):
-                stay = np.float32(transition.kept) * (np.float32(1) - motion.change[speed])
-                join = np.float32(transition.kept) * transition.prior[speed]
-                moving[:REACH] = before[hypothesis, speed]
-                ahead = belief[hypothesis, speed, start : start + reached]
-                for i in range(reached):
-                    moving[REACH + i] = stay * ahead[i] + join * changed[i]
-                moving[REACH + reached : size + 2 * REACH] = after_all[
-                    speed, : size + REACH - reached
-                ]
-                before[hypothesis, speed] = moving[size : size + REACH]
-                _come(moving, motion.chances[speed], hypothesis == 0, arrived[:size])
-                stays = motion.chances[speed, 0]
-                found, after = transition.found[hypothesis, speed], ahead[:size]
-                again, anew, sums = seen[0], seen[1], of_place[hypothesis]
-                for i in range(size):
-                    stayed = stays * moving[REACH + i] * steps[speed, i]
-                    came = arrived[i] * steps[speed, i] + found
-                    predicted[i] += stayed + came
-                    after[i] = stayed * again[start + i] + came * anew[start + i]
-                    sums[start + i] += after[i]
-                of_speed[hypothesis, speed] += sum_of(after)
+            sides = before[hypothesis], after_all
+            own, sums = belief[hypothesis], of_place[hypothesis]
+            _advance_block(
+                block, own, sides, transition, hypothesis, seen, sums, of_speed[hypothesis]
+            )
             if hypothesis == 0:
-                for i in range(size):
-                    expected[i] = predicted[i] * likelihood[start + i]
-                total += sum_of(predicted[:size])
-                of_likelihood += sum_of(expected[:size])
+                total += _sum_of_block(predicted[:size])
+                _multiply(predicted[:size], likelihood[first : first + size])
+                of_likelihood += _sum_of_block(predicted[:size])
     return total, of_likelihood
+
+
+@kernel
+def _advance_block(
+    block: _Block,
+    belief: Array,
+    sides: tuple[Array, Array],
+    transition: Transition,
+    hypothesis: int,
+    seen: Array,
+    of_place: Array,
+    of_speed: Vector,
+) -> None:
+    """Predict and update the beliefs of one hypothesis in a block.
+
+    Args:
+        block: which one.
+        belief: (S, K) float32; receives those after the frame.
+        sides: beliefs with changed speeds, (S, REACH) float32 each, in the places before the block,
+            which receives those before the next one, and in those after all.
+        transition: see ``advance``.
+        hypothesis: 0 for the map, 1 for its reverse.
+        seen: see ``advance``.
+        of_place: (K,) float32, sums over the speeds; receives them.
+        of_speed: (S,) float64, the sums over the places are added to it.
+    """
+    motion, size, moving = transition.motion, block.size, block.moving
+    first, end = block.first, block.first + size
+    ahead = min(end + REACH, belief.shape[1])
+    inside = REACH + ahead - first  # where in ``moving`` all places end
+    _sum_changes(belief[0, first:ahead], of_place[first:ahead], motion.change, block.changed)
+    sums = block.predicted[:size], of_place[first:end]
+    sums[0][:], sums[1][:] = 0, 0
+    looks = seen[0, first:end], seen[1, first:end]
+    before, after_all = sides
+    for speed in range(len(of_speed)):
+        kept, change = np.float32(transition.kept), motion.change[speed]
+        stay, join = kept * (np.float32(1) - change), kept * transition.prior[speed]
+        moving[:REACH] = before[speed]
+        _mix(belief[speed, first:ahead], stay, block.changed, join, moving[REACH:inside])
+        moving[inside : size + 2 * REACH] = after_all[speed, : size + 2 * REACH - inside]
+        before[speed] = moving[size : size + REACH]
+        chances, least = motion.chances[speed], motion.least[speed]
+        way = 1 if hypothesis == 1 else -1
+        sources = (
+            moving[REACH + way * least :],
+            moving[REACH + way * (least + 1) :],
+            moving[REACH + way * (least + 2) :],
+        )
+        found, after = transition.found[hypothesis, speed], belief[speed, first:end]
+        if least == 0:
+            _stay_or_come(chances, sources, block.steps[speed], found, looks, after, sums)
+        else:
+            _come(chances[least:], sources, block.steps[speed], found, looks, after, sums)
+        of_speed[speed] += _sum_of_block(after)
 
 
 @kernel
@@ -122,67 +178,96 @@ def _mixed_halo(halo: Array, transition: Transition) -> Array:
     changed = np.empty(REACH, np.float32)
     change = transition.motion.change
     for hypothesis in range(len(halo)):
-        _sum_changes(halo[hypothesis], change, changed)
+        of_place = halo[hypothesis].sum(axis=0)
+        _sum_changes(halo[hypothesis, 0], of_place, change, changed)
         for speed in range(len(change)):
             stay, join = np.float32(1) - change[speed], transition.prior[speed]
-            mixed[hypothesis, speed] = stay * halo[hypothesis, speed] + join * changed
+            _mix(halo[hypothesis, speed], stay, changed, join, mixed[hypothesis, speed])
     return mixed
 
 
 @kernel
-def _sum_changes(belief: Array, change: Array, changed: Array) -> None:
-    """Sum over the speeds what leaves each of them."""
-    changed[:] = 0
-    for speed in range(len(change)):
-        factor = change[speed]
-        for i in range(belief.shape[1]):
-            changed[i] += factor * belief[speed, i]
+def _sum_changes(standing: Array, of_place: Array, change: Array, changed: Array) -> None:
+    """Sum over the speeds what leaves each of them: as much of all but the first, standing."""
+    moves = change[-1]
+    more = change[0] - moves
+    for i in range(len(standing)):
+        changed[i] = moves * of_place[i] + more * standing[i]
 
 
 @kernel
-def _come(moving: Array, chances: Array, is_map: bool, arrived: Array) -> None:
-    """Sum what comes to places from those up to REACH before them, or after on the reverse."""
-    arrived[:] = 0
-    for step in range(1, REACH + 1):
-        chance = chances[step]
-        if chance > 0:
-            start = REACH - step if is_map else REACH + step
-            for i in range(len(arrived)):
-                arrived[i] += chance * moving[start + i]
+def _mix(belief: Array, stay: float, changed: Array, join: float, mixed: Array) -> None:
+    """Write the beliefs at one speed after changes of speed."""
+    for i in range(len(mixed)):
+        mixed[i] = stay * belief[i] + join * changed[i]
 
 
 @kernel
-def nearness(distances: NDArray[np.int32], near: NDArray[np.int32]) -> None:
-    """Write twice the squared distance of places (K,) from a frame.
-
-    It is the mean of a place's own and the least of its own and its two neighbours': from a frame
-    that was taken between two places both are far.
+def _stay_or_come(
+    chances: Array,
+    sources: tuple[Array, Array, Array],
+    steps: Array,
+    found: float,
+    looks: tuple[Array, Array],
+    after: Array,
+    sums: tuple[Array, Array],
+) -> None:
+    """Predict and update the beliefs in n places at a speed whose steps are of 0 to 2 places.
 
     Args:
-        distances: (K + 2,) int32, squared; the first and the last belong to neighbours.
-        near: (K,) int32, receives it.
+        chances: of steps of so many places, float32.
+        sources: beliefs in the places themselves, in those a step of one away, and of two.
+        steps: (n,) float32, likelihood of the step.
+        found: probability of each place of a vehicle that was lost.
+        looks: by how much likelier the frame is for one that stayed and for one that has come.
+        after: (n,) float32, receives the beliefs.
+        sums: (n,) float32 each; the beliefs before and after the update are added to them.
     """
-    for i in range(len(near)):
-        around = min(distances[i], distances[i + 1], distances[i + 2])
-        near[i] = np.int32(distances[i + 1] + around)
+    here, near, far = sources
+    predicted, updated = sums
+    again, anew = looks
+    for i in range(len(after)):
+        stayed = chances[0] * here[i] * steps[i]
+        came = (chances[1] * near[i] + chances[2] * far[i]) * steps[i] + found
+        predicted[i] += stayed + came
+        after[i] = stayed * again[i] + came * anew[i]
+        updated[i] += after[i]
 
 
 @kernel
-def pick(values: Array, least: float, picked: NDArray[np.int32]) -> int:
-    """Write the indices of values (K,) of at least so much, ascending; return how many."""
-    count, threshold = 0, np.float32(least)
+def _come(
+    chances: Array,
+    sources: tuple[Array, Array, Array],
+    steps: Array,
+    found: float,
+    looks: tuple[Array, Array],
+    after: Array,
+    sums: tuple[Array, Array],
+) -> None:
+    """Do the same at a speed at which nobody stays: ``sources`` are three places on end."""
+    near, middle, far = sources
+    predicted, updated = sums
+    anew = looks[1]
+    for i in range(len(after)):
+        moved = chances[0] * near[i] + chances[1] * middle[i] + chances[2] * far[i]
+        came = moved * steps[i] + found
+        predicted[i] += came
+        after[i] = came * anew[i]
+        updated[i] += after[i]
+
+
+@kernel
+def _multiply(values: Array, factors: Array) -> None:
     for i in range(len(values)):
-        if values[i] >= threshold:
-            picked[count] = i
-            count += 1
-    return count
+        values[i] *= factors[i]
 
 
 @kernel
-def step_length(codes: NDArray[np.int16], last: NDArray[np.int16], unit: float) -> float:
-    """How far apart two vectors of codes are."""
-    squares = np.int32(0)
-    for m in range(len(codes)):
-        difference = np.int32(np.int32(codes[m]) - np.int32(last[m]))
-        squares = np.int32(squares + np.int32(difference * difference))
-    return unit * math.sqrt(squares)
+def _sum_of_block(values: Array) -> float:
+    """Sum a block's values: few enough for float32, side by side."""
+    lanes = np.zeros(_LANES, np.float32)
+    for start in range(0, len(values), _LANES):
+        some = values[start : start + _LANES]
+        for i in range(len(some)):
+            lanes[i] += some[i]
+    return sum_of(lanes)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
+from placefield.matching.belief_kernels import pick
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.comparing import Comparison, SomePlaces
-from placefield.matching.filter_kernels import nearness, pick, step_length
+from placefield.matching.evidence_kernels import bound, evidence_of, nearness, step_length
 from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.motion import (
     REACH,
@@ -40,7 +41,6 @@ SOME = 1000
 """Places that tell how likely a frame is at an average place."""
 
 _NOTHING = np.empty(0)
-_BEYOND = 0.02  # share of a place's evidence that counts beyond what it can have
 _TEMPERATURE = 0.8  # deviations of a frame's distances, per nat
 _JUMPS = 250  # places from which jumps stand for all
 _REPEATED = 1e-3  # of a descriptor: a frame that is no further from the last one is the same image
@@ -136,15 +136,15 @@ class FilterMatcher(Matcher):
         deviation = frame.deviation
         if self._spread is not None:
             deviation = deviation_from(frame.codes, self._spread)
-        if deviation == 0:
-            return self._missing(step, way)
         # A frame like the last one says again what that has said.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
+        if way is not None and self._road is not None and not tells_length(way, self._road):
+            step = UNKNOWN
+        if deviation == 0:
+            return self._missing(step, way)
         drive = self._filter.drive
         nats = 0.5 / (_TEMPERATURE * drive.deviation(deviation))
         evidence = self._evidence(frame, nats, drive.lost_evidence)
-        if way is not None and self._road is not None and not tells_length(way, self._road):
-            step = UNKNOWN
         return Observation(step, way, novelty, evidence, drive.lost_evidence)
 
     def _evidence(self, frame: Comparison, nats: float, lost_evidence: float) -> Array:
@@ -155,22 +155,16 @@ class FilterMatcher(Matcher):
             nats: by which it is less likely where twice the squared distance is one more.
             lost_evidence: see ``Observation``.
         """
-        before, after = self._halo
-        distances = np.pad(frame.distances, (HALO - before, HALO - after), mode="edge")
-        near = np.empty(len(distances) - 2 * HALO, np.int32)
-        nearness(distances, near)
-        if self._some is None:
-            some = evenly_spaced(near, SOME)
-        else:
+        near = np.empty(self._own.stop - self._own.start, np.int32)
+        nearness(frame.distances, self._halo[0], near)
+        some, every = near, -(-len(near) // SOME)
+        if self._some is not None:
             around = self._some.distances(frame.codes)
-            some = around[:, 1] + around.min(axis=1)
-        least = some.min()
-        lost = math.log(float(np.exp(-nats * (some - least)).mean())) + lost_evidence
-        evidence = np.float32(-nats) * (near - least) - np.float32(lost)
-        # No place is more times likelier than the average one than there are places. Where some of
-        # them stand for all, the one that is seen may be missing; who is nearest still counts most.
-        most = np.float32(math.log(self._lengths.apart.shape[1]))
-        return np.asarray(np.minimum(evidence, most + np.float32(_BEYOND) * (evidence - most)))
+            some, every = around[:, 1] + around.min(axis=1), 1
+        evidence = np.empty(len(near), np.float32)
+        evidence_of(near, some, every, nats, lost_evidence, evidence)
+        bound(evidence, math.log(self._lengths.apart.shape[1]))
+        return evidence
 
     def _within_reach(self, way: Way | None, count: int) -> NDArray[np.int32]:
         """Return where the vehicle may be, among the first so many places that are compared."""
@@ -192,8 +186,8 @@ class FilterMatcher(Matcher):
         return self._candidate
 
     def _filtered(self) -> Candidate:
-        belief, picked = self._filter.belief, np.empty(self._own.stop - self._own.start, np.int32)
-        best = int(np.argmax(belief))
+        belief, best = self._filter.posterior()
+        picked = np.empty(len(belief), np.int32)
         own = picked[: pick(belief, min(NEGLIGIBLE, float(belief[best])), picked)].copy()
         self._believed = own
         if self._number > 0:  # a step may lead here from the shard before
@@ -222,8 +216,8 @@ class FilterMatcher(Matcher):
         places, belief, too_fast = smoothed.posterior
         if not len(places):
             return Settled(NO_CANDIDATE, smoothed.lag)
-        own = (self._own.start <= places) & (places < self._own.stop)
-        places, belief = places[own], belief[own]
+        first, end = np.searchsorted(places, (self._own.start, self._own.stop))
+        places, belief = places[first:end], belief[first:end]
         if not len(places):
             places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)
         best = int(np.argmax(belief))

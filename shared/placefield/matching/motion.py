@@ -18,18 +18,18 @@ Array = NDArray[np.float32]
 Rows = TypeVar("Rows", bound=NDArray[np.generic])
 
 _RESOLVED = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4, 5, 6]
-_TOO_FAST = [7, 11.5]  # up to 7.5, and up to 15.5
+_TOO_FAST = [7, 9, 11]
 SPEEDS = np.array(_RESOLVED + _TOO_FAST)
 """Places per frame.
 
-The last two stand for what is faster than the map resolves: who drives so is not known to be
+The last three stand for what is faster than the map resolves: who drives so is not known to be
 anywhere. Without them, a vehicle that is too fast would be taken for one that just is not.
 """
 
 RESOLVED = len(_RESOLVED)
 """So many of the speeds, the first, the map resolves."""
 
-REACH = 16
+REACH = 12
 """Places that a step takes at most."""
 
 UNKNOWN = -1.0
@@ -51,7 +51,7 @@ What the frames of one place have in common with it they have together, be it by
 further place is a further look.
 """
 
-_PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.5]) / 32
+_PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.25, 0.25]) / 32
 _PERSISTENCE = 60.0  # frames that a speed lasts
 _STOP = 5.0  # frames that a stop lasts
 _DEVIATION = 0.3  # between the lengths of a step in two traverses; descriptors have length 1
@@ -64,13 +64,16 @@ class Motion(NamedTuple):
 
     Attributes:
         prior: (S,) float32, chance of each speed, of a vehicle of which nothing is known.
-        change: (S,) float32, chance that the speed changes from one frame to the next.
+        change: (S,) float32, chance that the speed changes from one frame to the next; the same at
+            all speeds but the first, at which the vehicle stands.
         chances: (S, REACH + 1) float32, chance that a step takes 0, 1, … places at each speed.
+        least: (S,) int32, places that one takes at least, and two more at most.
     """
 
     prior: Array
     change: Array
     chances: Array
+    least: NDArray[np.int32]
 
 
 class StepLengths(NamedTuple):
@@ -95,10 +98,12 @@ class StepLengths(NamedTuple):
 def motion() -> Motion:
     """Return the transition of the speeds in ``SPEEDS``."""
     lasts = np.where(SPEEDS > 0, _PERSISTENCE, _STOP)
+    chances = _step_chances()
     return Motion(
         _PRIOR.astype(np.float32),
         (1 / lasts).astype(np.float32),
-        _step_chances().astype(np.float32),
+        chances.astype(np.float32),
+        np.argmax(chances > 0, axis=1).astype(np.int32),
     )
 
 
@@ -111,7 +116,7 @@ def _step_chances() -> NDArray[np.float64]:
     gaps = np.diff([*_RESOLVED, 7])
     width = np.maximum(np.append(0, gaps[:-1]), gaps) / 2
     width[0] = 0  # who stands, stands
-    width = np.append(width, (0.5, 4))
+    width = np.append(width, (0.5, 1, 1))
     around = SPEEDS[:, None] + width[:, None] * np.linspace(-1, 1, 201)
     exact = np.maximum(1 - np.abs(around[:, :, None] - np.arange(REACH + 1)), 0)
     chances = exact.mean(axis=1)
@@ -144,25 +149,32 @@ def step_likelihoods(
         step: length of the step; ``UNKNOWN`` is as likely as not at all speeds: 1.
         likelihoods: (S, K) float32, receives them.
     """
+    for row in range(len(speeds)):
+        step_likelihood(apart, 0, standing, speeds[row], step, likelihoods[row])
+
+
+@kernel
+def step_likelihood(
+    apart: Array, first: int, standing: float, speed: float, step: float, likelihoods: Array
+) -> None:
+    """Write the same at one speed, (n,), of places from ``first`` on."""
     if step < 0:
         likelihoods[:] = 1
         return
     walked, least = np.float32(max(step, standing)), np.float32(standing)
-    for row in range(len(speeds)):
-        low = int(speeds[row])
-        if low < 1:
-            root = np.float32(math.sqrt(speeds[row]))
-            for place in range(apart.shape[1]):
-                length = least + (max(apart[0, place], least) - least) * root
-                likelihoods[row, place] = student(walked - length)
-        else:
-            share = np.float32(speeds[row] - low)
-            high = min(low, len(apart) - 1)
-            low = min(low, len(apart))
-            for place in range(apart.shape[1]):
-                shorter, longer = apart[low - 1, place], apart[high, place]
-                length = max(shorter + (longer - shorter) * share, least)
-                likelihoods[row, place] = student(walked - length)
+    end, low = first + len(likelihoods), int(speed)
+    if low < 1:
+        root, lengths = np.float32(math.sqrt(speed)), apart[0, first:end]
+        for i in range(len(likelihoods)):
+            length = least + (max(lengths[i], least) - least) * root
+            likelihoods[i] = student(walked - length)
+        return
+    share = np.float32(speed - low)
+    shorter = apart[min(low, len(apart)) - 1, first:end]
+    longer = apart[min(low, len(apart) - 1), first:end]
+    for i in range(len(likelihoods)):
+        length = max(shorter[i] + (longer[i] - shorter[i]) * share, least)
+        likelihoods[i] = student(walked - length)
 
 
 @kernel

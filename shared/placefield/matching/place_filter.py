@@ -13,17 +13,25 @@ a null hypothesis, the same places in reverse order, which chance follows as wel
 
 import math
 from collections.abc import Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import sum_of
+from placefield.matching.belief_kernels import (
+    beliefs_at,
+    drift,
+    find_and_lose,
+    normalise,
+    pick,
+    resolve,
+    step_likelihood_when_lost,
+)
 from placefield.matching.drive import Drive
-from placefield.matching.filter_kernels import Transition, advance, pick
+from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import (
     AGAIN,
-    FIND,
     HYPOTHESES,
     LOSE,
     REACH,
@@ -31,13 +39,13 @@ from placefield.matching.motion import (
     SPEEDS,
     Array,
     StepLengths,
-    mean_student,
     motion,
-    step_likelihoods,
+    step_likelihood,
 )
 from placefield.matching.odometry import Road, Way, carry, speeds_of
 from placefield.matching.partial_results import Share
-from placefield.matching.trace import NEGLIGIBLE, Trace, most
+from placefield.matching.trace import NEGLIGIBLE, Trace, Transit, most
+from placefield.matching.way_kernel import spread
 
 _NOVEL = 0.25  # a frame that is newer than this counts in full
 
@@ -108,9 +116,10 @@ class PlaceFilter:
     def local(self, observation: Observation) -> Share:
         """Predict, and update by what the shard's places have of the frame."""
         self._observation = observation
-        self._counts = np.minimum((AGAIN, 1), observation.novelty / _NOVEL).astype(np.float32)
-        likelihood = np.exp(observation.evidence)
+        counts = (min(count, observation.novelty / _NOVEL) for count in (AGAIN, 1))
+        self._counts = np.fromiter(counts, np.float32, 2)
         seen = np.exp(self._counts[:, None] * observation.evidence)
+        likelihood = seen[1] if self._counts[1] == 1 else np.exp(observation.evidence)
         of_speed = np.empty((2, len(SPEEDS)))
         if not self.begun:
             predicted, expected = self._begin(seen, of_speed)
@@ -128,7 +137,7 @@ class PlaceFilter:
             self._border(),
             places + np.int32(self._own.start),
             observation.evidence[places],
-            np.ascontiguousarray(self._belief[:, :, places].transpose(2, 0, 1)),
+            beliefs_at(self._belief, places),
         )
 
     def _begin(self, seen: Array, of_speed: Vector) -> tuple[float, float]:
@@ -144,64 +153,33 @@ class PlaceFilter:
     def _advance(self, seen: Array, likelihood: Array, of_speed: Vector) -> tuple[float, float]:
         """Predict and update the beliefs; return the sums before the update that a share has."""
         self._prior = self.drive.prior.astype(np.float32)
-        self._stray, self._jump = self._step_likelihood_when_lost(SPEEDS)
-        adrift = self._adrift(self._lost / self._total)
-        transition = Transition(
-            self._motion,
-            self._prior,
-            (1 - LOSE) / self._total,
-            self._anywhere(FIND * adrift),
-            self._observation.step,
-            self._lengths.standing,
-        )
+        lengths, step = self._lengths, self._observation.step
+        self._stray, self._jump = step_likelihood_when_lost(lengths, SPEEDS, step)
+        lost = self._lost / self._total
+        adrift = drift(lost, self._motion.change, self._unlearned, self._stray)
+        jumped = self._jump * (1 - float(lost.sum())) * self._unlearned
+        found, self._lost = find_and_lose(adrift, jumped, self._all_places)
+        kept = (1 - LOSE) / self._total
+        transition = Transition(self._motion, self._prior, kept, found, step, lengths.standing)
         halo = np.float32(1 - LOSE) * self._halo
-        on_map = 1 - float(self._lost.sum()) / self._total
-        self._lost = (1 - FIND) * adrift + LOSE * self._jump * on_map * self._unlearned
         return advance(
             self._belief, halo, transition, self._apart, seen, likelihood, self._of_place, of_speed
         )
-
-    def _adrift(self, lost: Vector) -> Vector:
-        """Predict the speed, (S,), of a vehicle that was lost, and weigh it by the observed step.
-
-        It keeps its speed for a while, as one on the map does.
-        """
-        change = self._motion.change
-        kept = (1 - change) * lost + self._unlearned * float(change @ lost)
-        return np.asarray(kept * self._stray)
-
-    def _step_likelihood_when_lost(self, speeds: Vector) -> tuple[Vector, float]:
-        """Of a vehicle that stays lost, at each of these speeds, and of one that jumps."""
-        step = self._observation.step
-        if step < 0:
-            return np.ones(len(speeds)), 1.0
-        some = np.empty((len(speeds), self._lengths.some.shape[1]), np.float32)
-        step_likelihoods(self._lengths.some, self._lengths.standing, speeds, step, some)
-        return some.mean(axis=1, dtype=np.float64), mean_student(self._lengths.jumps, step)
 
     def _advance_by(
         self, road: Road, way: Way, seen: Array, likelihood: Array, of_speed: Vector
     ) -> tuple[float, float]:
         """Predict by odometry: it tells the speed of every vehicle, on the map and lost."""
         self._prior = self.drive.prior.astype(np.float32)
-        speeds = speeds_of(way.pace / road.spacing)
-        carried = self._carried(road, way)
+        speeds, carried = speeds_of(way.pace / road.spacing), self._carried(road, way)
         steps, self._stray, self._jump = self._likelihoods_of_way(way, road)
         lost = float(self._lost.sum()) / self._total
-        adrift = self._stray * lost * speeds
-        found = self._anywhere(FIND * adrift)
-        left = LOSE * self._jump * (1 - lost) * speeds
-        self._lost = (1 - FIND) * adrift + left
-        self._belief[:], of_speed[:] = 0, 0
-        predicted = np.zeros(len(likelihood), np.float32)
-        for speed in np.flatnonzero(speeds):
-            stayed, came = np.float32(speeds[speed]) * steps * carried
-            came += found[:, speed, None]
-            predicted += stayed[0] + came[0]
-            self._belief[:, speed] = stayed * seen[0] + came * seen[1]
-            of_speed[:, speed] = [sum_of(row) for row in self._belief[:, speed]]
-        self._of_place = self._belief.sum(axis=1)
-        return sum_of(predicted), sum_of(predicted * likelihood)
+        adrift, jumped = self._stray * lost * speeds, self._jump * (1 - lost) * speeds
+        found, self._lost = find_and_lose(adrift, jumped, self._all_places)
+        driven = speeds.astype(np.float32)
+        return spread(
+            self._belief, carried, steps, driven, found, seen, likelihood, self._of_place, of_speed
+        )
 
     def _carried(self, road: Road, way: Way) -> Array:
         """Carry the beliefs of all shards on by a way, see ``carry``, to the own places."""
@@ -221,10 +199,10 @@ class PlaceFilter:
 
     def _likelihoods_of_way(self, way: Way, road: Road) -> tuple[Array, Vector, float]:
         """Of the observed step: by the place it leads to, (K,), when lost, (1,), and of a jump."""
-        speeds, step = np.array([way.pace / road.spacing]), self._observation.step
-        steps = np.empty((1, self._apart.shape[1]), np.float32)
-        step_likelihoods(self._apart, self._lengths.standing, speeds, step, steps)
-        return steps[0], *self._step_likelihood_when_lost(speeds)
+        lengths, pace, step = self._lengths, way.pace / road.spacing, self._observation.step
+        steps = np.empty(self._apart.shape[1], np.float32)
+        step_likelihood(self._apart, 0, lengths.standing, pace, step, steps)
+        return steps, *step_likelihood_when_lost(lengths, np.array([pace]), step)
 
     def _most_believed(self, total: float) -> NDArray[np.int32]:
         """Return at least those places of the shard that will be of some belief among all."""
@@ -248,7 +226,7 @@ class PlaceFilter:
             number: which of them this one's is.
         """
         seen = self._observation
-        of_speed = np.sum([share.of_speed for share in shares], axis=0)
+        of_speed = reduce(np.add, [share.of_speed for share in shares])
         self._total = float(of_speed.sum() + self._lost.sum())
         too_fast = of_speed[:, RESOLVED:].sum() + self._lost[RESOLVED:].sum()
         self.too_fast = min(float(too_fast) / self._total, 1.0)
@@ -267,34 +245,32 @@ class PlaceFilter:
 
     def _trace(self, shares: Sequence[Share]) -> Trace:
         belief = np.concatenate([share.belief for share in shares])
-        belief /= np.float32(self._total)
         evidence = np.concatenate([share.evidence for share in shares])
         places = np.concatenate([share.places for share in shares])
-        believed = belief.sum(axis=(1, 2))
-        kept = np.flatnonzero(believed >= min(NEGLIGIBLE, believed.max())).astype(np.int32)
-        kept = most(believed, kept)
-        return Trace(
+        believed = normalise(belief, self._total)
+        picked = np.empty(len(believed), np.int32)
+        least = min(NEGLIGIBLE, float(believed.max()))
+        kept = most(believed, picked[: pick(believed, least, picked)])
+        transit = Transit(
             places[kept],
-            belief[kept],
-            self._lost / self._total,
-            evidence[kept],
-            self._counts,
+            np.exp(self._counts[:, None] * evidence[kept]),
             self._prior,
             self._observation.step,
-            self._observation.way,
             self._stray,
             self._jump,
-            self._observation.novelty > 0,
         )
+        observed = self._observation.novelty > 0
+        lost = self._lost / self._total
+        return Trace(transit, belief[kept], lost, self._observation.way, observed)
 
-    @property
-    def belief(self) -> Array:
-        """Posterior of each place, (K,), at a speed that the map resolves.
+    def posterior(self) -> tuple[Array, int]:
+        """Return the posterior of each place, (K,), at a speed that the map resolves, and the best.
 
         What is missing to 1 is the posterior of being on none of them, or faster.
         """
-        resolved = self._of_place[0] - self._belief[0, RESOLVED:].sum(axis=0)
-        return np.asarray(np.maximum(resolved, 0) / np.float32(self._total))
+        posterior = np.empty(self._belief.shape[2], np.float32)
+        too_fast = self._belief[0, RESOLVED:]
+        return posterior, resolve(self._of_place[0], too_fast, self._total, posterior)
 
     @property
     def behind(self) -> Array:

@@ -7,6 +7,7 @@ costs about twice the filter's own pass, and less on a large map.
 """
 
 from collections import deque
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -81,13 +82,15 @@ class Smoother:
 
     def finish(self) -> list[Smoothed]:
         """Settle all frames: the stream is over."""
-        return self._settle(0)
+        smoothed = [_posterior(trace, ahead) for trace, ahead in self._back()]
+        self._waiting.clear()
+        return [Smoothed(lag, each) for lag, each in enumerate(smoothed)][::-1]
 
     def _settle(self, enough: int) -> list[Smoothed]:
         newest = len(self._waiting) - 1
         settled = []
-        for number, smoothed in enumerate(self._smooth()):
-            lag = newest - number
+        for number, (trace, ahead) in enumerate(reversed([*self._back()])):
+            smoothed, lag = _posterior(trace, ahead), newest - number
             if not (self._is_certain(smoothed, lag) or lag >= enough):
                 break
             settled.append(Smoothed(lag, smoothed))
@@ -101,19 +104,21 @@ class Smoother:
         probability = best_window(places, belief, self._tolerance, self._same)[1]
         return probability >= _CERTAIN or (probability <= _HOPELESS and lag >= _PATIENCE)
 
-    def _smooth(self) -> list[Posterior]:
-        """Return the posterior of each frame that waits, given all of them."""
-        smoothed: list[Posterior] = []
+    def _back(self) -> Iterator[tuple[Trace, Ahead] | tuple[None, None]]:
+        """Yield each frame that waits, from the newest on, and what follows it."""
         later: Trace | None = None
         ahead: Ahead | None = None
         for trace in reversed(self._waiting):
             if trace is None:
-                smoothed.append(NOWHERE)
+                yield None, None
                 continue
             if later is None or ahead is None:
                 ahead = self._backward.begin(trace)
             elif later is not trace:  # a repeated frame is no step of time
                 ahead = self._backward.back(later, ahead, trace)
-            smoothed.append(posterior(trace, ahead))
+            yield trace, ahead
             later = trace
-        return smoothed[::-1]
+
+
+def _posterior(trace: Trace | None, ahead: Ahead | None) -> Posterior:
+    return NOWHERE if trace is None or ahead is None else posterior(trace, ahead)

@@ -17,35 +17,48 @@ MOST_PLACES = 512
 """Places of most belief that the smoother knows of a frame."""
 
 
-class Trace(NamedTuple):
-    """What the smoother needs of a frame: n places that were believed in, and the transition.
+class Transit(NamedTuple):
+    """How a frame was come to, and what it showed in n places that were believed in.
 
     Attributes:
         places: (n,) int32, ascending.
-        belief: (n, 2, S) float32, posterior on the map and on its reverse.
-        lost: (S,) float64, posterior of being lost, at each speed.
-        evidence: (n,) float32, nats by which the frame is likelier at each place than when lost.
-        counts: (2,) float32, how much of that counts for a vehicle that was there already, and for
-            one that has come there.
-        prior: (S,) float32, of the speeds in the transition to this frame.
+        seen: (2, n) float32, by how much likelier the frame is at each than when lost, for a
+            vehicle that was there already, and for one that has come there.
+        prior: (S,) float32, of the speeds in the transition to the frame.
         step: length of the step to it, or ``UNKNOWN``.
-        way: of the step, None if it goes by the speeds.
         stray: (S,) float64, likelihood of that step for a lost vehicle.
         jump: likewise for one that jumps.
-        observed: whether the frame showed anything.
     """
 
     places: NDArray[np.int32]
-    belief: Array
-    lost: Vector
-    evidence: Array
-    counts: Array
+    seen: Array
     prior: Array
     step: float
-    way: Way | None
     stray: Vector
     jump: float
+
+
+class Trace(NamedTuple):
+    """What the smoother needs of a frame.
+
+    Attributes:
+        transit: to the frame; n places.
+        belief: (n, 2, S) float32, posterior on the map and on its reverse.
+        lost: (S,) float64, posterior of being lost, at each speed.
+        way: of the step to the frame, None if it goes by the speeds.
+        observed: whether the frame showed anything.
+    """
+
+    transit: Transit
+    belief: Array
+    lost: Vector
+    way: Way | None
     observed: bool
+
+    @property
+    def places(self) -> NDArray[np.int32]:
+        """Places that were believed in, (n,) int32, ascending."""
+        return self.transit.places
 
 
 def most(belief: Array, places: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -24,10 +24,10 @@ from placefield.matching.textbook import (
 
 Points = NDArray[np.float64]
 
-SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6, 7, 11.5]
+SPEEDS = [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 3 / 2, 2, 3, 4, 5, 6, 7, 9, 11]
 RESOLVED = 15  # speeds
-PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.5]) / 32
-REACH = 16
+PRIOR = np.array([2, 1, 1, 1, 2, 2, 2, 8, 2, 2, 2, 2, 2, 1, 1, 0.5, 0.25, 0.25]) / 32
+REACH = 12
 PERSISTENCE = 60  # frames
 STOP = 5
 STEP_DEVIATION = 0.3
@@ -183,7 +183,7 @@ class LiteralFilter:
     def step_chances(self, speed: float) -> list[float]:
         """Means over the speeds that one stands for."""
         widths = [0, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 4]
-        width = [*widths, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 4][SPEEDS.index(speed)]
+        width = [*widths, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 1][SPEEDS.index(speed)]
         around = [speed + width * (share / 100 - 1) for share in range(201)]
         return [
             sum(max(1 - abs(each - step), 0) for each in around) / 201 for step in range(REACH + 1)

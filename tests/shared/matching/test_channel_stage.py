@@ -157,7 +157,7 @@ def test_channels_that_answer_alike_are_answered_for_once(
 
 
 def test_shards_are_no_smaller_than_they_may_be(small_map: Map) -> None:
-    with pytest.raises(ConfigError, match="each needs 16; take 5"):
+    with pytest.raises(ConfigError, match="each needs 12; take 7"):
         ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(), 0, 80)
 
 

@@ -412,7 +412,7 @@ def test_there_are_no_other_shards(shard: int) -> None:
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("reverse", [False, True])
 def test_a_shard_is_as_long_as_the_longest_scale_or_step(rule: Rule, reverse: bool) -> None:
-    least = 16 if rule == "filter" else 12
+    least = 12
     channel = channel_of(identity_metric(random_walk(2 * least + 1, seed=1)))
     matching = MatchingConfig(rule=rule, reverse=reverse)
     shards = [ChannelShard(channel, matching, shard, 2) for shard in (0, 1)]

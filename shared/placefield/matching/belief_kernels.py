@@ -1,0 +1,139 @@
+"""What is read off the filter's beliefs, and those of a vehicle that is lost, in compiled loops."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.kernels import kernel, sum_of
+from placefield.matching.motion import (
+    FIND,
+    HYPOTHESES,
+    LOSE,
+    Array,
+    StepLengths,
+    mean_student,
+    step_likelihood,
+)
+
+Vector = NDArray[np.float64]
+Places = NDArray[np.int32]
+
+_FIND, _LOSE, _SHARES = FIND, LOSE, HYPOTHESES
+
+
+@kernel
+def pick(values: Array, least: float, picked: Places) -> int:
+    """Write the indices of values (K,) of at least so much, ascending; return how many."""
+    count, threshold = 0, np.float32(least)
+    for i in range(len(values)):
+        if values[i] >= threshold:
+            picked[count] = i
+            count += 1
+    return count
+
+
+@kernel
+def beliefs_at(belief: Array, places: Places) -> Array:
+    """Return the beliefs (2, S, K) float32 in n places, (n, 2, S)."""
+    hypotheses, speeds, _ = belief.shape
+    there = np.empty((len(places), hypotheses, speeds), np.float32)
+    for hypothesis in range(hypotheses):
+        for speed in range(speeds):
+            row = belief[hypothesis, speed]
+            for i in range(len(places)):
+                there[i, hypothesis, speed] = row[places[i]]
+    return there
+
+
+@kernel
+def normalise(belief: Array, total: float) -> Array:
+    """Divide beliefs (n, 2, S) float32 by their total, and return their sums by place, (n,)."""
+    sums = np.empty(len(belief), np.float32)
+    divisor = np.float32(total)
+    for i in range(len(belief)):
+        of_place = np.float32(0)
+        for hypothesis in range(belief.shape[1]):
+            for speed in range(belief.shape[2]):
+                share = belief[i, hypothesis, speed] / divisor
+                belief[i, hypothesis, speed] = share
+                of_place += share
+        sums[i] = of_place
+    return sums
+
+
+@kernel
+def resolve(of_place: Array, too_fast: Array, total: float, posterior: Array) -> int:
+    """Write the posterior of places at speeds that the map resolves; return where it is highest.
+
+    Args:
+        of_place: (K,) float32, sums of the beliefs over all speeds.
+        too_fast: (n, K) float32, beliefs at those that the map does not resolve.
+        total: of all beliefs.
+        posterior: (K,) float32, receives it.
+    """
+    divisor = np.float32(total)
+    for i in range(len(posterior)):
+        resolved = of_place[i]
+        for speed in range(len(too_fast)):
+            resolved -= too_fast[speed, i]
+        posterior[i] = max(resolved, np.float32(0)) / divisor
+    best = 0
+    for i in range(len(posterior)):
+        if posterior[i] > posterior[best]:
+            best = i
+    return best
+
+
+@kernel
+def step_likelihood_when_lost(
+    lengths: StepLengths, speeds: Vector, step: float
+) -> tuple[Vector, float]:
+    """Return how likely a step is of a vehicle that stays lost, (S,), and of one that jumps.
+
+    Args:
+        lengths: of steps on the map.
+        speeds: (S,) float64, places per frame.
+        step: its length; ``UNKNOWN`` is as likely as not.
+    """
+    stray, jump = np.ones(len(speeds)), 1.0
+    if step < 0:
+        return stray, jump
+    some = np.empty(lengths.some.shape[1], np.float32)
+    for speed in range(len(speeds)):
+        step_likelihood(lengths.some, 0, lengths.standing, speeds[speed], step, some)
+        stray[speed] = sum_of(some) / len(some)
+    return stray, mean_student(lengths.jumps, step)
+
+
+@kernel
+def drift(lost: Vector, change: Array, unlearned: Vector, stray: Vector) -> Vector:
+    """Predict the speed, (S,), of a vehicle that was lost, and weigh it by the observed step.
+
+    It keeps its speed for a while, as one on the map does.
+
+    Args:
+        lost: (S,) float64, posterior of being lost, at each speed.
+        change: (S,) float32, chance that the speed changes.
+        unlearned: (S,) float64, chance of each speed then.
+        stray: (S,) float64, likelihood of the step.
+    """
+    changed = (change * lost).sum()
+    return np.asarray(((1 - change) * lost + unlearned * changed) * stray)
+
+
+@kernel
+def find_and_lose(adrift: Vector, jumped: Vector, places: int) -> tuple[Array, Vector]:
+    """Find some of those that are lost, and lose some of those on the map.
+
+    Args:
+        adrift: (S,) float64, who was lost, at each speed.
+        jumped: (S,) float64, who was on the map, times how likely a jump is.
+        places: of the map.
+
+    Returns:
+        (2, S) float32, who is found, in each place, on the map and its reverse; (S,), who is lost.
+    """
+    found = np.empty((len(_SHARES), len(adrift)), np.float32)
+    for hypothesis in range(len(_SHARES)):
+        for speed in range(len(adrift)):
+            found[hypothesis, speed] = _SHARES[hypothesis] * _FIND * adrift[speed] / places
+    return found, np.asarray((1 - _FIND) * adrift + _LOSE * jumped)
