@@ -135,7 +135,7 @@ def test_matchers_are_told_the_metres_travelled_that_the_map_has(
 ) -> None:
     placemap = make_map(make_traverse(spacing=0.5))
     Recognizer(placemap)
-    (told,) = told_roads
+    told = told_roads[-1]
     assert told is not None
     assert np.diff(told.middles).tolist() == [0.5] * (placemap.places.count - 1)
 

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import TruthError
-from placefield.maps.map import STEPS
-from placefield.matching.best_window import twins_in
 
 _COLUMNS = ("query", "first", "last")
+_STEP = 6  # places at most between what consecutive places are the same as, on one stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +101,8 @@ class Truth:
 
         Args:
             same: the place that each place is the same as, (K,) int32, see ``Places``.
-
         """
-        if twins_in(same) is None:
+        if np.array_equal(same, np.arange(len(same))):
             return self
         order = np.argsort(same, kind="stable")
         ascending = same[order]
@@ -112,7 +110,7 @@ class Truth:
         for query, first, last in zip(self.query, self.first, self.last, strict=True):
             shown = same[first : last + 1]
             rows.append((query, first, last))
-            for stretch in np.split(shown, np.flatnonzero(np.abs(np.diff(shown)) > STEPS) + 1):
+            for stretch in np.split(shown, np.flatnonzero(np.abs(np.diff(shown)) > _STEP) + 1):
                 begin = np.searchsorted(ascending, stretch.min())
                 end = np.searchsorted(ascending, stretch.max(), side="right")
                 places = np.sort(order[begin:end])
