@@ -20,7 +20,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError, MessageError
-from placefield.features.descriptors import DescriptorModel, checked
+from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
 from placefield_services.metrics import serve_metrics
@@ -48,8 +48,10 @@ def run_channels(
     """Serve these channels of a map, or one of so many shards of them, until ``stop`` is set.
 
     Raises:
-        ConfigError: the map has no such channel, or too few places for so many shards.
+        ConfigError: the map has no such channel, or too few places for so many shards, or the rule
+            does not follow its descriptors.
     """
+    placemap.features.check_rule(config.matching.rule)
     for channel in channels:
         if channel >= len(placemap.channels):
             raise ConfigError(
@@ -136,7 +138,7 @@ class ChannelWorker:
     ) -> None:
         """Publish and count by run."""
         self._channels = channels
-        self._dimensions = len(model.components)
+        self._descriptors = model
         self._model = fingerprint(model)
         self._runs = {
             run: _Run(outlet, counts[run], StreamFollower(counts[run], partial(self._join, run)))
@@ -224,7 +226,7 @@ class ChannelWorker:
         if feature.descriptor is None:
             return None, feature.odometry_m
         try:
-            return checked(feature.descriptor, self._dimensions), feature.odometry_m
+            return self._descriptors.checked(feature.descriptor), feature.odometry_m
         except FrameError as error:
             raise MessageError(str(error)) from None
 

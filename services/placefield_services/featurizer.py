@@ -95,7 +95,7 @@ class Featurizer:
         counts: Mapping[str, Counter[str]],
     ) -> None:
         """Publish and count by run."""
-        self._standardises = model.standardise
+        self._standardises = model.follows_query
         self._stage = DescriptorStage(model)
         self._fingerprint = fingerprint(model)
         self._runs = {

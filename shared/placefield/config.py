@@ -19,6 +19,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from pydantic_settings import (
     BaseSettings,
+    InitSettingsSource,
     NoDecode,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
@@ -27,9 +28,13 @@ from pydantic_settings import (
 )
 
 from placefield.errors import ConfigError
+from placefield.presets import PRESETS, Preset
 
 ONNX = "onnx:"
 """What stands before the file of a network in a feature's kind."""
+
+CROSS_VALIDATION = "cross-validation"
+"""In place of a number that is to be chosen by it."""
 
 
 def _check_kind(kind: str) -> str:
@@ -53,6 +58,18 @@ def _check_distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+def _check_push(push: float | str) -> float | str:
+    if push == CROSS_VALIDATION:
+        return push
+    try:
+        share = float(push)
+    except ValueError:
+        share = -1
+    if not 0 <= share <= 1:
+        raise PydanticCustomError("push", f"give a share from 0 to 1, or {CROSS_VALIDATION}")
+    return share
+
+
 RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
 RunNames = Annotated[
     tuple[RunName, ...],
@@ -63,6 +80,8 @@ RunNames = Annotated[
 ]
 Endpoints = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split)]
 MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
+Solver = Literal["placefield", "metric-learn"]
+Fuzzifiers = tuple[Annotated[float, Field(gt=1)], Annotated[float, Field(gt=1)]]
 Rule = Literal["filter", "evidence", "lowest-score"]
 
 ENV_PREFIX = "PLACEFIELD_"
@@ -97,6 +116,30 @@ class FeatureConfig(_Section):
     standardise: bool = Field(
         True, description="take the query's running mean and deviation out of its features"
     )
+    plain_pca: bool = Field(
+        False,
+        description="PCA of the features as they are, neither standardised nor of unit length; "
+        "true: the paper",
+    )
+
+    def serve(self, rule: Rule) -> bool:
+        """Tell whether a rule follows such descriptors.
+
+        The constants of ``filter`` are of descriptors of unit length, not of those of plain PCA.
+        """
+        return rule != "filter" or not self.plain_pca
+
+    def check_rule(self, rule: Rule) -> None:
+        """Refuse a rule that does not follow such descriptors.
+
+        Raises:
+            ConfigError: it does not.
+        """
+        if not self.serve(rule):
+            raise ConfigError(
+                "rule filter: does not follow descriptors of plain PCA (features.plain_pca), as "
+                "this map has: give --preset paper, or --set matching.rule=lowest-score"
+            )
 
 
 class ScaleConfig(_Section):
@@ -107,7 +150,17 @@ class ScaleConfig(_Section):
     position_weight: float = Field(
         1.0, ge=0, description="weight of the position in the route when clustering; 0: the paper"
     )
-    min_scale: int = Field(4, ge=2, description="shortest active segment, frames")
+    fuzzifiers: Fuzzifiers = Field(
+        (1.02, 1.4), description="of the first channel and of the last; the others lie between"
+    )
+    same_start: bool = Field(
+        False,
+        description="all channels begin to cluster alike and differ by fuzzifier only; true: the "
+        "paper",
+    )
+    min_scale: int = Field(
+        4, ge=2, description="shortest active segment, frames; lowest-score: its smallest scale"
+    )
     min_scale_metres: float = Field(
         0.0, ge=0, description="the same in metres, where the reference has poses; 0: in frames"
     )
@@ -120,14 +173,30 @@ class MetricConfig(_Section):
     neighbours: int = Field(
         3, ge=1, description="target neighbours of a frame (k), of lmnn; of lfda, its k"
     )
-    push: float = Field(
-        0.5, ge=0, le=1, description="share of lmnn's push term; the paper's λ: push / (1 - push)"
+    push: Annotated[float | str, AfterValidator(_check_push)] = Field(
+        0.5,
+        description="share of lmnn's push term; the paper's λ: push / (1 - push); cross-validation "
+        "chooses it",
     )
     steps: int = Field(30, ge=1, description="of lmnn or nca, at most")
+    solver: Solver = Field(
+        "placefield", description="whose lmnn: placefield's, or metric-learn's, which is slower"
+    )
     gate: bool = Field(
         True,
         description="keep it only where it recognises another traverse better; false: the paper",
     )
+
+    @property
+    def push_share(self) -> float:
+        """The push as a number, which cross-validation has been done for, if it was to choose it.
+
+        Raises:
+            ConfigError: it has not.
+        """
+        if isinstance(self.push, str):
+            raise ConfigError(f"metric.push: {self.push} has not been done; give a share")
+        return self.push
 
 
 class MatchingConfig(_Section):
@@ -182,6 +251,9 @@ class Config(_Section):
     """All that describes a run, or several on one map."""
 
     runs: RunNames = Field(("default",), description="their names, with commas between them")
+    preset: Preset | None = Field(
+        None, description="many settings in one word, where no other is given; paper: as published"
+    )
     seed: int = Field(0, ge=0, description="of everything random")
     bus: BusConfig = BusConfig()
     features: FeatureConfig = FeatureConfig()
@@ -219,6 +291,8 @@ def _check_sections(environment: Iterable[str]) -> None:
 def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
     """Read the configuration: flags over the environment over the file over the defaults.
 
+    A preset, wherever it is named, takes the place of the defaults.
+
     Args:
         file: TOML, one table per section.
         flags: nested like the configuration, as ``{"scales": {"channels": 8}}``.
@@ -247,7 +321,11 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
             dotenv_settings: PydanticBaseSettingsSource,
             file_secret_settings: PydanticBaseSettingsSource,
         ) -> tuple[PydanticBaseSettingsSource, ...]:
-            return init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+            given = init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+            named = next((name for source in given if (name := source().get("preset"))), None)
+            # An unknown one is refused where all is validated.
+            preset = PRESETS[named] if isinstance(named, str) and named in PRESETS else {}
+            return *given, InitSettingsSource(settings_cls, init_kwargs=dict(preset))
 
     try:
         return Config.model_validate(Loader(**(flags or {})).model_dump())

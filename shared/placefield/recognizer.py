@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.errors import FrameError
 from placefield.features.descriptor_stage import DescriptorStage
-from placefield.features.descriptors import checked
 from placefield.features.images import Image, check_pixels, load
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
@@ -28,8 +27,13 @@ class Recognizer:
     """
 
     def __init__(self, placemap: Map, config: MatchingConfig = _DEFAULTS) -> None:
-        """Begin a stream on a map, with the rule of a configuration."""
-        self._dimensions = len(placemap.model.components)
+        """Begin a stream on a map, with the rule of a configuration.
+
+        Raises:
+            ConfigError: the rule does not follow the map's descriptors.
+        """
+        placemap.features.check_rule(config.rule)
+        self._model = placemap.model
         self._images = DescriptorStage(placemap.model).new_stream()
         channels = dict(enumerate(placemap.channels))
         places = placemap.places
@@ -85,7 +89,7 @@ class Recognizer:
                 matched.
         """
         _check_odometry(odometry_m)
-        observed = None if descriptor is None else checked(descriptor, self._dimensions)
+        observed = None if descriptor is None else self._model.checked(descriptor)
         compared = None if observed is None else next(self._channels.compare([observed]))
         return self._stream.push(compared, odometry_m)
 

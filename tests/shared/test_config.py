@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield.config import ENV_PREFIX, Config, Rule, load_config
+from placefield.config import ENV_PREFIX, Config, MatchingConfig, Rule, load_config
 from placefield.errors import ConfigError
 
 
@@ -114,6 +114,8 @@ def test_toml_shows_every_setting_that_has_a_value() -> None:
     assert shown["scales"] == {
         "channels": 4,
         "position_weight": 1.0,
+        "fuzzifiers": [1.02, 1.4],
+        "same_start": False,
         "min_scale": 4,
         "min_scale_metres": 0.0,
     }
@@ -172,3 +174,46 @@ def test_what_is_about_one_run_is_refused_several() -> None:
     assert Config().run == "default"
     with pytest.raises(ConfigError, match="runs day, night: give one of them with --run"):
         _ = Config(runs=("day", "night")).run
+
+
+def test_a_preset_takes_the_place_of_the_defaults_and_what_is_given_wins(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text('preset = "paper"\n[metric]\npush = 0.25\n')
+    config = load_config(file, {"scales": {"channels": 8}})
+    assert config.preset == "paper"
+    assert config.features.plain_pca
+    assert not config.metric.gate
+    assert config.metric.push == 0.25
+    assert (config.scales.channels, config.scales.position_weight) == (8, 0.0)
+    assert config.matching.rule == "lowest-score"
+    assert config.matching.tolerance == MatchingConfig().tolerance
+    assert load_config(file, {"matching": {"rule": "evidence"}}).matching.rule == "evidence"
+
+
+@pytest.mark.parametrize("from_environment", [True, False])
+def test_a_preset_is_known_by_its_name_wherever_it_is_given(
+    from_environment: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if from_environment:
+        monkeypatch.setenv("PLACEFIELD_PRESET", "paper")
+    assert load_config(None, {} if from_environment else {"preset": "paper"}).features.plain_pca
+    with pytest.raises(ConfigError, match=r"setting preset: .*'paper'.*given: 'papers'"):
+        load_config(None, {"preset": "papers"})
+
+
+def test_what_a_preset_makes_is_read_back_as_it_is(tmp_path: Path) -> None:
+    config = load_config(None, {"preset": "paper"})
+    file = tmp_path / "settings.toml"
+    file.write_text(config.to_toml())
+    assert load_config(file) == config
+
+
+@pytest.mark.parametrize("push", [-0.1, 1.1, "half", "nan"])
+def test_push_is_a_share_or_is_to_be_chosen_by_cross_validation(push: object) -> None:
+    with pytest.raises(ConfigError, match=r"metric\.push: give a share from 0 to 1, or cross-val"):
+        load_config(None, {"metric": {"push": push}})
+    assert load_config(None, {"metric": {"push": "0.25"}}).metric.push == 0.25
+    chosen = load_config(None, {"metric": {"push": "cross-validation"}})
+    assert chosen.metric.push == "cross-validation"
+    with pytest.raises(ConfigError, match="has not been done"):
+        print(chosen.metric.push_share)

@@ -225,7 +225,7 @@ def judge_smoothed(matches: Sequence[SmoothedMatch], truth: Truth) -> Judged:
 def evaluate(
     map_path: Path, query: Query, truth_of: TruthOf, config: Config, *, services: bool
 ) -> Evaluation:
-    """Match a query against a map by every rule, and judge the matches, causal and smoothed.
+    """Match a query against a map by every rule that serves, and judge causal and smoothed matches.
 
     Args:
         map_path: the map.
@@ -247,7 +247,7 @@ def evaluate(
         drive, undriven = drive_in(source, len(raws))
         truth = truth_of(undriven, placemap.places.count).shared(placemap.places.same)
         truth = truth.along(drive.frames, drive.foreign)
-        for rule in RULES:
+        for rule in filter(placemap.features.serve, RULES):
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
                 ruled = config.model_copy(update={"matching": matching})

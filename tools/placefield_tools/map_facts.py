@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from placefield.config import MetricConfig
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, Places
 
@@ -10,16 +11,26 @@ def map_facts(opened: Map) -> dict[str, str]:
     """Say what a map was made of, each under a name."""
     model = opened.model
     made = "standardised" if model.standardise else "not standardised"
+    if model.plain:
+        made = "plain PCA"
     return {
+        "preset": opened.preset or "none",
         "places": f"{opened.places.count}, {_poses(opened.pose_frame)}",
         "travelled": _travelled(opened.places),
         "driven again": _driven_again(opened.places),
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
-        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions",
-        "metric": opened.metric.kind,
+        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
+        f"{model.variance_kept:.1%} of the variance",
+        "smallest scale": f"{opened.channels[0].smallest} frames",
+        "metric": _metric(opened.metric),
         "search": "coarse look first" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
     }
+
+
+def _metric(config: MetricConfig) -> str:
+    """Say how metrics were learned."""
+    return f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
 
 
 def _travelled(places: Places) -> str:

@@ -8,7 +8,6 @@ matching is as in AMS, under the rule ``lowest-score``. Which scales and offsets
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +25,7 @@ def fixed_scale_channels(places: int, scales: Sequence[int] = SCALES) -> tuple[C
     """Cut a reference traverse twice per scale, the second time half a segment later.
 
     What is left over at either end is inactive. Each channel matches at its own scale and, within
-    that field, at the smallest of all.
+    that field, at the smallest of all, which the map is told as its shortest segment.
 
     Args:
         places: frames of the reference traverse.
@@ -35,13 +34,10 @@ def fixed_scale_channels(places: int, scales: Sequence[int] = SCALES) -> tuple[C
     Raises:
         MapError: the reference is too short for two segments of a scale.
     """
-    smallest = min(scales)
-    return tuple(
-        _channel(places, scale, offset, smallest) for scale in scales for offset in (0, scale // 2)
-    )
+    return tuple(_channel(places, scale, offset) for scale in scales for offset in (0, scale // 2))
 
 
-def _channel(places: int, scale: int, offset: int, smallest: int) -> Channel:
+def _channel(places: int, scale: int, offset: int) -> Channel:
     clusters = ((np.arange(places) + -offset % scale) // scale).astype(np.int32)
     encoding = encode(clusters, scale)
     if len(encoding.segments) < _MIN_SEGMENTS:
@@ -49,5 +45,4 @@ def _channel(places: int, scale: int, offset: int, smallest: int) -> Channel:
             f"the reference of {places} frames is too short for the fixed scale {scale}: give a "
             f"smaller scale, or at least {_MIN_SEGMENTS * scale + scale // 2} frames"
         )
-    matched = np.array(sorted({smallest, scale}), np.int32)
-    return Channel(_CRISP, clusters, replace(encoding, scales=matched))
+    return Channel(_CRISP, clusters, encoding)

@@ -3,6 +3,10 @@
 A raw feature is divided by its length (contrast varies with the light), standardised by the mean
 and deviation of its traverse (the light and the camera of a traverse are common to all its frames),
 reduced by PCA and divided by its length again, so that distances compare directions alone.
+
+By plain PCA, as published, a raw feature is less its mean, and reduced. It is then put in a unit in
+which no descriptor is longer than 1, so that those of both kinds can be kept alike; what is the
+nearest does not depend on a unit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +27,7 @@ PRIOR_FRAMES = 20
 _LEAST_DEVIATION = 1e-6
 _BLANK = 1e-5  # of the largest value: raw features of an even image differ by rounding
 _ROUNDED = 1e-3  # so far from 1 a descriptor's length may be
+_FARTHEST = 4.0  # a query's plain descriptor may be so many times as long as the longest place's
 _BLOCK = 512  # frames whose standardised features are held at once
 
 Array = NDArray[np.float32]
@@ -36,9 +41,13 @@ class DescriptorModel:
     Attributes:
         kind: of the raw features.
         standardise: whether a query's running mean and deviation replace the reference's.
-        mean: (D,) float32, of the reference's raw features at unit length.
-        deviation: (D,) float32, likewise.
+        mean: (D,) float32, of the reference's raw features at unit length; in plain PCA, of the
+            features as they are.
+        deviation: (D,) float32, likewise; in plain PCA, the one unit of descriptors.
         components: (N, D) float32, orthonormal rows: the principal axes.
+        variance_kept: share of the reference's variance that lies along them, 0 to 1.
+        plain: whether this is plain PCA. Nothing is then standardised, whatever ``standardise``
+            says, and nothing is brought to unit length.
         network: that the raw features are the output of, if so.
     """
 
@@ -47,15 +56,49 @@ class DescriptorModel:
     mean: Array
     deviation: Array
     components: Array
+    variance_kept: float
+    plain: bool = False
     network: Network | None = None
+
+    @property
+    def follows_query(self) -> bool:
+        """Whether a descriptor depends on the frames of the stream before it."""
+        return self.standardise and not self.plain
 
     def of_reference(self, raws: Array) -> Array:
         """Make descriptors (..., N) of raw features (..., D), standardised as the reference is."""
+        if self.plain:
+            return self.reduce(_standardise(raws, self.mean, self.deviation))
         return self.reduce(_standardise(unit_length(raws), self.mean, self.deviation))
 
     def reduce(self, standardised: Array) -> Array:
-        """Project standardised features (..., D) on the principal axes; unit length, (..., N)."""
-        return unit_length(standardised @ self.components.T)
+        """Project standardised features (..., D) on the principal axes, (..., N).
+
+        They are of unit length then, but for those of plain PCA.
+        """
+        reduced = standardised @ self.components.T
+        return reduced if self.plain else unit_length(reduced)
+
+    def checked(self, descriptor: Array) -> Array | None:
+        """Return a descriptor (N,) that comes from elsewhere; None for length 0: nothing seen.
+
+        A longer one would overflow in the matching, one that is not finite spoil the rest of its
+        stream, and a shorter one, but for those of plain PCA, be matched by its rounding.
+
+        Raises:
+            FrameError: its shape or its length is not that of a descriptor of this model.
+        """
+        dimensions = len(self.components)
+        if descriptor.shape != (dimensions,):
+            raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
+        length = float(np.linalg.norm(descriptor.astype(np.float64)))
+        if length == 0:
+            return None
+        if self.plain and length <= 1:
+            return descriptor
+        if not abs(length - 1) <= _ROUNDED or self.plain:  # nor is NaN
+            raise FrameError(f"descriptor of length {length:.3g}, not 1" + " at most" * self.plain)
+        return descriptor
 
 
 def unit_length(vectors: Array) -> Array:
@@ -65,31 +108,13 @@ def unit_length(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
 
-def checked(descriptor: Array, dimensions: int) -> Array | None:
-    """Return a descriptor (N,) that comes from elsewhere; None for one of length 0: nothing seen.
-
-    A longer one would overflow in the matching, one that is not finite spoil the rest of its
-    stream, and a shorter one be matched by its rounding.
-
-    Raises:
-        FrameError: its shape is another, or its length neither 1 nor 0.
-    """
-    if descriptor.shape != (dimensions,):
-        raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
-    length = float(np.linalg.norm(descriptor.astype(np.float64)))
-    if length == 0:
-        return None
-    if not abs(length - 1) <= _ROUNDED:  # nor is NaN
-        raise FrameError(f"descriptor of length {length:.3g}, not 1")
-    return descriptor
-
-
 def fit_descriptors(
     traverses: Sequence[Array],
     kind: FeatureKind,
     *,
     dimensions: int,
     standardise: bool,
+    plain: bool = False,
     network: Network | None = None,
 ) -> tuple[DescriptorModel, list[Array]]:
     """Fit the model on reference traverses, and return it with their descriptors.
@@ -100,11 +125,14 @@ def fit_descriptors(
         dimensions: N at most; fewer where there are fewer frames than that.
         standardise: whether every traverse after the first is standardised by its own mean and
             deviation, as a query will be.
+        plain: whether it is plain PCA instead.
         network: that the features are the output of, if so.
 
     Returns:
         The model, and for each traverse its descriptors, (K, N) float32.
     """
+    if plain:
+        return _fit_plain(traverses, kind, dimensions, standardise, network)
     moments = [_moments(traverse) for traverse in traverses]
     if not standardise:
         moments = [moments[0]] * len(traverses)
@@ -112,10 +140,38 @@ def fit_descriptors(
     def standardised() -> Iterator[Iterator[Array]]:
         return map(_standardised, traverses, moments)
 
-    components = _principal_axes(lambda: chain.from_iterable(standardised()), dimensions)
-    model = DescriptorModel(kind, standardise, *moments[0], components, network)
+    components, kept = _principal_axes(lambda: chain.from_iterable(standardised()), dimensions)
+    model = DescriptorModel(
+        kind, standardise, *moments[0], components, variance_kept=kept, network=network
+    )
     return model, [
         np.concatenate([model.reduce(block) for block in traverse]) for traverse in standardised()
+    ]
+
+
+def _fit_plain(
+    traverses: Sequence[Array],
+    kind: FeatureKind,
+    dimensions: int,
+    standardise: bool,
+    network: Network | None,
+) -> tuple[DescriptorModel, list[Array]]:
+    """Fit plain PCA; the unit is such that no descriptor of the traverses is longer than 1/4."""
+    mean = traverses[0].mean(axis=0, dtype=np.float64).astype(np.float32)
+    units = np.ones_like(mean)
+
+    def centred() -> Iterator[Array]:
+        return (raws[rows] - mean for raws in traverses for rows in blocks(len(raws), _BLOCK))
+
+    components, kept = _principal_axes(centred, dimensions)
+    longest = max(np.linalg.norm(block @ components.T, axis=1).max() for block in centred())
+    unit = units * np.float32(_FARTHEST * longest or 1)
+    model = DescriptorModel(
+        kind, standardise, mean, unit, components, variance_kept=kept, plain=True, network=network
+    )
+    return model, [
+        np.concatenate([model.of_reference(raws[rows]) for rows in blocks(len(raws), _BLOCK)])
+        for raws in traverses
     ]
 
 
@@ -141,10 +197,13 @@ def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
     return (vectors - mean) / deviation
 
 
-def _principal_axes(in_blocks: Callable[[], Iterator[Array]], dimensions: int) -> Array:
+def _principal_axes(
+    in_blocks: Callable[[], Iterator[Array]], dimensions: int
+) -> tuple[Array, float]:
     """Principal axes (N, D) of vectors that come in blocks (B, D), of which few are held at once.
 
-    Of their covariance, or, of vectors fewer than their dimensions, of themselves.
+    Of their covariance, or, of vectors fewer than their dimensions, of themselves. With them comes
+    the share of the vectors' variance that lies along them.
     """
     count, total = 0, np.zeros(1)
     for block in in_blocks():
@@ -152,15 +211,18 @@ def _principal_axes(in_blocks: Callable[[], Iterator[Array]], dimensions: int) -
     mean = total / count
     if count <= len(mean):
         vectors = np.concatenate(list(in_blocks())) - mean.astype(np.float32)
-        axes = np.linalg.svd(vectors, full_matrices=False)[2]
+        _, lengths, axes = np.linalg.svd(vectors, full_matrices=False)
+        variances = lengths.astype(np.float64) ** 2
     else:
         covariance = np.zeros((len(mean), len(mean)))
         for block in in_blocks():
             centred = block - mean
             covariance += centred.T @ centred
-        axes = np.linalg.eigh(covariance)[1].T[::-1]
+        ascending, columns = np.linalg.eigh(covariance)
+        variances, axes = ascending[::-1], columns.T[::-1]
     rank = min(dimensions, count - 1, len(mean))
-    return np.ascontiguousarray(axes[:rank], np.float32)
+    kept = float(variances[:rank].sum() / (variances.sum() or 1))
+    return np.ascontiguousarray(axes[:rank], np.float32), min(max(kept, 0.0), 1.0)
 
 
 @dataclass(frozen=True)
@@ -196,13 +258,14 @@ class DescriptorStream:
         the same value throughout. The stream is as it was.
 
         Raises:
-            FrameError: the feature is of another shape, or not finite; the stream is as it was.
+            FrameError: the feature is of another shape, not finite or, in plain PCA, more than 4
+                times as far from the reference's mean as any place; the stream is as it was.
         """
         self._check(raw)
         if np.ptp(raw) <= _BLANK * np.abs(raw).max():
             return None
-        if not self._model.standardise:
-            return self._model.of_reference(raw)
+        if not self._model.follows_query:
+            return self._model.checked(self._model.of_reference(raw))
         unit = unit_length(raw)
         frames = self.moments.frames + 1
         sums = self.moments.sums + np.stack([unit, unit.astype(np.float64) ** 2])

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config
+from placefield.config import Config, MetricConfig
 from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions
@@ -16,8 +16,10 @@ from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
+from placefield.metric.cross_validation import choose_push
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
 from placefield.scales.channels import Channel, Run, make_channels
+from placefield.scales.encoding import smallest_scale
 
 HELD_BACK = 0.2  # of the reference, as in the paper
 
@@ -59,23 +61,37 @@ def adaptive_channels(
             metres, but the reference has no poses.
     """
     scales = config.scales
-    in_metres = scales.min_scale_metres > 0
-    if in_metres and not len(traverse.poses):
-        raise MapError(
-            f"--min-scale {scales.min_scale_metres:g}m: {traverse.name} has no poses; give the "
-            "smallest scale in frames, or poses in its frames.csv"
-        )
+    min_scale, way = _lower_limit(traverse, config)
     return make_channels(
         descriptors,
         channels=scales.channels,
         clusters=scales.clusters,
+        fuzzifiers=scales.fuzzifiers,
+        same_start=scales.same_start,
         position_weight=scales.position_weight,
-        min_scale=scales.min_scale_metres or scales.min_scale,
-        travelled=travelled(traverse.poses) if in_metres else None,
+        min_scale=min_scale,
+        travelled=way,
         seed=config.seed,
         run=run,
         progress=lambda number, share: progress(number, "clustering", share),
     )
+
+
+def _lower_limit(traverse: Traverse, config: Config) -> tuple[float, NDArray[np.floating] | None]:
+    """Return the shortest active segment, and the way along the places where it is in metres.
+
+    Raises:
+        MapError: it is in metres, but the traverse has no poses.
+    """
+    scales = config.scales
+    if not scales.min_scale_metres:
+        return scales.min_scale, None
+    if not len(traverse.poses):
+        raise MapError(
+            f"--min-scale {scales.min_scale_metres:g}m: {traverse.name} has no poses; give the "
+            "smallest scale in frames, or poses in its frames.csv"
+        )
+    return scales.min_scale_metres, travelled(traverse.poses)
 
 
 def build_map(
@@ -109,6 +125,7 @@ def build_map(
         features.kind,
         dimensions=dimensions,
         standardise=features.standardise,
+        plain=features.plain_pca,
         network=network,
     )
     first, places = traverses[0], descriptors[0]
@@ -119,6 +136,10 @@ def build_map(
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.matching.coarse_from)
     encoded = cut(places, first, config)
+    smallest = smallest_scale(*_lower_limit(first, config))
+    labels = [np.tile(channel.encoding.labels, len(traverses))[order] for channel in encoded]
+    places_of = np.tile(np.arange(len(places)), len(traverses))[order]
+    metric_config = _with_push(config, probes, labels[0], reference, places_of)
     trained = len(reference) - len(traverses) * int(held_back.sum())
 
     def learn(number: int) -> MapChannel:
@@ -126,19 +147,22 @@ def build_map(
             progress(number, "learning", share)
 
         learned(0)
-        labels = np.tile(encoded[number].encoding.labels, len(traverses))[order]
-        metric = _metric(labels, reference, trained, probes, config, learned)
-        channel = _map_channel(encoded[number], metric, identity, places)
+        metric = _metric(
+            labels[number], reference, trained, probes, metric_config, config.seed, learned
+        )
+        channel = _map_channel(encoded[number], smallest, metric, identity, places)
         learned(1)
         return channel
 
-    same = same_places(places)
+    # Found by the rule filter, which does not follow plain descriptors.
+    same = np.arange(len(places), dtype=np.int32) if model.plain else same_places(places)
     channels = tuple(run(learn, range(len(encoded))))
     return Map(
+        preset=config.preset,
         seed=config.seed,
         features=features,
         scales=config.scales,
-        metric=config.metric,
+        metric=metric_config,
         traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
@@ -180,7 +204,7 @@ def _probes(descriptors: Sequence[Array], held_back: NDArray[np.bool_]) -> Probe
 
 
 def _map_channel(
-    channel: Channel, learned: LearnedMetric, identity: MapMetric, places: Array
+    channel: Channel, smallest: int, learned: LearnedMetric, identity: MapMetric, places: Array
 ) -> MapChannel:
     metric = identity
     if learned.learned:
@@ -193,6 +217,7 @@ def _map_channel(
         labels=channel.encoding.labels,
         segments=channel.encoding.segments,
         scales=channel.encoding.scales,
+        smallest=smallest,
         curve=learned.curve,
     )
 
@@ -202,10 +227,11 @@ def _metric(
     reference: Array,
     trained: int,
     probes: Probes | None,
-    config: Config,
+    config: MetricConfig,
+    seed: int,
     progress: Callable[[float], None],
 ) -> LearnedMetric:
-    if config.metric.kind == "identity":
+    if config.kind == "identity":
         identity = np.eye(reference.shape[1], dtype=np.float32)
         return LearnedMetric(identity, "none was asked for", np.empty((0, 2)))
     return learn_projection(
@@ -213,10 +239,30 @@ def _metric(
         labels,
         trained,
         probes,
-        config.metric,
-        config.seed,
-        on_step=lambda step, *_: progress(step / config.metric.steps),
+        config,
+        seed,
+        on_step=lambda step, *_: progress(step / config.steps),
     )
+
+
+def _with_push(
+    config: Config,
+    probes: Probes | None,
+    labels: NDArray[np.int32],
+    reference: Array,
+    places: NDArray[np.integer],
+) -> MetricConfig:
+    """Return the settings of the metric with push as a number, for all channels.
+
+    Cross-validation is on the labels of the first channel, if a metric is to be learned at all.
+    """
+    metric = config.metric
+    if not isinstance(metric.push, str):
+        return metric
+    if metric.kind != "lmnn" or (metric.gate and probes is None):
+        return metric.model_copy(update={"push": MetricConfig().push})
+    push = choose_push(reference, labels, places, metric, config.seed)
+    return metric.model_copy(update={"push": push})
 
 
 def _places(traverse: Traverse, same: NDArray[np.int32]) -> Places:

@@ -10,6 +10,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
 from placefield.maps.reading import open_inside
+from placefield.presets import Preset
 
 SUFFIX = ".pfmap"
 """Of a map's folder."""
@@ -66,21 +67,27 @@ class Manifest(_Record):
     Attributes:
         format: version of the map format.
         placefield: version of the program that built it.
+        preset: by which it was built; none if by none.
         model: fingerprint of the descriptor model.
+        variance_kept: share of the features' variance that its descriptors keep.
         network: what the network takes that the features are of; none if they are of none.
+        smallest_scale: of all channels, frames.
         pose_frame: name of the frame that the poses are in; none if there are none.
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
-    format: Literal[4] = 4
+    format: Literal[5] = 5
     placefield: str
+    preset: Preset | None
     seed: int
     features: FeatureConfig
     scales: ScaleConfig
     metric: MetricConfig
     model: str
+    variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
     places: int = Field(ge=1)
+    smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)

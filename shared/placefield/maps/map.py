@@ -12,6 +12,7 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import TraverseRecord
 from placefield.metric.coarse import Coarse
 from placefield.metric.codes import Codes
+from placefield.presets import Preset
 
 Array = NDArray[np.float32]
 
@@ -94,6 +95,7 @@ class MapChannel:
         labels: (K,) int32, 0 where the place is inactive, else the number of its segment, from 1.
         segments: (S, 2) int32, first place and last + 1 of every active segment.
         scales: (n,) int32, ascending distinct lengths of the segments, frames.
+        smallest: s_min of Eqs. 13 to 16, frames: one for all channels of a map, set beforehand.
         curve: (steps + 1, 2) float64, validation loss and gate score while learning.
     """
 
@@ -103,6 +105,7 @@ class MapChannel:
     labels: NDArray[np.int32]
     segments: NDArray[np.int32]
     scales: NDArray[np.int32]
+    smallest: int
     curve: NDArray[np.float64]
 
 
@@ -115,10 +118,12 @@ class Map:
     """All that recognising places on a route needs, and how it was made.
 
     Attributes:
+        preset: by which it was made, for the record; its settings are below.
         check_unchanged: raises ``MapError`` when a file that arrays are mapped from was written to
             since the map was opened; what was worked out of it in the meantime may be wrong.
     """
 
+    preset: Preset | None
     seed: int
     features: FeatureConfig
     scales: ScaleConfig
@@ -138,7 +143,7 @@ class Map:
 
 def fingerprint(model: DescriptorModel) -> str:
     """Return what tells descriptors of one model from those of another, 16 hexadecimal digits."""
-    digest = hashlib.sha256(f"{model.kind} {model.standardise}".encode())
+    digest = hashlib.sha256(f"{model.kind} {model.standardise} {model.plain}".encode())
     for array in (model.mean, model.deviation, model.components):
         digest.update(repr(array.shape).encode())
         digest.update(np.ascontiguousarray(array).data)

@@ -51,6 +51,8 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
         mean,
         deviation,
         components,
+        manifest.variance_kept,
+        manifest.features.plain_pca,
         _open_network(files),
     )
     if fingerprint(model) != manifest.model:
@@ -61,6 +63,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
     all_channels = _Channels(files, sizes)
     all_channels.open(channels or ())
     return Map(
+        preset=manifest.preset,
         seed=manifest.seed,
         features=manifest.features,
         scales=manifest.scales,
@@ -190,10 +193,13 @@ class _Channels(Sequence[MapChannel]):
         if record.metric >= len(self._manifest.metrics):
             raise MapError(f"{path}: channel {number}: no metric {record.metric}; {REBUILD}")
         labels, segments, scales, curve = self._files.load(folder, CHANNEL_FILES, dict(self._sizes))
+        smallest = self._manifest.smallest_scale
+        if smallest > places:
+            raise MapError(f"{path}: smallest scale {smallest}: beyond the route; {REBUILD}")
         if not len(scales) or np.any(np.diff(scales, prepend=0, append=places + 1) <= 0):
             file = path / folder / "scales.npy"
             raise MapError(f"{file}: do not ascend, or beyond the route; {REBUILD}")
         metric = self._metric(record.metric)
         return MapChannel(
-            record.fuzzifier, record.clusters, metric, labels, segments, scales, curve
+            record.fuzzifier, record.clusters, metric, labels, segments, scales, smallest, curve
         )

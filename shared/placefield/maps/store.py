@@ -89,13 +89,16 @@ def _write(built: Map, folder: Path) -> None:
         files[name] = checksum_of(file)
     manifest = Manifest(
         placefield=__version__,
+        preset=built.preset,
         seed=built.seed,
         features=built.features,
         scales=built.scales,
         metric=built.metric,
         model=fingerprint(built.model),
+        variance_kept=built.model.variance_kept,
         network=built.model.network.input if built.model.network else None,
         places=built.places.count,
+        smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,
         traverses=built.traverses,
         metrics=tuple(

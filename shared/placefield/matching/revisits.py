@@ -107,8 +107,8 @@ def _posterior(candidate: Candidate) -> tuple[Same, Array]:
 def _channel(metric: MapMetric) -> MapChannel:
     """Return a channel of no segments."""
     count = len(metric.places)
-    segments, scales = np.zeros((0, 2), np.int32), np.ones(1, np.int32)
-    return MapChannel(1, 1, metric, np.zeros(count, np.int32), segments, scales, np.zeros((0, 2)))
+    labels, segments = np.zeros(count, np.int32), np.zeros((0, 2), np.int32)
+    return MapChannel(1, 1, metric, labels, segments, np.ones(1, np.int32), 1, np.zeros((0, 2)))
 
 
 def _among_earlier(

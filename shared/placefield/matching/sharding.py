@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import MatchingConfig
+from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.best_window import twins_in
@@ -108,7 +108,8 @@ class ChannelShard:
         shared = shared or MetricShards()
         self._channel, self._matching = channel, matching
         metric, self._places = channel.metric, len(channel.metric.places)
-        longest = int(channel.scales.max())
+        self._windows_of = window_lengths(channel, matching.rule)
+        longest = max(self._windows_of)
         least = LEAST_PLACES if matching.rule == "filter" else longest
         self.own = shard_range(self._places, shard, shards, least)
         # In the order in which they are driven past.
@@ -175,10 +176,21 @@ class ChannelShard:
         )
 
     def _windows(self, lag: int) -> Matcher:
-        scales, unit = self._channel.scales.tolist(), self.metric.unit
         places = ShardPlaces(self._places, self._driven, self._observed)
         make = _WINDOW_RULES[self._matching.rule]
-        return make(scales, places, unit, self._mean_distance, lag)
+        return make(self._windows_of, places, self.metric.unit, self._mean_distance, lag)
+
+
+def window_lengths(channel: MapChannel, rule: Rule) -> list[int]:
+    """Return the lengths of the windows that a rule compares, frames.
+
+    Those of ``evidence`` are the channel's scales. Those of ``lowest-score`` are the smallest scale
+    of all channels and, ascending, the channel's larger ones: its coarse scales.
+    """
+    scales: list[int] = channel.scales.tolist()
+    if rule != "lowest-score":
+        return scales
+    return [channel.smallest, *(scale for scale in scales if scale > channel.smallest)]
 
 
 def shard_range(places: int, shard: int, shards: int, least: int) -> slice:

@@ -11,10 +11,13 @@ from placefield.config import MetricConfig
 from placefield.metric.gate import Probes, passes_gate, probe_score
 from placefield.metric.learners import NothingLearnedError, fit_reference_learner
 from placefield.metric.lmnn import fit_lmnn, loss, target_distances, target_neighbours
+from placefield.metric.metric_learn_lmnn import fit_lmnn_by_metric_learn
 
 __all__ = ["LearnedMetric", "Probes", "held_back_frames", "learn_projection"]
 
-_BLOCK_FRAMES = 3
+BLOCK_FRAMES = 3
+"""How many consecutive frames are held back together."""
+
 _PATIENCE = 5  # steps without a better validation loss before learning stops
 _NO_PROBES = "there is no other traverse that could show that a metric helps"
 _REFUSAL = "it does not recognise places better than the identity"
@@ -68,7 +71,7 @@ def learn_projection(
         labels: (K,) int, equal for frames of one segment, whatever their traverse.
         trained: how many are learned on.
         probes: what the gate asks; None where there is no other traverse to ask.
-        config: the learner and its settings; not the identity.
+        config: the learner and its settings; not the identity, and push a number.
         seed: of what is random in a learner.
         on_step: called after each measurement of the curve but the first, with its number,
             validation loss and gate score. What it raises ends the learning.
@@ -90,7 +93,9 @@ def learn_projection(
     curve: list[tuple[float, float]] = []
 
     def validate(projection: Array) -> float:
-        validation_loss = loss(projection, descriptors, labels, held_back_targets, config.push)
+        validation_loss = loss(
+            projection, descriptors, labels, held_back_targets, config.push_share
+        )
         gate_score = 0.0 if probes is None else probe_score(projection, probes)
         curve.append((validation_loss, gate_score))
         if on_step is not None and len(curve) > 1:
@@ -118,10 +123,10 @@ def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_
     They come in blocks of 3 consecutive frames, chosen at random: single frames would leave almost
     their copies in training, and longer blocks would hold back whole segments.
     """
-    blocks = -(-count // _BLOCK_FRAMES)
+    blocks = -(-count // BLOCK_FRAMES)
     rng = np.random.default_rng(seed)
     chosen = rng.choice(blocks, size=round(fraction * blocks), replace=False)
-    return np.isin(np.arange(count) // _BLOCK_FRAMES, chosen)
+    return np.isin(np.arange(count) // BLOCK_FRAMES, chosen)
 
 
 def _learn_lmnn(
@@ -144,11 +149,12 @@ def _learn_lmnn(
             best = projection
         return step - best_step >= _PATIENCE
 
-    fit_lmnn(
+    fit = fit_lmnn if config.solver == "placefield" else fit_lmnn_by_metric_learn
+    fit(
         descriptors,
         labels,
         neighbours=config.neighbours,
-        push=config.push,
+        push=config.push_share,
         steps=config.steps,
         start=start,
         on_step=is_over,

@@ -31,7 +31,8 @@ Labels = NDArray[np.integer[Any]]
 
 _BLOCK = 256  # rows and columns of the distance matrix held at once
 _FIRST_MOVE = 0.01  # length of the first move, relative to the projection's norm
-_GROWTH = 1.5  # of the step size after each step
+GROWTH = 1.5
+"""Of the step size after each step."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,8 @@ def fit_lmnn(
     projection = np.eye(descriptors.shape[1], dtype=np.float32) if start is None else start
     value, gradient = objective(projection, descriptors, labels, targets, push)
     history = [value]
-    if not gradient.any():
-        return LmnnFit(projection, np.array(history))
-
-    size = _FIRST_MOVE * float(np.linalg.norm(projection) / np.linalg.norm(gradient))
-    while len(history) <= steps and not _is_negligible(size * gradient, projection):
+    size = first_size(projection, gradient)
+    while len(history) <= steps and not is_negligible(size * gradient, projection):
         candidate = projection - size * gradient
         value, candidate_gradient = objective(candidate, descriptors, labels, targets, push)
         if value >= history[-1]:
@@ -85,7 +83,7 @@ def fit_lmnn(
             continue
         projection, gradient = candidate, candidate_gradient
         history.append(value)
-        size *= _GROWTH
+        size *= GROWTH
         if on_step is not None and on_step(len(history) - 1, projection):
             break
     return LmnnFit(projection, np.array(history))
@@ -169,7 +167,14 @@ def loss(
     return float((1 - push) * pulls + push * hinges)
 
 
-def _is_negligible(move: Floats, projection: Floats) -> bool:
+def first_size(projection: Floats, gradient: Floats) -> float:
+    """Return the size of the first step along the gradient; 0 where that vanishes."""
+    steepness = float(np.linalg.norm(gradient))
+    return _FIRST_MOVE * float(np.linalg.norm(projection)) / steepness if steepness else 0.0
+
+
+def is_negligible(move: Floats, projection: Floats) -> bool:
+    """Tell whether a move changes a projection no more than its rounding does."""
     return bool(np.linalg.norm(move) <= np.finfo(np.float32).eps * np.linalg.norm(projection))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.scales.clustering import cluster, with_route_position
 from placefield.scales.encoding import Encoding, encode
-from placefield.scales.subtractive import estimate_clusters
+from placefield.scales.subtractive import PLACED_RADIUS, UNPLACED_RADIUS, estimate_clusters
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -53,6 +53,7 @@ def make_channels(
     seed: int,
     clusters: int | None = None,
     fuzzifiers: tuple[float, float] = (1.02, 1.4),
+    same_start: bool = False,
     position_weight: float = 1.0,
     travelled: NDArray[np.floating] | None = None,
     run: Run = map,
@@ -60,8 +61,9 @@ def make_channels(
 ) -> tuple[Channel, ...]:
     """Cluster and encode a reference traverse in several overlapping ways.
 
-    The channels' fuzzifiers are spread evenly, lowest first. As near fuzzifiers alone give nearly
-    the same clusters, each channel's clustering also starts from stretches of its own.
+    The channels' fuzzifiers are spread evenly. As near fuzzifiers alone give nearly the same
+    clusters, each channel's clustering also starts from stretches of its own, unless fuzzifiers
+    alone are to make the difference, as published.
 
     Args:
         vectors: (K, N) float32 descriptors in route order. Not standardised after PCA: equal
@@ -70,7 +72,8 @@ def make_channels(
         min_scale: lower limit of a segment, see `encode`.
         seed: of all channels.
         clusters: per channel; None estimates them (`estimate_clusters`).
-        fuzzifiers: lowest and highest m, above 1.
+        fuzzifiers: m of the first and of the last channel, above 1.
+        same_start: whether all channels start from the same stretches.
         position_weight: of the frame's position in the route, see `with_route_position`.
         travelled: (K,) metres travelled up to each frame, where `min_scale` is in metres.
         run: the channels; they do not depend on each other.
@@ -82,8 +85,7 @@ def make_channels(
             there are fewer frames than clusters.
     """
     if clusters is None:
-        # The position counts here whatever its weight in the clustering: see estimate_clusters.
-        clusters = estimate_clusters(with_route_position(vectors, 1.0))
+        clusters = _estimated(vectors, position_weight)
     placed = with_route_position(vectors, position_weight)
     spread = np.linspace(*fuzzifiers, channels).tolist()
 
@@ -91,7 +93,8 @@ def make_channels(
         def swept(done: int, total: int) -> None:
             progress(number, done / total)
 
-        labels = cluster(placed, clusters, spread[number], seed + number, swept).labels
+        start = seed if same_start else seed + number
+        labels = cluster(placed, clusters, spread[number], start, swept).labels
         progress(number, 1)
         encoding = encode(labels, min_scale, travelled)
         least = f"{min_scale:g} {'frames' if travelled is None else 'm'}"
@@ -99,6 +102,13 @@ def make_channels(
         return Channel(spread[number], labels, encoding)
 
     return tuple(run(make, range(channels)))
+
+
+def _estimated(vectors: NDArray[np.float32], position_weight: float) -> int:
+    """Estimate the clusters with the position, whatever it weighs, or without where it does not."""
+    if position_weight == 0:
+        return estimate_clusters(vectors, UNPLACED_RADIUS)
+    return estimate_clusters(with_route_position(vectors, 1.0), PLACED_RADIUS)
 
 
 def _refuse_too_few(encoding: Encoding, number: int, least: str) -> None:

@@ -16,7 +16,10 @@ _LEAST_LOG = -36.0  # of a membership: even a centre far from all frames is pull
 _BLOCK = 512  # frames whose memberships are held at once
 _RELATED = 20  # frames apart, at position weight 1, to be as far by position as by descriptor
 
+_MOST_MEMBERSHIPS = 2**24  # 128 MB, of which scikit-fuzzy holds several
+
 Vectors = NDArray[np.float64]
+Stretches = NDArray[np.integer]
 Progress = Callable[[int, int], None]
 """Called with how many sweeps over the frames are done, and of how many at most."""
 
@@ -56,7 +59,7 @@ def cluster(
         seed: of the stretches.
         progress: told of every sweep. What it raises ends the clustering.
 
-    Beside the vectors no more than a block of the (K, C) memberships is held.
+    Where the (K, C) memberships fit in memory, scikit-fuzzy clusters; else `cluster_in_blocks`.
 
     Raises:
         ConfigError: the fuzzifier is not above 1.
@@ -69,14 +72,68 @@ def cluster(
             f"{len(vectors)} frames cannot form {clusters} clusters: "
             f"ask for 1 to {len(vectors)} clusters, or give more frames"
         )
-    means = _stretch_means(vectors, clusters, np.random.default_rng(seed))
+    stretches = _stretches(len(vectors), clusters, np.random.default_rng(seed))
+    if len(vectors) * clusters <= _MOST_MEMBERSHIPS:
+        return _cluster_at_once(vectors, stretches, fuzzifier, progress)
+    return cluster_in_blocks(vectors, stretches, fuzzifier, progress)
+
+
+def _cluster_at_once(
+    vectors: NDArray[np.float32], stretches: Stretches, fuzzifier: float, progress: Progress
+) -> Clustering:
+    """Cluster by scikit-fuzzy, which holds all memberships; a call is a sweep, to tell of it."""
+    import skfuzzy  # takes a third of a second
+
+    points = vectors.T.astype(np.float64)
+    numbers = np.arange(len(stretches) + 1)[:, None]
+    memberships = np.searchsorted(stretches, np.arange(len(vectors)), "right") == numbers
+
+    def sweep(memberships: NDArray[np.floating | np.bool_]) -> tuple[Vectors, Vectors, Vectors]:
+        centres, changed, _, distances, *_ = skfuzzy.cmeans(
+            points, len(memberships), fuzzifier, error=0, maxiter=1, init=memberships * 1.0
+        )
+        return centres, changed, distances
+
+    means, memberships, distances = sweep(memberships)
+    for done in range(1, _MAX_SWEEPS + 1):
+        centres, labels = means, distances.argmin(axis=0).astype(np.int32)
+        progress(done, _MAX_SWEEPS)
+        spread = float(distances.min(axis=0).mean())
+        means, memberships, distances = sweep(memberships)
+        if _has_settled(centres, means, spread):
+            break
+    return Clustering(centres, labels)
+
+
+def cluster_in_blocks(
+    vectors: NDArray[np.float32],
+    stretches: Stretches,
+    fuzzifier: float,
+    progress: Progress = lambda done, total: None,
+) -> Clustering:
+    """Cluster with no more than a block of the memberships held, for those that do not fit.
+
+    Ours, as scikit-fuzzy needs them all: 0.9 GB each of five arrays of 30 000 frames and 4000
+    clusters.
+
+    Args:
+        vectors: (K, N) float32.
+        stretches: (C - 1,) int, where the stretches of the start end, see `cluster`.
+        fuzzifier: m.
+        progress: told of every sweep.
+    """
+    means = _stretch_means(vectors, stretches)
     for sweep in range(1, _MAX_SWEEPS + 1):
         centres = means
         labels, means, spread = _sweep(vectors, centres, fuzzifier)
         progress(sweep, _MAX_SWEEPS)
-        if np.linalg.norm(means - centres, axis=1).max() <= _TOLERANCE * spread:
+        if _has_settled(centres, means, spread):
             break
     return Clustering(centres, labels)
+
+
+def _has_settled(before: Vectors, centres: Vectors, spread: float) -> bool:
+    return bool(np.linalg.norm(centres - before, axis=1).max() <= _TOLERANCE * spread)
 
 
 def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[np.float32]:
@@ -99,12 +156,13 @@ def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[
     return np.column_stack([vectors, step * np.arange(len(vectors))]).astype(np.float32)
 
 
-def _stretch_means(
-    vectors: NDArray[np.float32], clusters: int, rng: np.random.Generator
-) -> Vectors:
-    """Means (C, N) of consecutive stretches of random lengths, each at least a frame long."""
-    ends = np.sort(rng.choice(np.arange(1, len(vectors)), clusters - 1, replace=False))
-    starts = np.r_[0, ends]
+def _stretches(count: int, clusters: int, rng: np.random.Generator) -> Stretches:
+    """Where stretches of random lengths end, but the last; each is at least a frame long."""
+    return np.sort(rng.choice(np.arange(1, count), clusters - 1, replace=False))
+
+
+def _stretch_means(vectors: NDArray[np.float32], stretches: Stretches) -> Vectors:
+    starts = np.r_[0, stretches]
     sums = np.add.reduceat(vectors, starts, axis=0, dtype=np.float64)
     return np.asarray(sums / np.diff(starts, append=len(vectors))[:, None])
 

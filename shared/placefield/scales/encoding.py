@@ -58,9 +58,31 @@ def encode(
     )
 
 
+def smallest_scale(min_scale: float, travelled: NDArray[np.floating] | None = None) -> int:
+    """Return the smallest scale of all channels in frames, which the lower limit of rule 1 sets.
+
+    Args:
+        min_scale: the lower limit, as in `encode`.
+        travelled: (K,) metres travelled up to each frame, where it is in metres. It is then so many
+            frames as reach it at the traverse's mean spacing.
+
+    Returns:
+        At least 1, and no more than there are frames.
+    """
+    if travelled is None:
+        return round(min_scale)
+    spacing = _mean_spacing(travelled)
+    reached = np.ceil(np.round(min_scale / spacing, 6)) if spacing else 1
+    return int(min(max(reached, 1), len(travelled)))
+
+
+def _mean_spacing(travelled: NDArray[np.floating]) -> float:
+    return float(travelled[-1] - travelled[0]) / max(len(travelled) - 1, 1)
+
+
 def _metres(segments: NDArray[np.integer], travelled: NDArray[np.floating]) -> NDArray[np.float64]:
     metres = travelled.astype(np.float64)
-    spacing = (metres[-1] - metres[0]) / max(len(metres) - 1, 1)
+    spacing = _mean_spacing(metres)
     first, last = segments[:, 0], segments[:, 1] - 1
     lengths: NDArray[np.float64] = np.round(metres[last] - metres[first] + spacing, 3)
     return lengths

@@ -12,6 +12,14 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.metric.distances import squared_distances
 
+PLACED_RADIUS = 1.25
+"""Of a cluster of vectors with the route's position, in distances of neighbours."""
+
+UNPLACED_RADIUS = 0.75
+"""The same without it. Descriptors of high dimension are nearly equally far from each other: in a
+wider circle, the many unrelated ones drown a frame's neighbours, and a whole route is one cluster.
+"""
+
 _NEIGHBOURS = 8  # frames apart: a short segment; a fast camera's next frame would be too near
 _SQUASH = 1.5  # radius in which a new centre lowers potentials, in cluster radii
 _ACCEPT = 0.5  # above this share of the first centre's potential a candidate is a centre
@@ -22,15 +30,14 @@ Vectors = NDArray[np.float32]
 Array64 = NDArray[np.float64]
 
 
-def estimate_clusters(vectors: Vectors, radius: float = 1.25) -> int:
+def estimate_clusters(vectors: Vectors, radius: float) -> int:
     """Estimate how many clusters a traverse holds.
 
     Time grows with K² N, memory with K.
 
     Args:
-        vectors: (K, N) float32 descriptors in route order, K >= 1. Descriptors of high dimension
-            need the route's position with them (`with_route_position`): as all frames are nearly
-            equally far apart, the many unrelated ones otherwise drown a frame's neighbours.
+        vectors: (K, N) float32 descriptors in route order, K >= 1, with the route's position
+            (`with_route_position`) or without.
         radius: of a cluster, in distances of neighbours (root mean square over all frames 8
             apart: unlike a median, it does not vanish where the vehicle mostly stands still).
 

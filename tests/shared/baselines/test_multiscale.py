@@ -12,6 +12,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
+from placefield.matching.sharding import window_lengths
 from placefield.recognizer import Recognizer
 
 SCALES = (6, 12, 24)
@@ -43,9 +44,9 @@ def test_all_but_the_ends_of_the_route_lies_in_segments_of_both_offsets() -> Non
             assert len(labels) == 300
 
 
-def test_each_channel_matches_from_its_own_scale_to_the_smallest() -> None:
-    scales = [channel.encoding.scales.tolist() for channel in fixed_scale_channels(200, SCALES)]
-    assert scales == [[6], [6], [6, 12], [6, 12], [6, 24], [6, 24]]
+def test_each_channel_matches_from_its_own_scale_to_the_smallest(fixed_scale_map: Map) -> None:
+    lengths = [window_lengths(one, "lowest-score") for one in fixed_scale_map.channels]
+    assert lengths == [[6], [6], [6, 12], [6, 12], [6, 24], [6, 24]]
 
 
 def test_refuses_a_reference_too_short_for_two_segments() -> None:
@@ -56,7 +57,7 @@ def test_refuses_a_reference_too_short_for_two_segments() -> None:
 
 @pytest.fixture(scope="module")
 def fixed_scale_map(make_traverse: Callable[..., Traverse]) -> Map:
-    config = Config.model_validate({"metric": {"kind": "identity"}})
+    config = Config.model_validate({"metric": {"kind": "identity"}, "scales": {"min_scale": 6}})
     return build_map(
         [make_traverse()],
         config,

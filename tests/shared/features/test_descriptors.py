@@ -11,7 +11,6 @@ from placefield.features.descriptors import (
     PRIOR_FRAMES,
     DescriptorModel,
     DescriptorStream,
-    checked,
     fit_descriptors,
     unit_length,
 )
@@ -25,8 +24,10 @@ def raw_features(frames: int, seed: int = 0, dimensions: int = 20) -> Array:
     return (5 + spread * rng.normal(size=(frames, dimensions))).astype(np.float32)
 
 
-def fitted(*, standardise: bool = True) -> DescriptorModel:
-    return fit_descriptors([raw_features(50)], "gist", dimensions=8, standardise=standardise)[0]
+def fitted(*, standardise: bool = True, plain: bool = False) -> DescriptorModel:
+    return fit_descriptors(
+        [raw_features(50)], "gist", dimensions=8, standardise=standardise, plain=plain
+    )[0]
 
 
 def test_reference_descriptors_are_those_of_scikit_learn() -> None:
@@ -105,12 +106,12 @@ def test_a_zero_vector_has_no_direction() -> None:
 
 @pytest.mark.parametrize("length", [1 - 1e-5, 1, 1 + 1e-5])
 def test_descriptors_of_length_1_are_taken(length: float) -> None:
-    descriptor = np.full(4, length / 2, np.float32)
-    assert checked(descriptor, 4) is descriptor
+    descriptor = np.full(8, length / np.sqrt(8), np.float32)
+    assert fitted().checked(descriptor) is descriptor
 
 
 def test_one_of_length_0_is_of_a_frame_that_was_not_seen() -> None:
-    assert checked(np.zeros(4, np.float32), 4) is None
+    assert fitted().checked(np.zeros(8, np.float32)) is None
 
 
 def test_where_there_is_nothing_to_see_there_is_no_descriptor_and_the_stream_stays() -> None:
@@ -121,16 +122,16 @@ def test_where_there_is_nothing_to_see_there_is_no_descriptor_and_the_stream_sta
         np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))
 
 
-@pytest.mark.parametrize("shape", [(3,), (5,), (1, 4), (4, 1), ()])
+@pytest.mark.parametrize("shape", [(7,), (9,), (1, 8), (8, 1), ()])
 def test_a_descriptor_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(FrameError, match="shape"):
-        checked(np.zeros(shape, np.float32), 4)
+        fitted().checked(np.zeros(shape, np.float32))
 
 
 @pytest.mark.parametrize("value", [0, 0.4, 0.6, -2, 3e38, np.inf, -np.inf, np.nan])
 def test_a_descriptor_of_another_length_or_not_finite_is_refused(value: float) -> None:
     with pytest.raises(FrameError, match="length"):
-        checked(np.array([0.9, value, 0, 0], np.float32), 4)
+        fitted().checked(np.array([0.9, value, *[0] * 6], np.float32))
 
 
 @pytest.mark.parametrize("standardise", [True, False])
@@ -146,3 +147,49 @@ def test_a_feature_that_is_refused_leaves_the_stream_as_it_was(
         with pytest.raises(FrameError, match="feature"):
             disturbed.push(wrong.astype(np.float32))
         np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))
+
+
+def test_plain_descriptors_are_those_of_scikit_learn_in_one_unit() -> None:
+    raw = raw_features(50)
+    model, (descriptors,) = fit_descriptors(
+        [raw], "gist", dimensions=8, standardise=True, plain=True
+    )
+    pca = PCA(8).fit(raw.astype(np.float64))
+    signs = np.sign(np.sum(pca.components_ * model.components, axis=1))
+    expected = signs * pca.transform(raw)
+    longest = np.linalg.norm(expected, axis=1).max()
+    np.testing.assert_allclose(descriptors, expected / (4 * longest), atol=1e-5)
+    assert model.variance_kept == pytest.approx(pca.explained_variance_ratio_.sum(), abs=1e-5)
+
+
+@pytest.mark.parametrize(("frames", "dimensions"), [(15, 10), (15, 40), (50, 5)])
+def test_the_share_of_variance_that_is_kept_is_scikit_learns(frames: int, dimensions: int) -> None:
+    raw = raw_features(frames)
+    model, _ = fit_descriptors([raw], "gist", dimensions=dimensions, standardise=True)
+    pca = PCA(min(dimensions, frames - 1, 20)).fit(scale(normalize(raw.astype(np.float64))))
+    assert model.variance_kept == pytest.approx(pca.explained_variance_ratio_.sum(), abs=1e-5)
+
+
+def test_a_plain_query_depends_on_no_frame_before_and_may_be_4_times_as_far_as_the_farthest() -> (
+    None
+):
+    model = fitted(plain=True)
+    stream, raws = DescriptorStream(model), raw_features(9, seed=1)
+    for raw in raws:
+        np.testing.assert_array_equal(stream.push(raw), model.of_reference(raw))
+    far = model.mean + 3.9 * (raw_features(50) - model.mean)
+    longest = max(far, key=lambda raw: float(np.linalg.norm(model.of_reference(raw))))
+    descriptor = stream.push(longest)
+    assert descriptor is not None
+    assert np.linalg.norm(descriptor) == pytest.approx(3.9 / 4, abs=1e-3)
+    with pytest.raises(FrameError, match=r"length 1.* not 1 at most"):
+        stream.push(model.mean + (longest - model.mean) * 1.1)
+
+
+@pytest.mark.parametrize("value", [1.1, -2, 3e38, np.inf, -np.inf, np.nan])
+def test_a_plain_descriptor_is_refused_if_it_is_longer_than_1_or_not_finite(value: float) -> None:
+    model = fitted(plain=True)
+    short = np.array([0.2] * 8, np.float32)
+    assert model.checked(short) is short
+    with pytest.raises(FrameError, match="length"):
+        model.checked(np.array([0.1, value, *[0] * 6], np.float32))

@@ -24,6 +24,7 @@ def channel_of(metric: MapMetric, scales: Sequence[int] = SCALES) -> MapChannel:
         labels=np.ones(count, np.int32),
         segments=np.array([[0, count]], np.int32),
         scales=np.array(scales, np.int32),
+        smallest=min(scales),
         curve=np.zeros((0, 2)),
     )
 

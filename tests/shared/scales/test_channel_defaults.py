@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from placefield.scales.channels import make_channels
 from placefield.scales.clustering import with_route_position
-from placefield.scales.subtractive import estimate_clusters
+from placefield.scales.subtractive import PLACED_RADIUS, UNPLACED_RADIUS, estimate_clusters
 
 
 def looks_at_random(frames: int = 200) -> NDArray[np.float32]:
@@ -19,13 +19,35 @@ def test_fuzzifiers_go_evenly_from_1_02_to_1_4() -> None:
     assert [channel.fuzzifier for channel in channels] == pytest.approx([1.02, 1.21, 1.4])
 
 
-@pytest.mark.parametrize("weight", [0.0, 1.0, 3.0])
-def test_the_number_of_clusters_is_estimated_at_position_weight_1_whatever_that_of_the_clustering(
+def test_the_first_and_the_last_fuzzifier_may_be_others() -> None:
+    channels = make_channels(
+        looks_at_random(), channels=3, min_scale=2, seed=0, fuzzifiers=(1.1, 1.3)
+    )
+    assert [channel.fuzzifier for channel in channels] == pytest.approx([1.1, 1.2, 1.3])
+
+
+@pytest.mark.parametrize("same_start", [True, False])
+def test_from_the_same_start_channels_of_one_fuzzifier_are_equal(same_start: bool) -> None:
+    first, second = make_channels(
+        looks_at_random(),
+        channels=2,
+        min_scale=2,
+        seed=5,
+        clusters=13,
+        fuzzifiers=(1.1, 1.1),
+        same_start=same_start,
+    )
+    assert np.array_equal(first.clusters, second.clusters) == same_start
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.5, 1.0, 3.0])
+def test_the_number_of_clusters_is_estimated_at_weight_1_or_without_position_where_it_has_none(
     weight: float,
 ) -> None:
     vectors = looks_at_random()
-    estimate = estimate_clusters(with_route_position(vectors, 1.0))
-    assert weight == 1 or estimate != estimate_clusters(with_route_position(vectors, weight))
+    placed = estimate_clusters(with_route_position(vectors, 1.0), PLACED_RADIUS)
+    estimate = placed if weight else estimate_clusters(vectors, UNPLACED_RADIUS)
+    assert weight or estimate != placed
 
     def labels(clusters: int | None) -> NDArray[np.int32]:
         (channel,) = make_channels(

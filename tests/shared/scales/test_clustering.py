@@ -28,9 +28,11 @@ def powers_in_log_space(
     return np.exp(fuzzifier * log_softmax(-2 / (fuzzifier - 1) * logs, axis=1))
 
 
-@pytest.fixture(params=[7, 512], ids=["many blocks", "one block"])
+@pytest.fixture(params=[7, 512, None], ids=["many blocks", "one block", "all at once"])
 def block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clustering, "_BLOCK", request.param)
+    if request.param is not None:
+        monkeypatch.setattr(clustering, "_MOST_MEMBERSHIPS", 0)
+        monkeypatch.setattr(clustering, "_BLOCK", request.param)
 
 
 @pytest.mark.usefixtures("block")
@@ -57,6 +59,20 @@ def test_labels_and_centres_are_those_of_scikit_fuzzy(fuzzifier: float, weight: 
     )
     np.testing.assert_array_equal(found.labels, memberships.argmax(axis=0))
     np.testing.assert_allclose(found.centres, centres, atol=5e-3)
+
+
+@pytest.mark.parametrize("fuzzifier", [1.02, 1.2, 1.4])
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_in_blocks_or_at_once_the_labels_are_equal(
+    fuzzifier: float, weight: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vectors = with_route_position(route(900, 40), weight)
+    told: list[int] = []
+    at_once = cluster(vectors, 60, fuzzifier, 0, lambda done, total: told.append(done))
+    monkeypatch.setattr(clustering, "_MOST_MEMBERSHIPS", 0)
+    in_blocks = cluster(vectors, 60, fuzzifier, 0, lambda done, total: told.append(-done))
+    np.testing.assert_array_equal(at_once.labels, in_blocks.labels)
+    assert told[: len(told) // 2] == [-done for done in told[len(told) // 2 :]]
 
 
 def test_a_frame_at_its_centre_belongs_to_it_alone() -> None:
@@ -96,11 +112,14 @@ def test_every_sweep_is_told_and_may_end_the_clustering() -> None:
         cluster(route(), 6, 1.1, 0, end)
 
 
-def test_memory_does_not_grow_with_frames_times_clusters() -> None:
+def test_memory_does_not_grow_with_frames_times_clusters_where_these_are_many(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def end_after_two(done: int, total: int) -> None:
         if done == 2:
             raise InterruptedError
 
+    monkeypatch.setattr(clustering, "_MOST_MEMBERSHIPS", 6000 * 600 - 1)
     vectors = route(6000)
     cluster(vectors[:99], 9, 1.1, seed=0)
     tracemalloc.start()

@@ -23,13 +23,14 @@ def made_map(walk: Array, *, coarse: bool = False) -> Map:
     identity = np.eye(dimensions, dtype=np.float32)
     nothing = np.zeros(0, np.uint8)
     return Map(
+        preset=None,
         seed=0,
         features=FeatureConfig(kind="gist", dimensions=dimensions),
         scales=Config().scales,
         metric=Config().metric,
         traverses=(TraverseRecord(name="a walk", frames=count),),
         pose_frame=None,
-        model=DescriptorModel("gist", True, identity[0], identity[0], identity),
+        model=DescriptorModel("gist", True, identity[0], identity[0], identity, variance_kept=1.0),
         places=Places(
             np.arange(count),
             np.empty((0, 3)),
@@ -47,4 +48,4 @@ def made_channel(walk: Array, number: int, *, coarse: bool = False) -> MapChanne
     metric = learned_metric(near_identity(walk.shape[1], seed=number), walk, coarse=coarse)
     labels, segments = np.ones(len(walk), np.int32), np.array([[0, len(walk)]], np.int32)
     scales = np.array(SCALES, np.int32)
-    return MapChannel(1.1, 1, metric, labels, segments, scales, np.zeros((0, 2)))
+    return MapChannel(1.1, 1, metric, labels, segments, scales, SCALES[0], np.zeros((0, 2)))

@@ -26,6 +26,7 @@ def _build(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    preset: options.PresetOption = None,
     feature: options.Feature = None,
     standardise: options.Standardise = None,
     channels: options.Channels = None,
@@ -53,6 +54,7 @@ def _build(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         features__kind=feature,
         features__standardise=standardise,
         scales__channels=channels,

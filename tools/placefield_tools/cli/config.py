@@ -10,14 +10,18 @@ def add_to(app: typer.Typer) -> None:
     app.command("config")(_config)
 
 
-def _config(config: options.ConfigFile = None, settings: options.Settings = None) -> None:
+def _config(
+    preset: options.PresetOption = None,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
     """Print the settings in force, as TOML that --config takes.
 
     Flags win over the environment (PLACEFIELD_SCALES__CHANNELS=8), that over the file of --config,
-    that over the defaults.
+    that over the preset, and that over the defaults.
 
     Examples:
       placefield config > placefield.toml
-      placefield config --set scales.channels=8
+      placefield config --preset paper --set scales.channels=8
     """
-    print(options.effective_config(config, settings).to_toml(), end="")
+    print(options.effective_config(config, settings, preset=preset).to_toml(), end="")

@@ -41,6 +41,7 @@ def _evaluate(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    preset: options.PresetOption = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
     min_scale: options.MinScale = None,
@@ -66,6 +67,7 @@ def _evaluate(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         features__kind=feature,
         scales__channels=channels,
         **options.min_scale_flags(min_scale),

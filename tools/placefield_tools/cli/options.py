@@ -19,6 +19,7 @@ from placefield.evaluation.protocols import (
     Protocol,
 )
 from placefield.evaluation.truth import Truth, read_truth
+from placefield.presets import Preset
 from placefield_tools.logs import log_as_json
 
 _DEFAULTS = Config()
@@ -79,6 +80,14 @@ LogJson = Annotated[
         help="log an object per line",
         callback=_log_as_json,
         is_eager=True,
+    ),
+]
+PresetOption = Annotated[
+    Preset | None,
+    typer.Option(
+        "--preset",
+        help="many settings in one word: paper, AMS as published; see 'placefield config'",
+        show_default=False,
     ),
 ]
 RuleOption = Annotated[

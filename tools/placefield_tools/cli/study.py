@@ -32,6 +32,7 @@ def _study(
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
+    preset: options.PresetOption = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
     min_scale: options.MinScale = None,
@@ -58,6 +59,7 @@ def _study(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         features__kind=feature,
         scales__channels=channels,
         **options.min_scale_flags(min_scale),

@@ -36,6 +36,7 @@ def _up(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    preset: options.PresetOption = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     exact: options.Exact = None,
@@ -87,6 +88,7 @@ def _up(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
@@ -100,7 +102,9 @@ def _up(
         raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
-    channels = read_manifest(map_path).channels
+    manifest = read_manifest(map_path)
+    manifest.features.check_rule(effective.matching.rule)
+    channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "
 

@@ -17,7 +17,6 @@ from placefield.bus.messages import (
 )
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptors import checked
 from placefield.fusion.match import FASTER
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
@@ -94,7 +93,7 @@ class LiveState:
         """The newest smoothed match, of the stream that was smoothed last."""
         self.columns = DistanceColumns(placemap)
         self._model = fingerprint(placemap.model)
-        self._dimensions = len(placemap.model.components)
+        self._descriptors = placemap.model
         self._places = placemap.places.count
         self._under_way: OrderedDict[_Key, _UnderWay] = OrderedDict()
         self._frames: OrderedDict[_Key, bytes] = OrderedDict()
@@ -127,7 +126,7 @@ class LiveState:
             self.counts["foreign"] += 1
         elif feature.descriptor is not None:
             try:
-                checked(feature.descriptor, self._dimensions)
+                self._descriptors.checked(feature.descriptor)
             except FrameError as error:
                 raise MessageError(str(error)) from None
             self._of(header).distances = self.columns.row(feature.descriptor)

@@ -51,8 +51,9 @@ def fuse_channels(candidates: Sequence[Sequence[Candidate]], fusion: FusionStage
 
 
 def with_scales(channel: MapChannel, scales: Sequence[int]) -> MapChannel:
-    """Return a channel that matches at other scales, frames."""
-    return replace(channel, scales=np.array(sorted(set(scales)), np.int32))
+    """Return a channel that matches at other scales, frames, and at no smaller one."""
+    sizes = np.array(sorted(set(scales)), np.int32)
+    return replace(channel, scales=sizes, smallest=int(sizes[0]))
 
 
 def median_scale(channel: MapChannel) -> int:

@@ -81,7 +81,10 @@ class Trial:
         Raises:
             MapError: it is too short for any.
         """
-        return self.build(_as_published(self.config), _fixed_scales)
+        smallest = {"min_scale": min(SCALES), "min_scale_metres": 0.0}
+        config = _as_published(self.config)
+        scales = config.scales.model_copy(update=smallest)
+        return self.build(config.model_copy(update={"scales": scales}), _fixed_scales)
 
     def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:
         """Build another map of the reference; see ``build_map``."""

@@ -1,0 +1,80 @@
+"""LMNN by metric-learn, step by step, so that learning can stop early.
+
+It takes the steps of ``placefield.metric.lmnn``, to rounding, and serves to check that, and whoever
+wants nothing but a published library. It takes 17 to 234 times as long (`placefield bench build`).
+metric-learn is imported only here and in ``learners``: it brings scikit-learn along.
+"""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.metric.lmnn import (
+    GROWTH,
+    LmnnFit,
+    first_size,
+    is_negligible,
+    objective,
+    target_neighbours,
+)
+
+_ONE_STEP = 3  # metric-learn counts its start as the first iteration, and ends before this one
+
+
+def fit_lmnn_by_metric_learn(
+    descriptors: NDArray[np.float32],
+    labels: NDArray[np.integer[Any]],
+    *,
+    neighbours: int,
+    push: float,
+    steps: int,
+    start: NDArray[np.float32],
+    on_step: Callable[[int, NDArray[np.float32]], bool],
+) -> LmnnFit:
+    """Minimise E by the gradient descent of metric-learn; see ``fit_lmnn`` for the arguments.
+
+    metric-learn wants k target neighbours of every frame. So frames of labels that have no more
+    than k frames are left out, and neither teach nor stand in the way as impostors. Where all
+    labels have more, it gives what ``fit_lmnn`` gives. It cannot go on, either, once no frame
+    invades any more, and ends there.
+    """
+    from metric_learn import LMNN
+
+    kept = _with_companions(labels, neighbours)
+    points, own = descriptors[kept].astype(np.float64), labels[kept]
+    targets = target_neighbours(points, own, neighbours)
+    projection = start.astype(np.float64)
+    value, gradient = objective(projection, points, own, targets, push)
+    history = [value]
+    size = first_size(projection, gradient)
+    while len(history) <= steps and not is_negligible(size * gradient, projection):
+        learner = LMNN(
+            init=projection,
+            n_neighbors=neighbours,
+            max_iter=_ONE_STEP,
+            learn_rate=size,
+            regularization=1 - push,
+        )
+        try:
+            with warnings.catch_warnings(action="ignore"):  # of what scikit-learn will rename
+                stepped = learner.fit(points, own).components_
+        except TypeError:  # of metric-learn 0.7, where there are no impostors
+            break
+        size = GROWTH * float(np.linalg.norm(stepped - projection) / np.linalg.norm(gradient))
+        value, gradient = objective(stepped, points, own, targets, push)
+        if value >= history[-1]:
+            break
+        projection = stepped
+        history.append(value)
+        if on_step(len(history) - 1, projection.astype(np.float32)):
+            break
+    return LmnnFit(projection.astype(np.float32), np.array(history))
+
+
+def _with_companions(labels: NDArray[np.integer[Any]], neighbours: int) -> NDArray[np.bool_]:
+    """Tell which frames are of a label with more than so many, (K,) bool."""
+    found, counts = np.unique(labels, return_counts=True)
+    return np.isin(labels, found[counts > neighbours])
