@@ -32,9 +32,9 @@ def print_map(opened: Map, path: Path) -> None:
     console.print(table)
 
 
-def draw_segments(opened: Map, path: Path) -> None:
-    """Draw the segments of each channel over the places (the paper's figures 5, 7 and 11)."""
-    channels = [
+def segments_of(opened: Map) -> list[ChannelSegments]:
+    """Return how each channel cut the places, to be drawn."""
+    return [
         ChannelSegments(
             name=f"channel {number}",
             fuzzifier=channel.fuzzifier,
@@ -43,4 +43,8 @@ def draw_segments(opened: Map, path: Path) -> None:
         )
         for number, channel in enumerate(opened.channels)
     ]
-    plot_segments(path, channels, opened.places.count)
+
+
+def draw_segments(opened: Map, path: Path) -> None:
+    """Draw the segments of each channel over the places (the paper's figures 5, 7 and 11)."""
+    plot_segments(path, segments_of(opened), opened.places.count)

@@ -44,13 +44,19 @@ def _study(
 ) -> None:
     """Match QUERY along REF by every method and without every part of ours; write a report.
 
+    With --preset paper, run the experiments of the AMS paper instead, on both of its features or on
+    that of --feature.
+
     Examples:
       placefield study day/ dusk/ --tolerance 3
       placefield study day/ dusk/ --protocol kidnap
-      placefield study day/ dusk/ --protocol dense --every 5
+      placefield study day/ dusk/ --preset paper
     """
     from placefield_tools.evaluating import Query
     from placefield_tools.sources import Parts
+    from placefield_tools.study.paper.report import write_paper_report
+    from placefield_tools.study.paper.running import FEATURES, run_paper_study
+    from placefield_tools.study.paper.table import paper_figures, print_paper_study
     from placefield_tools.study.report import write_report
     from placefield_tools.study.running import run_study
     from placefield_tools.study.table import figures, print_study
@@ -76,13 +82,22 @@ def _study(
             f"{reference}: a map keeps no frames, and other methods want them; give the frames"
         )
     output.mkdir(parents=True, exist_ok=True)  # what cannot be written is to be told now
-    study = run_study(
-        reference,
-        Query(query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every),
-        partial(options.truth_of, tolerance=within, truth=truth),
-        effective,
-        tolerance=within,
+    driven = Query(
+        query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every
     )
+    truth_of = partial(options.truth_of, tolerance=within, truth=truth)
+    if effective.preset == "paper":
+        features = FEATURES if feature is None else (feature,)
+        published = run_paper_study(
+            reference, driven, truth_of, effective, features, tolerance=within
+        )
+        report = write_paper_report(output, published)
+        if as_json:
+            print(json.dumps(paper_figures(published)))
+        else:
+            print_paper_study(published, report)
+        return
+    study = run_study(reference, driven, truth_of, effective, tolerance=within)
     report = write_report(output, study)
     if as_json:
         print(json.dumps(figures(study)))

@@ -13,9 +13,7 @@ from tempfile import TemporaryDirectory
 from placefield.evaluation.claims import Claims
 from placefield.evaluation.plots import (
     AucBar,
-    ChannelCount,
     plot_auc_bars,
-    plot_channel_counts,
     plot_precision_recall_panels,
     plot_reliability,
 )
@@ -46,40 +44,18 @@ def precision_recall_curves(study: Study) -> str | None:
     if not curves:
         return None
     ours = [_name(method) for method in study.methods if method.ours]
-    return _data_url(lambda path: plot_precision_recall_panels(path, curves, ours))
+    return data_url(lambda path: plot_precision_recall_panels(path, curves, ours))
 
 
 def method_bars(study: Study) -> str | None:
     """Draw AUC and recall of every method."""
     bars = [_bar(method) for method in study.methods]
-    return _data_url(lambda path: plot_auc_bars(path, bars)) if bars else None
-
-
-def scale_bars(study: Study) -> str | None:
-    """Draw AUC and recall with fixed and adaptive scales, one and many."""
-    bars = [
-        AucBar(
-            name=f"{result.method}, {result.scales} scale{'s' * (result.scales == 'many')}",
-            auc=result.auc,
-            recall=result.recall,
-            ours=result.method == "AMS",
-        )
-        for result in sorted(study.scales, key=lambda result: result.scales == "many")
-    ]
-    return _data_url(lambda path: plot_auc_bars(path, bars)) if bars else None
-
-
-def channel_counts(study: Study) -> str | None:
-    """Draw AUC and recall over the number of combined channels."""
-    counts = [
-        ChannelCount(count.rule, count.channels, count.auc, count.recall) for count in study.counts
-    ]
-    return _data_url(lambda path: plot_channel_counts(path, counts)) if counts else None
+    return data_url(lambda path: plot_auc_bars(path, bars)) if bars else None
 
 
 def segments(study: Study) -> str:
     """Draw the segments and scales of the map's channels."""
-    return _data_url(lambda path: draw_segments(study.placemap, path))
+    return data_url(lambda path: draw_segments(study.placemap, path))
 
 
 def calibrations(study: Study) -> list[Calibration]:
@@ -89,7 +65,7 @@ def calibrations(study: Study) -> list[Calibration]:
         judged = method.judged
         if judged is None or judged.reliability is None:
             continue
-        diagram = _data_url(partial(plot_reliability, found=judged.reliability))
+        diagram = data_url(partial(plot_reliability, found=judged.reliability))
         error = judged.reliability.expected_calibration_error
         found.append(Calibration(method.name, error, diagram, judged.claims))
     return found
@@ -106,7 +82,8 @@ def _bar(method: MethodResult) -> AucBar:
     return AucBar(_name(method), curve.auc, curve.recall_at_100_precision, method.ours)
 
 
-def _data_url(draw: Callable[[Path], None]) -> str:
+def data_url(draw: Callable[[Path], None]) -> str:
+    """Return a picture that is drawn into a file, as PNG in a data URL."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "picture.png")
         draw(path)

@@ -24,25 +24,25 @@ def match_channels(
     return match_drive(channels, descriptors, metres, config).causal
 
 
-def candidates_of(
+def settled_candidates(
     channels: Sequence[MapChannel],
     descriptors: Descriptors,
     metres: Metres,
     config: MatchingConfig,
 ) -> list[list[Candidate]]:
-    """Return each channel's candidate for each frame of a stream.
+    """Return each channel's smoothed candidate for each frame of a stream.
 
     A frame is compared with the places once for all channels that share a metric.
     """
     stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.places.travelled)
-    stream = stage.new_stream(lag=0)
+    stream = stage.new_stream()
     compared = stage.compare([one for one in descriptors if one is not None])
-    candidates: list[list[Candidate]] = [[] for _ in channels]
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):
-        of_frame = stream.push(None if descriptor is None else next(compared), reading)
-        for candidate, own in zip(of_frame, candidates, strict=True):
-            own.append(candidate)
-    return candidates
+        stream.push(None if descriptor is None else next(compared), reading)
+    for _ in range(stream.end()):
+        stream.push(None)
+    settled = stream.finish()
+    return [[each.candidate for _, each in settled[number]] for number in range(len(channels))]
 
 
 def fuse_channels(candidates: Sequence[Sequence[Candidate]], fusion: FusionStage) -> list[Match]:

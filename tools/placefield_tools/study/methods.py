@@ -17,6 +17,7 @@ from placefield.evaluation.protocols import frames_to_recover
 from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import UNANSWERED
+from placefield.presets import PRESETS
 from placefield_tools.drive_matching import match_drive
 from placefield_tools.evaluating import judge
 from placefield_tools.progress import tracked
@@ -26,6 +27,9 @@ from placefield_tools.study.trial import Trial
 
 WINDOWS = (4, 8, 16, 32, 52)
 """Lengths of the fixed windows, frames."""
+
+PUBLISHED_LAG: int = PRESETS["paper"]["matching"]["lag"]
+"""Frames that the windows of the AMS paper may look ahead: as far as they are long."""
 
 
 class Matched(NamedTuple):
@@ -60,7 +64,8 @@ class Method:
 def methods_of(trial: Trial) -> list[Method]:
     """Return all methods, with the windows that the route is long enough for.
 
-    Those that can look ahead are there a second time with the lag in force, unless that is 0.
+    Those that can look ahead are there a second time with the lag in force, unless that is 0. MS
+    and AMS as published have the paper's windows, which all look ahead.
     """
     lag = trial.config.matching.lag
     lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
@@ -78,6 +83,8 @@ def methods_of(trial: Trial) -> list[Method]:
         Method("SeqSLAM", _seqslam),
         *(_with_lag(lengths, lag) if lag else []),
         Method("FAB-MAP", _fabmap),
+        Method("MS", partial(_published, channels_of=_fixed), lag=PUBLISHED_LAG),
+        Method("AMS as published", partial(_published, channels_of=_adaptive), lag=PUBLISHED_LAG),
         *_by_channels(0),
         *(_by_channels(lag) if lag else []),
     ]
@@ -86,15 +93,10 @@ def methods_of(trial: Trial) -> list[Method]:
 def _by_channels(lag: int) -> list[Method]:
     """Return the methods that match by channels: at a lag of 0 at once, else smoothed."""
     named = f", lag {lag}" if lag else ""
-    multiscale = partial(_channels, channels_of=_multiscale, rule="lowest-score", lag=lag)
-    published = partial(_channels, channels_of=_published, rule="lowest-score", lag=lag)
     lowest, evidence, filtered = (
-        partial(_channels, channels_of=_adaptive, rule=rule, lag=lag)
-        for rule in ("lowest-score", "evidence", "filter")
+        partial(_channels, rule=rule, lag=lag) for rule in ("lowest-score", "evidence", "filter")
     )
     return [
-        Method(f"MS{named}", multiscale, lag=lag),
-        Method(f"AMS as published{named}", published, lag=lag),
         Method(f"AMS, lowest-score{named}", lowest, lag=lag),
         Method(f"Placefield, evidence{named}", evidence, ours=True, lag=lag),
         Method(f"Placefield, filter{named}", filtered, ours=True, lag=lag),
@@ -110,12 +112,11 @@ def _with_lag(lengths: Sequence[int], lag: int) -> list[Method]:
     return [*windows, Method(f"SeqSLAM, lag {lag}", partial(_seqslam, lag=lag), lag=lag)]
 
 
-def run_methods(trial: Trial) -> tuple[MethodResult, ...]:
-    """Run and judge all methods, showing progress; one that fails does not stop the others.
+def run_methods(trial: Trial, methods: Sequence[Method]) -> tuple[MethodResult, ...]:
+    """Run and judge methods, showing progress; one that fails does not stop the others.
 
     The best window is chosen for each lag by itself.
     """
-    methods = methods_of(trial)
     with tracked(methods, "matching by every method", len(methods)) as in_turn:
         results = [_run(method, trial) for method in in_turn]
     windows = [r for m, r in zip(methods, results, strict=True) if m.is_window and r.judged]
@@ -170,28 +171,41 @@ def _fabmap(trial: Trial) -> Matched:
     return Matched(fabmap(reference, trial.query.words, tree, seed=trial.config.seed))
 
 
-def _multiscale(trial: Trial) -> Sequence[MapChannel]:
-    return trial.multiscale.channels
+def _fixed(published: Trial) -> Sequence[MapChannel]:
+    return published.multiscale.channels
 
 
-def _published(trial: Trial) -> Sequence[MapChannel]:
-    return trial.published.channels
+def _adaptive(published: Trial) -> Sequence[MapChannel]:
+    return published.placemap.channels
 
 
-def _adaptive(trial: Trial) -> Sequence[MapChannel]:
-    return trial.placemap.channels
+def _published(trial: Trial, channels_of: Callable[[Trial], Sequence[MapChannel]]) -> Matched:
+    published = trial.published
+    return match_smoothed(channels_of(published), published, "lowest-score", PUBLISHED_LAG)
 
 
-def _channels(
-    trial: Trial, channels_of: Callable[[Trial], Sequence[MapChannel]], rule: Rule, lag: int
-) -> Matched:
-    channels, matching = channels_of(trial), trial.matching(rule)
-    if not lag:
-        return Matched(match_channels(channels, trial.descriptors, trial.metres, matching))
+def _channels(trial: Trial, rule: Rule, lag: int) -> Matched:
+    channels = trial.placemap.channels
+    if lag:
+        return match_smoothed(channels, trial, rule, lag)
+    matching = trial.matching(rule)
+    return Matched(match_channels(channels, trial.descriptors, trial.metres, matching))
+
+
+def match_smoothed(channels: Sequence[MapChannel], trial: Trial, rule: Rule, lag: int) -> Matched:
+    """Match a trial's frames by some channels of a map of its descriptors, so many frames later."""
+    matching = trial.matching(rule)
     matches = match_drive(channels, trial.descriptors, trial.metres, matching, [lag])
     smoothed = matches.smoothed[lag]
     mean_lag = float(np.mean([each.lag for each in smoothed]))
     return Matched([each.match for each in smoothed], mean_lag)
+
+
+PUBLISHED_RIVALS = (
+    Method("SeqSLAM", partial(_seqslam, lag=PUBLISHED.length // 2), lag=PUBLISHED.length // 2),
+    Method("FAB-MAP", _fabmap),
+)
+"""What the AMS paper compares with beside MS, as published: SeqSLAM's trajectories are centred."""
 
 
 def _even_out_unseen(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from placefield.config import Rule
 from placefield.matching.candidate import UNANSWERED
 from placefield_tools.study import figures
+from placefield_tools.study.pages import write_page
 from placefield_tools.study.results import AblationResult, LeftOut, MethodResult, Study
 
 
@@ -18,14 +18,9 @@ def write_report(folder: Path, study: Study) -> Path:
     Raises:
         OSError: the folder or the file cannot be written.
     """
-    template = Environment(
-        loader=PackageLoader("placefield_tools.study", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    ).get_template("report.html.j2")
-    page = template.render(
+    return write_page(
+        folder,
+        "report.html.j2",
         study=study,
         title=f"{Path(study.query).name} along {Path(study.reference).name}",
         frames=_frames(study.methods),
@@ -33,15 +28,9 @@ def write_report(folder: Path, study: Study) -> Path:
         ablation=_by_part(study.ablation),
         curves=figures.precision_recall_curves(study),
         method_bars=figures.method_bars(study),
-        scale_bars=figures.scale_bars(study),
-        channel_counts=figures.channel_counts(study),
         segments=figures.segments(study),
         calibrations=figures.calibrations(study),
     )
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "report.html"
-    path.write_text(page, encoding="utf-8")
-    return path
 
 
 def _frames(methods: Sequence[MethodResult]) -> tuple[int, int] | None:

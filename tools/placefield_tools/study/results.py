@@ -3,9 +3,6 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from placefield.config import Rule
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
@@ -41,40 +38,6 @@ class MethodResult:
 
 
 @dataclass(frozen=True, eq=False)
-class CountResult:
-    """How combinations of so many channels did, out of all that there are.
-
-    Attributes:
-        rule: that matched.
-        channels: how many are combined.
-        auc: (C,) float64, of each combination that was tried.
-        recall: (C,) float64, at 100 % precision.
-    """
-
-    rule: Rule
-    channels: int
-    auc: NDArray[np.float64]
-    recall: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ScaleResult:
-    """How fixed (MS) or adaptive (AMS) scales did, under the rule ``lowest-score``.
-
-    Attributes:
-        method: whose scales.
-        scales: one, of a single channel, or all of all channels.
-        auc: for one scale, the mean over the channels.
-        recall: at 100 % precision, likewise.
-    """
-
-    method: Literal["MS", "AMS"]
-    scales: Literal["one", "many"]
-    auc: float
-    recall: float
-
-
-@dataclass(frozen=True, eq=False)
 class AblationResult:
     """How the method did without one of its parts.
 
@@ -106,9 +69,6 @@ class Study:
         tolerance: places; None where a ground truth was given.
         placemap: our map of the reference.
         methods: in the order to show them.
-        counts: for every rule, every number of channels combined, ascending; empty where the
-            reference is too short for ten channels.
-        scales: fixed against adaptive ones; adaptive ones alone where MS failed.
         ablation: by two rules, each with every part left out, at every lag.
     """
 
@@ -121,6 +81,4 @@ class Study:
     tolerance: int | None
     placemap: Map
     methods: tuple[MethodResult, ...]
-    counts: tuple[CountResult, ...]
-    scales: tuple[ScaleResult, ...]
     ablation: tuple[AblationResult, ...]

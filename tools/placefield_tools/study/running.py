@@ -13,7 +13,6 @@ from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of
 from placefield.features.network import Network
 from placefield.maps.map import Map
-from placefield.maps.metrics import identity_metric
 from placefield.maps.traverse import Traverse
 from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import Query, drive_in
@@ -22,19 +21,18 @@ from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.thinned import Thinned
 from placefield_tools.study.ablation import ablate
-from placefield_tools.study.channel_counts import count_channels
 from placefield_tools.study.describing import (
     describe_query_frames,
     describe_reference,
     learn_vocabulary,
 )
-from placefield_tools.study.methods import run_methods
-from placefield_tools.study.results import CountResult, Study
-from placefield_tools.study.scales import compare_scales
+from placefield_tools.study.methods import methods_of, run_methods
+from placefield_tools.study.results import Study
 from placefield_tools.study.trial import (
     Trial,
     build_reference,
     descriptors_of,
+    plain_channel,
 )
 
 SHORTEST_MIN_SCALE = 2
@@ -70,22 +68,25 @@ def run_study(
         seed=config.seed,
         tolerance=tolerance,
         placemap=trial.placemap,
-        methods=run_methods(trial),
-        counts=_counts(trial),
-        scales=compare_scales(trial),
+        methods=run_methods(trial, methods_of(trial)),
         ablation=ablate(trial),
     )
 
 
-def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> Trial:
-    """Describe all frames, build our map, and drive the query; see ``run_study``."""
+def prepare(
+    reference: str, query: Query, truth_of: TruthOf, config: Config, *, words: bool = True
+) -> Trial:
+    """Describe all frames, build our map, and drive the query; see ``run_study``.
+
+    Without ``words``, FAB-MAP cannot run.
+    """
     feature = feature_of(config.features.kind)
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
         if whole.live:
             camera = without_secrets(reference)
             raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
         query, source = _agreed(query, whole)
-        vocabulary = _vocabulary(source, config.seed)
+        vocabulary = _vocabulary(source, config.seed) if words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     with query.open() as driven:
@@ -102,10 +103,7 @@ def prepare(reference: str, query: Query, truth_of: TruthOf, config: Config) -> 
         traverse=traverse,
         network=feature.network,
         placemap=placemap,
-        plain=replace(
-            placemap.channels[0],
-            metric=identity_metric(placemap.model.of_reference(traverse.raw)),
-        ),
+        plain=plain_channel(placemap, traverse),
         reference=described_reference,
         query=described_query,
         descriptors=descriptors_of(placemap.model, described_query.raws),
@@ -156,11 +154,3 @@ def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
         return learn_vocabulary(source, seed)
     except MapError:
         return None
-
-
-def _counts(trial: Trial) -> tuple[CountResult, ...]:
-    try:
-        return count_channels(trial)
-    except MapError as error:
-        CONSOLE.print(f"no combinations of channels: {error}", soft_wrap=True)
-        return ()

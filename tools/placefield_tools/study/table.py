@@ -22,24 +22,6 @@ def figures(study: Study) -> dict[str, Any]:
         "tolerance": study.tolerance,
         "places": study.placemap.places.count,
         "methods": [_method_figures(result) for result in study.methods],
-        "counts": [
-            {
-                "rule": result.rule,
-                "channels": result.channels,
-                "auc": result.auc.tolist(),
-                "recall_at_100_precision": result.recall.tolist(),
-            }
-            for result in study.counts
-        ],
-        "scales": [
-            {
-                "method": result.method,
-                "scales": result.scales,
-                "auc": result.auc,
-                "recall_at_100_precision": result.recall,
-            }
-            for result in study.scales
-        ],
         "ablation": [
             {
                 "rule": result.rule,

@@ -1,7 +1,7 @@
 """What every method is given: a drive of a query along a reference."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,8 +14,10 @@ from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.features.network import Network
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
+from placefield.maps.metrics import identity_metric
 from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
+from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
 from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import RawFeature
@@ -70,19 +72,34 @@ class Trial:
         return distance_matrix(self.plain.metric, self.descriptors, 0)
 
     @cached_property
-    def published(self) -> Map:
-        """The map as the AMS paper has it: every channel learns by LMNN, helpful or not."""
-        return self.build(_as_published(self.config))
+    def published(self) -> "Trial":
+        """The same drive by the preset ``paper``: its descriptors, its map, its matching.
+
+        Raises:
+            MapError: the reference is too short for it.
+        """
+        if self.config.preset == "paper":
+            return self
+        config = as_published(self.config)
+        placemap = self.build(config)
+        return replace(
+            self,
+            config=config,
+            placemap=placemap,
+            plain=plain_channel(placemap, self.traverse),
+            descriptors=descriptors_of(placemap.model, self.query.raws),
+            metres=replace(self.metres, places=placemap.places),
+        )
 
     @cached_property
     def multiscale(self) -> Map:
-        """The map of MS, with the scales that the reference is long enough for.
+        """The map of MS as published, with the scales that the reference is long enough for.
 
         Raises:
             MapError: it is too short for any.
         """
+        config = as_published(self.config)
         smallest = {"min_scale": min(SCALES), "min_scale_metres": 0.0}
-        config = _as_published(self.config)
         scales = config.scales.model_copy(update=smallest)
         return self.build(config.model_copy(update={"scales": scales}), _fixed_scales)
 
@@ -106,9 +123,21 @@ def build_reference(
     return build_map([traverse], config, cut=cut, network=network)
 
 
-def _as_published(config: Config) -> Config:
-    metric = config.metric.model_copy(update={"kind": "lmnn", "gate": False})
-    return config.model_copy(update={"metric": metric})
+def as_published(config: Config) -> Config:
+    """Return the same with the settings of the preset ``paper``, if they are not in it already."""
+    if config.preset == "paper":
+        return config
+    sections = {
+        name: getattr(config, name).model_copy(update=dict(settings))
+        for name, settings in PRESETS["paper"].items()
+    }
+    return config.model_copy(update={"preset": "paper", **sections})
+
+
+def plain_channel(placemap: Map, traverse: Traverse) -> MapChannel:
+    """Return a channel of a map under the identity metric."""
+    metric = identity_metric(placemap.model.of_reference(traverse.raw))
+    return replace(placemap.channels[0], metric=metric)
 
 
 def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tuple[Channel, ...]:

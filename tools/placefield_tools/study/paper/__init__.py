@@ -1,0 +1,1 @@
+"""The experiments of the AMS paper, on a drive of one's own."""

@@ -1,0 +1,64 @@
+"""What matching a frame costs: as the paper counts it (section 4.3.5), and measured."""
+
+import time
+import tracemalloc
+from collections.abc import Iterable, Sequence
+
+from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.channel_stage import ChannelStage
+from placefield_tools.study.methods import match_smoothed
+from placefield_tools.study.paper.results import Cost
+from placefield_tools.study.trial import Trial
+
+COMPARISONS_PER_SECOND = 1e9
+"""Of single bytes, that the paper takes a core to do."""
+
+
+def comparisons(cost: Cost, *, one_scale: bool = False) -> int:
+    """Count a frame's comparisons as the paper does: K N L times the longest scale.
+
+    With one scale, as for the methods that have no more, the longest counts as 1.
+    """
+    return cost.places * cost.dimensions * cost.channels * (1 if one_scale else cost.longest)
+
+
+def multiplications(cost: Cost) -> int:
+    """Count what our matching multiplies: K N L, as window sums go on from frame to frame."""
+    return cost.places * cost.dimensions * cost.channels
+
+
+def measure_cost(trial: Trial) -> Cost:
+    """Match the drive once more, and measure.
+
+    Args:
+        trial: by the preset ``paper``.
+    """
+    channels = trial.placemap.channels
+    begun = time.perf_counter()
+    match_smoothed(channels, trial, "lowest-score", trial.config.matching.lag)
+    seconds = (time.perf_counter() - begun) / len(trial.descriptors)
+    return Cost(
+        places=trial.places,
+        dimensions=len(trial.placemap.model.components),
+        channels=len(channels),
+        longest=max(int(channel.scales.max()) for channel in channels),
+        seconds=seconds,
+        kept_bytes=_metric_bytes(trial.placemap.metrics) + _stream_bytes(trial, channels),
+    )
+
+
+def _metric_bytes(metrics: Iterable[MapMetric]) -> int:
+    return sum(
+        each.places.nbytes + each.squares.nbytes + each.projection.nbytes for each in metrics
+    )
+
+
+def _stream_bytes(trial: Trial, channels: Sequence[MapChannel]) -> int:
+    """Measure what a stream that has begun holds."""
+    stage = ChannelStage(dict(enumerate(channels)), trial.matching("lowest-score"))
+    tracemalloc.start()
+    stream = stage.new_stream()
+    stream.push(None)
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return held
