@@ -56,6 +56,16 @@ def test_an_entry_that_does_not_fit_together_is_refused() -> None:
     ):
         with pytest.raises(ValidationError):
             Benchmark.model_validate(entry | changes)
+    entry = benchmark("st-lucia").model_dump()
+    assert Benchmark.model_validate(entry) == benchmark("st-lucia")
+    for changes in (
+        {"truth_matrix": "GT.npz"},
+        {"study": None},
+        {"study": entry["study"] | {"tolerance": 0}},
+        {"truth_gps": {"file": "fGPS.txt", "metres": 0}},
+    ):
+        with pytest.raises(ValidationError):
+            Benchmark.model_validate(entry | changes)
 
 
 def test_an_unknown_name_is_told_with_one_that_is_close() -> None:
@@ -88,7 +98,8 @@ def test_the_command_that_runs_one_is_a_command() -> None:
             given = study.make_context("study", arguments).params
             assert given["reference"].startswith(f"my sets/{known.name}/")
             assert given["tolerance"] == known.study.tolerance  # type: ignore[union-attr]
-            assert (given["truth"] is None) == (known.truth_matrix is None)
+            has_file = known.truth_matrix is not None or known.truth_gps is not None
+            assert (given["truth"] is not None) == has_file
 
 
 def test_checking_counts_frames_and_tells_all_that_is_wrong(tmp_path: Path) -> None:
@@ -116,7 +127,9 @@ def test_a_film_is_there_or_is_not(tmp_path: Path) -> None:
     known = benchmark("st-lucia")
     (tmp_path / "100909_0845").mkdir()
     (tmp_path / "100909_0845" / "webcam_video.avi").touch()
-    with pytest.raises(SourceError, match=r"no frames in 180809_1545/webcam_video.avi; see"):
+    with pytest.raises(
+        SourceError, match=r"as st-lucia: no frames in 180809_1545/webcam_video.avi"
+    ):
         check(known, tmp_path)
 
 

@@ -5,7 +5,13 @@ from typing import Annotated
 
 import typer
 
+from placefield.errors import ConfigError
+from placefield_tools.cli import options
+
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="of a benchmark", show_default=False)]
+_Folder = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="in which it lies", show_default=False)
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -14,12 +20,13 @@ def add_to(app: typer.Typer) -> None:
     datasets.callback()(_list)
     datasets.command("show")(_show)
     datasets.command("get")(_get)
+    datasets.command("truth")(_truth)
     datasets.command("check")(_check)
     app.add_typer(datasets, name="datasets")
 
 
 def _list(context: typer.Context) -> None:
-    """List the public benchmarks by name; show, get and check one.
+    """List the public benchmarks by name; show, get and check one, make its ground truth.
 
     Examples:
       placefield datasets
@@ -87,11 +94,49 @@ def _get(
         print(command)
 
 
+def _truth(
+    name: _Name,
+    folder: _Folder,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Nm",
+            help="how many metres off a right place is at most",
+            show_default="what 'show' says",
+        ),
+    ] = None,
+) -> None:
+    """Make a benchmark's ground truth from its GPS: FOLDER/truth.csv, as --truth takes it.
+
+    Right for a query frame are all frames of the reference within the tolerance. Where GPS has
+    fewer fixes than the film has frames, frames between two fixes lie evenly between them. Query
+    frames without a fix, or further off than that, are off the route.
+
+    Examples:
+      placefield datasets truth st-lucia st-lucia
+      placefield datasets truth st-lucia st-lucia --tolerance 2m
+    """
+    from placefield_tools.datasets.benchmarks import TRUTH, benchmark
+    from placefield_tools.datasets.gps_truth import write_gps_truth
+    from placefield_tools.datasets.showing import study_command
+
+    known = benchmark(name)
+    if known.truth_gps is None:
+        raise ConfigError(
+            f"{name}: its ground truth is not made from GPS; 'placefield datasets show {name}' "
+            "says what it is"
+        )
+    metres = (
+        known.truth_gps.metres if tolerance is None else options.metres_of("--tolerance", tolerance)
+    )
+    placed, queries = write_gps_truth(known, folder, metres)
+    print(f"{folder / TRUTH}: {placed} of {queries} query frames have a place within {metres:g} m")
+    print(study_command(known, folder))
+
+
 def _check(
     name: _Name,
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="in which it lies", show_default=False)
-    ],
+    folder: _Folder,
 ) -> None:
     """Check that a benchmark lies in a folder as it should, and count its frames.
 

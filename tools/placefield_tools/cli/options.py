@@ -267,6 +267,18 @@ def min_scale_flags(text: str | None) -> dict[str, Any]:
     raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
 
 
+def metres_of(flag: str, text: str) -> float:
+    """Return the metres of a flag, written as ``2.5m``.
+
+    Raises:
+        ConfigError: it is not that, or is no distance.
+    """
+    metres = _METRES.fullmatch(text)
+    if metres is None or float(metres[1]) == 0:
+        raise ConfigError(f"{flag} {text!r}: write metres as 2.5m")
+    return float(metres[1])
+
+
 def check_truth(tolerance: int | None, truth: Path | None) -> None:
     """Refuse two answers to what is right.
 

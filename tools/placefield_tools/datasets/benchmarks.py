@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
+from pathlib import PurePosixPath
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -72,6 +73,18 @@ class Study(_Entry):
     tolerance: int | None = None
 
 
+class GpsTruth(_Entry):
+    """A ground truth by GPS.
+
+    Attributes:
+        file: the file beside each traverse that has the position of every frame.
+        metres: how far off a right place is at most, unless one asks for another distance.
+    """
+
+    file: str
+    metres: Annotated[float, Field(gt=0)]
+
+
 class Benchmark(_Entry):
     """A public benchmark.
 
@@ -89,6 +102,7 @@ class Benchmark(_Entry):
         traverses: as they lie in its folder.
         study: how to run it here; None where it is no drive along a route.
         truth_matrix: the file with its ground truth as a matrix, from which ``TRUTH`` is made.
+        truth_gps: where the positions are from which ``TRUTH`` is made when one asks for it.
         files_at: address that the names of ``files`` come after.
         files: what to download; empty where it cannot, or may not, be downloaded by a program.
         by_hand: what to do instead.
@@ -107,6 +121,7 @@ class Benchmark(_Entry):
     traverses: Annotated[tuple[Traverse, ...], Field(strict=False)] = ()
     study: Study | None = None
     truth_matrix: str | None = None
+    truth_gps: GpsTruth | None = None
     files_at: str | None = None
     files: Annotated[tuple[File, ...], Field(strict=False)] = ()
     by_hand: str | None = None
@@ -118,7 +133,23 @@ class Benchmark(_Entry):
             raise ValueError("the study takes a traverse that there is not")
         if bool(self.files) == bool(self.by_hand) or bool(self.files) != bool(self.files_at):
             raise ValueError("give files and files_at, or by_hand")
+        if self.truth_gps and (
+            self.truth_matrix or not self.study or self.study.tolerance is not None
+        ):
+            raise ValueError("truth_gps is the truth of a study, and the only one")
         return self
+
+    @property
+    def gps_files(self) -> tuple[tuple[str, str], ...]:
+        """The study's reference and query, each with its positions, within the folder.
+
+        Empty where the truth is not by GPS.
+        """
+        if self.truth_gps is None or self.study is None:
+            return ()
+        traverses = [self.folder_of(name) for name in (self.study.reference, self.study.query)]
+        beside = [str(PurePosixPath(path).with_name(self.truth_gps.file)) for path in traverses]
+        return tuple(zip(traverses, beside, strict=True))
 
     def folder_of(self, traverse: str) -> str:
         """Return the folder of a traverse within the benchmark's."""

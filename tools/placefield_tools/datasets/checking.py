@@ -4,6 +4,7 @@ from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, Traverse
+from placefield_tools.datasets.showing import truth_command
 from placefield_tools.sources.folder import IMAGE_SUFFIXES
 
 
@@ -12,7 +13,7 @@ def check(benchmark: Benchmark, folder: Path) -> dict[str, int]:
 
     Raises:
         SourceError: a traverse is missing, empty, or has another number of frames than is known, or
-            the ground truth is missing; all that is wrong is told.
+            the ground truth or the positions for it are missing; all that is wrong is told.
     """
     counts = {traverse.name: _count(folder / traverse.folder) for traverse in benchmark.traverses}
     wrong = [
@@ -20,8 +21,7 @@ def check(benchmark: Benchmark, folder: Path) -> dict[str, int]:
         for traverse in benchmark.traverses
         for complaint in _complaints(traverse, counts[traverse.name])
     ]
-    if benchmark.truth_matrix and not (folder / TRUTH).is_file():
-        wrong.append(f"no ground truth {TRUTH}")
+    wrong += _truth_complaints(benchmark, folder)
     if wrong:
         raise SourceError(
             f"{folder}: is not laid out as {benchmark.name}: {'; '.join(wrong)}; "
@@ -36,6 +36,14 @@ def _complaints(traverse: Traverse, count: int) -> list[str]:
     if traverse.frames not in (None, count):
         return [f"{count} frames in {traverse.folder}, and {traverse.frames} are known"]
     return []
+
+
+def _truth_complaints(benchmark: Benchmark, folder: Path) -> list[str]:
+    complaints = [f"no {path}" for _, path in benchmark.gps_files if not (folder / path).is_file()]
+    made = truth_command(benchmark, folder)
+    if (made or benchmark.truth_matrix) and not (folder / TRUTH).is_file():
+        complaints.append(f"no ground truth {TRUTH}" + (f", which '{made}' makes" if made else ""))
+    return complaints
 
 
 def _count(path: Path) -> int:

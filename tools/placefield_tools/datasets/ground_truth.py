@@ -1,10 +1,13 @@
 """A benchmark's own ground truth as the table that ``--truth`` takes."""
 
 import csv
+import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.errors import SourceError
 
@@ -31,9 +34,29 @@ def write_truth(matrix: Path, table: Path) -> None:
         raise SourceError(f"{matrix}: holds no matrix {_MATRIX} ({error})") from None
     if right.ndim != 2:
         raise SourceError(f"{matrix}: {_MATRIX} has shape {right.shape}, not (places, queries)")
-    with table.open("w", newline="", encoding="utf-8") as file:
+    write_runs(runs(right.T), table)
+
+
+def runs(right: Iterable[NDArray[np.bool_]]) -> Iterator[tuple[int, int, int]]:
+    """Give the runs of right places of every query frame as query, first and last.
+
+    Args:
+        right: for each query frame which places are right, (K,) bool.
+    """
+    for query, places in enumerate(right):
+        edges = np.flatnonzero(np.diff(places, prepend=False, append=False))
+        yield from ((query, int(first), int(end) - 1) for first, end in edges.reshape(-1, 2))
+
+
+def write_runs(rows: Iterable[tuple[int, int, int]], table: Path) -> None:
+    """Write runs as ``query,first,last``, whole or not at all.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    beside = table.with_name(f"{table.name}.new")
+    with beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("query", "first", "last"))
-        for query, places in enumerate(right.T):
-            edges = np.flatnonzero(np.diff(places, prepend=False, append=False))
-            writer.writerows((query, first, end - 1) for first, end in edges.reshape(-1, 2))
+        writer.writerows(rows)
+    os.replace(beside, table)

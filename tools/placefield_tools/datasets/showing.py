@@ -32,6 +32,7 @@ def print_benchmark(known: Benchmark, folder: Path) -> None:
         *(("traverse", _traverse_line(known, folder, at)) for at in range(len(known.traverses))),
         ("tolerance", known.tolerance),
         ("ground truth", known.truth),
+        ("to make it", truth_command(known, folder)),
         ("to get", known.by_hand or f"placefield datasets get {known.name}"),
         ("size", known.size),
         ("sums", _sums(known)),
@@ -54,6 +55,13 @@ def study_command(known: Benchmark, folder: Path) -> str | None:
     )
     traverses = [str(folder / known.folder_of(name)) for name in (study.reference, study.query)]
     return shlex.join(["placefield", "study", *traverses, *right])
+
+
+def truth_command(known: Benchmark, folder: Path) -> str | None:
+    """Return the command that makes the ground truth in a folder; None where none is needed."""
+    if known.truth_gps is None:
+        return None
+    return shlex.join(["placefield", "datasets", "truth", known.name, str(folder)])
 
 
 def _traverse_line(known: Benchmark, folder: Path, at: int) -> str:
