@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.scales.clustering import cluster, with_route_position
 from placefield.scales.encoding import Encoding, encode
-from placefield.scales.subtractive import PLACED_RADIUS, UNPLACED_RADIUS, estimate_clusters
+from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -107,8 +107,8 @@ def make_channels(
 def _estimated(vectors: NDArray[np.float32], position_weight: float) -> int:
     """Estimate the clusters with the position, whatever it weighs, or without where it does not."""
     if position_weight == 0:
-        return estimate_clusters(vectors, UNPLACED_RADIUS)
-    return estimate_clusters(with_route_position(vectors, 1.0), PLACED_RADIUS)
+        return estimate_clusters(vectors, UNPLACED)
+    return estimate_clusters(with_route_position(vectors, 1.0), PLACED)
 
 
 def _refuse_too_few(encoding: Encoding, number: int, least: str) -> None:

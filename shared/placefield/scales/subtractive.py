@@ -6,21 +6,38 @@ higher its potential. The highest becomes a centre and takes its share from its 
 potentials, until what is left is low.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.metric.distances import squared_distances
 
-PLACED_RADIUS = 1.25
-"""Of a cluster of vectors with the route's position, in distances of neighbours."""
 
-UNPLACED_RADIUS = 0.75
-"""The same without it. Descriptors of high dimension are nearly equally far from each other: in a
-wider circle, the many unrelated ones drown a frame's neighbours, and a whole route is one cluster.
+@dataclass(frozen=True)
+class Radius:
+    """Of a cluster, in distances of neighbours.
+
+    Attributes:
+        times: so many.
+        apart: how many frames neighbours are from each other. Their distance is the root mean
+            square over all frames: unlike a median, it does not vanish where the vehicle mostly
+            stands still.
+    """
+
+    times: float
+    apart: int
+
+
+PLACED = Radius(1.25, 8)
+"""Of vectors with the route's position: 8 frames are a short segment."""
+
+UNPLACED = Radius(0.9, 4)
+"""Of descriptors alone. Those of high dimension are nearly equally far from each other: in a wider
+circle, the many unrelated ones drown a frame's neighbours, and a whole route is one cluster.
 """
 
-_NEIGHBOURS = 8  # frames apart: a short segment; a fast camera's next frame would be too near
 _SQUASH = 1.5  # radius in which a new centre lowers potentials, in cluster radii
 _ACCEPT = 0.5  # above this share of the first centre's potential a candidate is a centre
 _REJECT = 0.15  # below it the search ends
@@ -30,7 +47,7 @@ Vectors = NDArray[np.float32]
 Array64 = NDArray[np.float64]
 
 
-def estimate_clusters(vectors: Vectors, radius: float) -> int:
+def estimate_clusters(vectors: Vectors, radius: Radius) -> int:
     """Estimate how many clusters a traverse holds.
 
     Time grows with K² N, memory with K.
@@ -38,20 +55,19 @@ def estimate_clusters(vectors: Vectors, radius: float) -> int:
     Args:
         vectors: (K, N) float32 descriptors in route order, K >= 1, with the route's position
             (`with_route_position`) or without.
-        radius: of a cluster, in distances of neighbours (root mean square over all frames 8
-            apart: unlike a median, it does not vanish where the vehicle mostly stands still).
+        radius: of a cluster.
 
     Returns:
         The number of centres, 1 to K.
     """
-    cluster_radius = radius * _neighbour_distance(vectors)
+    cluster_radius = radius.times * _neighbour_distance(vectors, radius.apart)
     return 1 if cluster_radius == 0 else _count_centres(vectors, cluster_radius)
 
 
-def _neighbour_distance(vectors: Vectors) -> float:
+def _neighbour_distance(vectors: Vectors, apart: int) -> float:
     if len(vectors) == 1:
         return 0.0
-    apart = min(_NEIGHBOURS, len(vectors) - 1)
+    apart = min(apart, len(vectors) - 1)
     total = 0.0
     for start in range(0, len(vectors) - apart, _BLOCK):
         ahead = vectors[start + apart : start + apart + _BLOCK].astype(np.float64)

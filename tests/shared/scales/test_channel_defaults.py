@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from placefield.scales.channels import make_channels
 from placefield.scales.clustering import with_route_position
-from placefield.scales.subtractive import PLACED_RADIUS, UNPLACED_RADIUS, estimate_clusters
+from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
 
 
 def looks_at_random(frames: int = 200) -> NDArray[np.float32]:
@@ -45,8 +45,8 @@ def test_the_number_of_clusters_is_estimated_at_weight_1_or_without_position_whe
     weight: float,
 ) -> None:
     vectors = looks_at_random()
-    placed = estimate_clusters(with_route_position(vectors, 1.0), PLACED_RADIUS)
-    estimate = placed if weight else estimate_clusters(vectors, UNPLACED_RADIUS)
+    placed = estimate_clusters(with_route_position(vectors, 1.0), PLACED)
+    estimate = placed if weight else estimate_clusters(vectors, UNPLACED)
     assert weight or estimate != placed
 
     def labels(clusters: int | None) -> NDArray[np.int32]:

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 
 from placefield.scales import subtractive
 from placefield.scales.clustering import with_route_position
-from placefield.scales.subtractive import PLACED_RADIUS, UNPLACED_RADIUS, estimate_clusters
+from placefield.scales.subtractive import PLACED, UNPLACED, Radius, estimate_clusters
 
 
-def literal_estimate(vectors: NDArray[np.float32], radius: float) -> int:
+def literal_estimate(vectors: NDArray[np.float32], radius: float, apart: int) -> int:
     """Count the centres as Chiu's paper words it, in plain loops."""
     points = [[float(value) for value in vector] for vector in vectors]
-    steps = [math.dist(a, b) ** 2 for a, b in zip(points, points[8:], strict=False)]
+    steps = [math.dist(a, b) ** 2 for a, b in zip(points, points[apart:], strict=False)]
     ra = radius * math.sqrt(sum(steps) / len(steps))
     rb = 1.5 * ra
     potentials = [sum(math.exp(-4 * math.dist(a, b) ** 2 / ra**2) for b in points) for a in points]
@@ -46,17 +46,20 @@ def blobs(count: int, size: int, dimensions: int) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("radius", [0.4, 0.8, 1.25])
+@pytest.mark.parametrize("apart", [4, 8])
 def test_counts_as_the_literal_loops_do(
-    seed: int, radius: float, monkeypatch: pytest.MonkeyPatch
+    seed: int, radius: float, apart: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(subtractive, "_BLOCK", 17)
     vectors = walk(seed, 80, 3)
-    assert estimate_clusters(vectors, radius) == literal_estimate(vectors, radius)
+    assert estimate_clusters(vectors, Radius(radius, apart)) == literal_estimate(
+        vectors, radius, apart
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_finds_as_many_clusters_as_there_are_blobs(count: int) -> None:
-    assert estimate_clusters(blobs(count, 60, 5), 1.25) == count
+    assert estimate_clusters(blobs(count, 60, 5), PLACED) == count
 
 
 def changing_at_once(frames: int) -> NDArray[np.float32]:
@@ -69,15 +72,15 @@ def changing_at_once(frames: int) -> NDArray[np.float32]:
 @pytest.mark.parametrize("gradual", [False, True])
 def test_gives_segments_of_natural_lengths_in_high_dimension(frames: int, gradual: bool) -> None:
     vectors = walk(0, frames, 100) if gradual else changing_at_once(frames)
-    clusters = estimate_clusters(with_route_position(vectors, 1.0), PLACED_RADIUS)
+    clusters = estimate_clusters(with_route_position(vectors, 1.0), PLACED)
     assert 8 < frames / clusters < 40
 
 
 @pytest.mark.parametrize("gradual", [False, True])
 def test_descriptors_alone_want_a_narrower_circle(gradual: bool) -> None:
     vectors = walk(0, 200, 100) if gradual else changing_at_once(200)
-    assert 3 < 200 / estimate_clusters(vectors, UNPLACED_RADIUS) < 60
-    assert estimate_clusters(changing_at_once(200), PLACED_RADIUS) < 4
+    assert 2 < 200 / estimate_clusters(vectors, UNPLACED) < 60
+    assert estimate_clusters(changing_at_once(200), PLACED) < 4
 
 
 def test_standing_still_for_most_of_the_route_adds_few_clusters() -> None:
@@ -85,12 +88,10 @@ def test_standing_still_for_most_of_the_route_adds_few_clusters() -> None:
     moving = walk(2, 200, 20)
     standing = moving[99] + rng.normal(scale=1e-3, size=(300, 20))
     with_stop = np.vstack([moving[:100], standing, moving[100:]]).astype(np.float32)
-    without = estimate_clusters(with_route_position(moving, 1.0), PLACED_RADIUS)
-    assert (
-        estimate_clusters(with_route_position(with_stop, 1.0), PLACED_RADIUS) < without + 300 / 10
-    )
+    without = estimate_clusters(with_route_position(moving, 1.0), PLACED)
+    assert estimate_clusters(with_route_position(with_stop, 1.0), PLACED) < without + 300 / 10
 
 
 @pytest.mark.parametrize("frames", [1, 2, 50])
 def test_equal_frames_are_one_cluster(frames: int) -> None:
-    assert estimate_clusters(np.ones((frames, 4), np.float32), PLACED_RADIUS) == 1
+    assert estimate_clusters(np.ones((frames, 4), np.float32), PLACED) == 1

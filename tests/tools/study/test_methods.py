@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,23 +8,25 @@ from placefield.baselines.fabmap import fabmap, learn_tree
 from placefield.baselines.fixed_window import fixed_window
 from placefield.baselines.multiscale import fixed_scale_channels
 from placefield.baselines.seqslam import seqslam
-from placefield.config import Rule
+from placefield.config import Rule, load_config
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
+from placefield.maps.map import Map
 from placefield.maps.metrics import identity_metric
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces
 from placefield.recognizer import Recognizer
+from placefield_tools.building import build_from
 from placefield_tools.evaluating import judge
-from placefield_tools.study.methods import methods_of, run_methods
+from placefield_tools.study.methods import PUBLISHED_LAG, methods_of, run_methods
 from placefield_tools.study.results import MethodResult
 from placefield_tools.study.trial import Trial
 
 
 @pytest.fixture(scope="module")
 def results(trial: Trial) -> dict[str, MethodResult]:
-    return {result.name: result for result in run_methods(trial)}
+    return {result.name: result for result in run_methods(trial, methods_of(trial))}
 
 
 def with_lag(trial: Trial, lag: int) -> Trial:
@@ -63,7 +66,7 @@ def test_with_a_lag_they_are_its_smoothed_ones(
 
 
 def test_the_lag_is_the_one_in_force(trial: Trial) -> None:
-    assert {method.lag for method in methods_of(with_lag(trial, 7))} == {0, 7}
+    assert {method.lag for method in methods_of(with_lag(trial, 7))} == {0, 7, PUBLISHED_LAG}
     assert {method.name for method in methods_of(with_lag(trial, 7)) if method.ours} == {
         f"Placefield, {rule}{lag}" for rule in ("evidence", "filter") for lag in ("", ", lag 7")
     }
@@ -119,8 +122,29 @@ def test_ms_has_the_fixed_scales_that_fit(trial: Trial, results: dict[str, Metho
     expected = fixed_scale_channels(60, (6, 12, 24))
     scales = [channel.scales.tolist() for channel in built.channels]
     assert scales == [channel.encoding.scales.tolist() for channel in expected]
-    recognizer = Recognizer(built, trial.matching("lowest-score"))
-    assert_matches(results["MS"], [recognizer.push_raw(raw) for raw in trial.query.raws])
+    assert {channel.smallest for channel in built.channels} == {6}
+    assert_matches(results["MS"], published_matches(trial, built))
+
+
+def test_ams_as_published_is_the_preset_whatever_the_settings_of_our_map(
+    trial: Trial, results: dict[str, MethodResult], reference_dir: Path
+) -> None:
+    preset = load_config(None, {"preset": "paper", "scales": {"channels": 2}})
+    built = build_from([str(reference_dir)], preset)
+    assert trial.published.placemap.model.plain
+    assert not trial.placemap.model.plain
+    for channel, other in zip(trial.published.placemap.channels, built.channels, strict=True):
+        np.testing.assert_array_equal(channel.labels, other.labels)
+        np.testing.assert_array_equal(channel.metric.projection, other.metric.projection)
+    assert_matches(results["AMS as published"], published_matches(trial, built))
+
+
+def published_matches(trial: Trial, built: Map) -> list[Match]:
+    """The smoothed matches of a recognizer by the preset, by windows of any length."""
+    recognizer = Recognizer(built, load_config(None, {"preset": "paper"}).matching)
+    for raw in trial.query.raws:
+        recognizer.push_raw(raw)
+    return [each.match for each in recognizer.finish()]
 
 
 def test_the_oracles_are_the_best_windows_of_each_lag(results: dict[str, MethodResult]) -> None:
@@ -144,10 +168,12 @@ def test_windows_that_are_longer_than_the_drive_are_left_out(trial: Trial) -> No
     assert windows == {f"window of {n}{way}" for way in ways for n in (4, 8, 16)}
 
 
-def test_without_a_lag_no_method_looks_ahead(trial: Trial) -> None:
+def test_without_a_lag_none_looks_ahead_but_what_is_published_so(trial: Trial) -> None:
     without, all_methods = methods_of(with_lag(trial, 0)), methods_of(trial)
-    assert {method.lag for method in without} == {0}
-    assert [m.name for m in all_methods if not m.lag] == [m.name for m in without]
+    assert {method.lag for method in without} == {0, PUBLISHED_LAG}
+    assert [m.name for m in all_methods if m.lag != 20] == [m.name for m in without]
+    looking = {m.name for m in without if m.lag}
+    assert looking == {"MS", "AMS as published"}
 
 
 def test_in_reverse_every_method_finds_what_it_finds_on_a_turned_reference(
@@ -188,7 +214,7 @@ def test_a_method_that_fails_says_why_and_the_others_go_on(
     trial: Trial, results: dict[str, MethodResult]
 ) -> None:
     wordless = replace(trial.reference, words=np.empty((60, 0), np.bool_))
-    failed = {r.name: r for r in run_methods(replace(trial, reference=wordless))}
+    failed = {r.name: r for r in run_methods(replace(trial, reference=wordless), methods_of(trial))}
     assert failed["FAB-MAP"].judged is None
     assert "no keypoint" in (failed["FAB-MAP"].failure or "")
     assert all(r.judged is not None for name, r in failed.items() if name != "FAB-MAP")
@@ -198,7 +224,7 @@ def test_frames_that_were_not_seen_are_matched_all_the_same(trial: Trial) -> Non
     raws = [None if frame in (0, 20, 21) else raw for frame, raw in enumerate(trial.query.raws)]
     vectors = [None if raw is None else d for raw, d in zip(raws, trial.descriptors, strict=True)]
     gaps = replace(trial, query=replace(trial.query, raws=raws), descriptors=vectors)
-    for result in run_methods(gaps):
+    for result in run_methods(gaps, methods_of(gaps)):
         assert result.judged is not None, result.failure
         assert np.isfinite(result.judged.scores).all()
         if result.name in ("window of 8", "SeqSLAM", "Placefield, filter"):

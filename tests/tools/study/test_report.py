@@ -21,10 +21,8 @@ from placefield_tools.study import figures
 from placefield_tools.study.report import write_report
 from placefield_tools.study.results import (
     AblationResult,
-    CountResult,
     LeftOut,
     MethodResult,
-    ScaleResult,
     Study,
 )
 
@@ -100,17 +98,6 @@ def a_study(placemap: Map, **changes: Any) -> Study:
             a_method("lost", 0),
             a_method("filter", 38, ours=True, judged=replace(judged(38), mean_lag=3.24)),
         ),
-        counts=tuple(
-            CountResult(rule, n, np.full(3, 0.9), np.full(3, 0.8))
-            for rule in _RULES
-            for n in (1, 2)
-        ),
-        scales=(
-            ScaleResult("MS", "one", 0.5, 0.1),
-            ScaleResult("AMS", "one", 0.6, 0.2),
-            ScaleResult("MS", "many", 0.7, 0.3),
-            ScaleResult("AMS", "many", 0.8, 0.4),
-        ),
         ablation=tuple(
             AblationResult(rule, part, lag, judged(40 - 10 * n - lag))
             for n, part in enumerate(parts)
@@ -124,7 +111,7 @@ def a_study(placemap: Map, **changes: Any) -> Study:
 @pytest.fixture
 def page_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PageOf:
     """Gives the page of a study, its pictures left white: to draw them takes seconds."""
-    monkeypatch.setattr(figures, "_data_url", lambda draw: "data:image/png;base64,")
+    monkeypatch.setattr(figures, "data_url", lambda draw: "data:image/png;base64,")
     return lambda study: Page(write_report(tmp_path / "new" / "folder", study).read_text("utf-8"))
 
 
@@ -134,7 +121,7 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path, route_map: Map) -> No
     text = path.read_text("utf-8")
     page = Page(text)
     pictures = page.attributes("src")
-    assert len(pictures) == 5
+    assert len(pictures) == 3
     for picture in pictures:
         kind, _, data = picture.partition(",")
         assert kind == "data:image/png;base64"
@@ -252,7 +239,7 @@ def test_shorter_segments_of_a_short_reference_are_told(page_of: PageOf, route_m
 def test_a_study_of_failures_is_written(page_of: PageOf, route_map: Map) -> None:
     failed = a_study(route_map).methods[2]
 
-    page = page_of(a_study(route_map, methods=(failed,), counts=(), scales=(), ablation=()))
+    page = page_of(a_study(route_map, methods=(failed,), ablation=()))
 
     assert "failed: no frame has a keypoint" in page.cells
     assert len(page.attributes("src")) == 2, "the bars, that say so, and the segments"

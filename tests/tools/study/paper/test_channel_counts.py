@@ -2,10 +2,10 @@ from dataclasses import replace
 from math import comb
 
 import pytest
+from placefield_tools.study.channel_counts import CHANNELS, combinations, count_channels
 
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluating import RULES, judge
-from placefield_tools.study.channel_counts import CHANNELS, combinations, count_channels
 from placefield_tools.study.results import CountResult
 from placefield_tools.study.trial import Trial
 
