@@ -7,7 +7,8 @@ from placefield.evaluation.plots.match_pairs import MatchPair, plot_match_pairs
 from placefield.evaluation.plots.precision_recall import plot_precision_recall
 from placefield.evaluation.plots.precision_recall_panels import plot_precision_recall_panels
 from placefield.evaluation.plots.reliability import plot_reliability
-from placefield.evaluation.plots.segments import ChannelSegments, plot_segments
+from placefield.evaluation.plots.runs import ChannelSegments
+from placefield.evaluation.plots.segments import plot_segments
 
 __all__ = [
     "AucBar",
