@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from placefield.evaluation.plots import style
+from placefield.evaluation.plots.pictures import height_per_width, shown
 
 _PICTURE_WIDTH = 3.2
 _TEXT_WIDTH = 1.2
@@ -51,7 +52,9 @@ def plot_match_pairs(path: Path, pairs: Sequence[MatchPair]) -> None:
     if not pairs:
         style.save(style.new_figure(_WIDTH, 0.6, "No matches"), path)
         return
-    heights = [_PICTURE_WIDTH * _height_per_width(pair) for pair in pairs]
+    heights = [
+        _PICTURE_WIDTH * height_per_width((pair.query_image, pair.place_image)) for pair in pairs
+    ]
     figure = style.new_figure(_WIDTH, sum(heights) + 0.3 * len(pairs))
     grid = figure.add_gridspec(
         len(pairs),
@@ -66,12 +69,6 @@ def plot_match_pairs(path: Path, pairs: Sequence[MatchPair]) -> None:
     style.save(figure, path)
 
 
-def _height_per_width(pair: MatchPair) -> float:
-    """Give the ratio of the taller of the two pictures, which sets the height of the row."""
-    shapes = (pair.query_image.shape, pair.place_image.shape)
-    return max(float(shape[0] / shape[1]) for shape in shapes)
-
-
 def _colour(pair: MatchPair) -> str:
     return style.RIGHT if pair.correct else style.WRONG
 
@@ -84,8 +81,7 @@ def _verdict(axes: Axes, pair: MatchPair) -> None:
 
 
 def _picture(axes: Axes, image: NDArray[np.uint8], name: str, pair: MatchPair) -> None:
-    shown = image if image.ndim == 2 else image[..., ::-1]
-    axes.imshow(shown, cmap="gray", vmin=0, vmax=255)
+    axes.imshow(shown(image), cmap="gray", vmin=0, vmax=255)
     axes.set_title(name, loc="left", fontsize=10, color=style.INK, pad=3)
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set(color=_colour(pair), linewidth=2.5)

@@ -1,7 +1,6 @@
 """Picture of the segments and scales of every channel."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,46 +9,16 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from placefield.evaluation.plots import style
+from placefield.evaluation.plots.runs import (
+    ACTIVE,
+    ChannelSegments,
+    Runs,
+    draw_bar,
+    runs_of,
+    summary,
+)
 
-# Two tones in turn, so that neighbouring active segments can be told apart.
-_ACTIVE = ("#b2182b", "#ef8a73")
-_INACTIVE = "#a9c3de"
 _MOST_BINS = 40
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ChannelSegments:
-    """How one channel cut the reference traverse.
-
-    Attributes:
-        name: what the channel is called.
-        fuzzifier: m of its fuzzy c-means.
-        label: of each place, (K,) int; a segment is a run of one label.
-        active: the place lies in an active segment, (K,) bool.
-
-    """
-
-    name: str
-    fuzzifier: float
-    label: NDArray[np.integer]
-    active: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Runs:
-    start: NDArray[np.intp]
-    length: NDArray[np.intp]
-    label: NDArray[np.integer]
-    active: NDArray[np.bool_]
-
-    @property
-    def scales(self) -> NDArray[np.intp]:
-        return self.length[self.active]
-
-    @property
-    def colours(self) -> list[str]:
-        turn = np.cumsum(self.active) % 2
-        return [_ACTIVE[t] if a else _INACTIVE for t, a in zip(turn, self.active, strict=True)]
 
 
 def plot_segments(path: Path, channels: Sequence[ChannelSegments], places: int) -> None:
@@ -70,7 +39,7 @@ def plot_segments(path: Path, channels: Sequence[ChannelSegments], places: int) 
     """
     if not channels:
         raise ValueError("there is no channel to draw")
-    runs = [_runs(channel) for channel in channels]
+    runs = [runs_of(channel) for channel in channels]
     bins = _bins([run.scales for run in runs])
     figure = style.new_figure(
         11, 0.8 + 1.8 * len(channels), "Segments and scales: active red, inactive blue"
@@ -81,22 +50,15 @@ def plot_segments(path: Path, channels: Sequence[ChannelSegments], places: int) 
     for (staircase, histogram), channel, run in zip(grid, channels, runs, strict=True):
         _draw_staircase(staircase, run, places)
         bar = staircase.inset_axes((0, 1.04, 1, 0.14), sharex=staircase)
-        _draw_bar(bar, run)
-        bar.set_title(_summary(channel, run), loc="left", fontsize=10, color=style.INK, pad=4)
-        histogram.hist(run.scales, bins=bins, color=_ACTIVE[0], rwidth=0.85)
+        draw_bar(bar, run)
+        bar.set_title(summary(channel, run), loc="left", fontsize=10, color=style.INK, pad=4)
+        histogram.hist(run.scales, bins=bins, color=ACTIVE[0], rwidth=0.85)
         histogram.yaxis.set_major_locator(MaxNLocator(3, integer=True))
         style.tidy(histogram)
     grid[0, 1].set_title("Segments per scale", loc="left", fontsize=10, color=style.INK)
     grid[-1, 0].set_xlabel("Place")
     grid[-1, 1].set_xlabel("Scale (frames)")
     style.save(figure, path)
-
-
-def _runs(channel: ChannelSegments) -> _Runs:
-    label, active = channel.label, channel.active
-    changes = (label[1:] != label[:-1]) | (active[1:] != active[:-1])
-    start = np.flatnonzero(np.concatenate([[True], changes]))
-    return _Runs(start, np.diff(start, append=len(label)), label[start], active[start])
 
 
 def _bins(scales: list[NDArray[np.intp]]) -> NDArray[np.float64]:
@@ -106,21 +68,7 @@ def _bins(scales: list[NDArray[np.intp]]) -> NDArray[np.float64]:
     return np.arange(0.5, longest + width + 0.5, width)
 
 
-def _summary(channel: ChannelSegments, run: _Runs) -> str:
-    scales = f", scales {run.scales.min()} to {run.scales.max()}" if run.scales.size else ""
-    return (
-        f"{channel.name}   m = {channel.fuzzifier:.2f}   {run.scales.size} active segments, "
-        f"{np.mean(channel.active):.0%} of places{scales}"
-    )
-
-
-def _draw_bar(axes: Axes, run: _Runs) -> None:
-    axes.bar(run.start, 1, run.length, color=run.colours, align="edge", antialiased=False)
-    axes.set_ylim(0, 1)
-    axes.set_axis_off()
-
-
-def _draw_staircase(axes: Axes, run: _Runs, places: int) -> None:
+def _draw_staircase(axes: Axes, run: Runs, places: int) -> None:
     axes.hlines(run.label, run.start, run.start + run.length, colors=run.colours, linewidth=3)
     axes.set(xlim=(0, places), ylabel="Label")
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
