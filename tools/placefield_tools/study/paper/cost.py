@@ -23,8 +23,11 @@ def comparisons(cost: Cost, *, one_scale: bool = False) -> int:
 
 
 def multiplications(cost: Cost) -> int:
-    """Count what our matching multiplies: K N L, as window sums go on from frame to frame."""
-    return cost.places * cost.dimensions * cost.channels
+    """Count what our matching multiplies: a frame under each metric, with every place.
+
+    N (N + K) L, whatever the scales, as sums of windows go on from frame to frame.
+    """
+    return cost.dimensions * (cost.dimensions + cost.places) * cost.channels
 
 
 def measure_cost(trial: Trial) -> Cost:

@@ -56,7 +56,7 @@ def run_paper_study(
         if first:
             others = run_methods(trial, PUBLISHED_RIVALS)
             every = trial.every
-        results.append(_run(trial))
+        results.append(run_feature(trial))
     return PaperStudy(
         reference=reference,
         query=query.where,
@@ -69,7 +69,12 @@ def run_paper_study(
     )
 
 
-def _run(trial: Trial) -> FeatureResult:
+def run_feature(trial: Trial) -> FeatureResult:
+    """Run the experiments on one feature.
+
+    Args:
+        trial: by the preset ``paper``.
+    """
     adaptive = trial.placemap.channels
     fixed = _fixed_map(trial)
     length = one_scale(adaptive)

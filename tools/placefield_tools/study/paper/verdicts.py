@@ -2,7 +2,7 @@
 
 from placefield_tools.study.paper.results import CountResult, FeatureResult
 
-_EQUAL = 0.005  # AUC
+_EQUAL = 0.01  # AUC
 _PLATEAU = 8  # channels, beyond which the paper gains no more
 
 
@@ -31,7 +31,7 @@ def of_channels(result: FeatureResult) -> str | None:
 
 
 def compared(auc: float, other: float) -> str:
-    """Say whether an AUC is better than another, by more than .005."""
+    """Say whether an AUC is better than another, by more than .01."""
     if abs(auc - other) <= _EQUAL:
         return "equals"
     return "beats" if auc > other else "loses to"
@@ -39,7 +39,7 @@ def compared(auc: float, other: float) -> str:
 
 def _gained(difference: float) -> str:
     if abs(difference) <= _EQUAL:
-        return "change nothing"
+        return "change next to nothing"
     return "help" if difference > 0 else "harm"
 
 
