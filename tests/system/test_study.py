@@ -157,3 +157,39 @@ def test_settings_of_a_map_are_refused_where_it_is_built_already(
 ) -> None:
     ended = run("evaluate", map_path, query_dir, "--set", setting)
     assert "is built already" in str(ended.exception)
+
+
+def test_a_study_by_the_preset_is_the_papers_on_both_features(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    flags = ["--preset", "paper", "--channels", "2"]
+    ended = run("study", reference_dir, query_dir, *flags, "--feature", "gist", "-o", "one")
+    assert ended.exit_code == 0, ended.exception
+    for text in ("AMS, gist", "MS, gist", "one", "many", "SeqSLAM", "FAB-MAP", "mean AUC of one"):
+        assert text in ended.stdout
+    assert "grayscale" not in ended.stdout
+    assert (tmp_path / "one" / "report.html").is_file()
+
+    ended = run("study", reference_dir, query_dir, *flags, "--json")
+    assert ended.exit_code == 0, ended.exception
+    study = json.loads(ended.stdout)
+    assert study["preset"] == "paper"
+    assert [one["feature"] for one in study["features"]] == ["gist", "grayscale"]
+    for one in study["features"]:
+        assert 0.5 < one["variance_kept"] <= 1
+        assert one["smallest_scale"] == 4
+        assert one["invaders"]["after"] <= one["invaders"]["before"]
+        assert [count["channels"] for count in one["counts"]] == [*range(1, 11)]
+        assert {(line["method"], line["scales"]) for line in one["lines"]} == {
+            (method, scales) for method in ("MS", "AMS") for scales in ("one", "many")
+        }
+
+
+@pytest.mark.parametrize("command", ["evaluate", "up"])
+def test_a_preset_is_refused_on_a_map_that_was_built_without_it(
+    map_path: Path, query_dir: Path, command: str
+) -> None:
+    sources = [map_path, query_dir] if command == "evaluate" else [map_path]
+    reason = str(run(command, *sources, "--preset", "paper").exception)
+    assert "was built without it" in reason
+    assert "placefield build --preset paper" in reason

@@ -81,6 +81,7 @@ def _evaluate(
     options.check_every(protocol, every)
     _refuse_to_thin(protocol)
     if Path(reference).suffix == SUFFIX:
+        options.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     asked = feature is not None

@@ -19,6 +19,7 @@ from placefield.evaluation.protocols import (
     Protocol,
 )
 from placefield.evaluation.truth import Truth, read_truth
+from placefield.maps.manifest import read_manifest
 from placefield.presets import Preset
 from placefield_tools.logs import log_as_json
 
@@ -250,6 +251,20 @@ def effective_config(file: Path | None, settings: Sequence[str] | None, **flags:
                 raise ConfigError(f"--set {section}: is a section; set one of its keys")
         table[name] = value
     return load_config(file, nested)
+
+
+def check_preset(config: Config, map_path: Path) -> None:
+    """Refuse a map that was built without the preset in force, which sets more than matching.
+
+    Raises:
+        ConfigError: it was.
+        MapError: there is no map.
+    """
+    if config.preset is not None and read_manifest(map_path).preset != config.preset:
+        raise ConfigError(
+            f"--preset {config.preset}: {map_path} was built without it; build it so, with "
+            f"'placefield build --preset {config.preset}'"
+        )
 
 
 def min_scale_flags(text: str | None) -> dict[str, Any]:

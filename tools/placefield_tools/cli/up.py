@@ -102,6 +102,7 @@ def _up(
         raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
+    options.check_preset(effective, map_path)
     manifest = read_manifest(map_path)
     manifest.features.check_rule(effective.matching.rule)
     channels = manifest.channels
