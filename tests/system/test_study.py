@@ -55,7 +55,9 @@ def test_a_study_has_every_method_and_part(
     assert study["places"] == {"speed": 30, "odometry": 30, "dense": 20}.get(protocol, 60)
     methods = {method["name"]: method for method in study["methods"]}
     assert {"one frame", "SeqSLAM", "FAB-MAP", "MS", "Placefield, filter, lag 20"} < {*methods}
-    for method in methods.values():
+    failed = {name for name, method in methods.items() if "failure" in method}
+    assert failed <= ({"AMS as published"} if protocol == "dense" else set())  # of 20 places
+    for method in (methods[name] for name in {*methods} - failed):
         assert all(0 <= method[figure] <= 1 + 1e-9 for figure in FIGURES)
         published = method["name"] in ("MS", "AMS as published")
         assert method["lag"] == (1000 if published else 20 if "lag 20" in method["name"] else 0)
@@ -144,7 +146,7 @@ def test_a_truth_file_keeps_the_numbers_of_all_frames_where_the_reference_is_thi
         for how in (("--truth", truth), ("--tolerance", "3"))
     )
     for one, other in zip(by_file, by_tolerance, strict=True):
-        assert [one[f] for f in FIGURES] == [other[f] for f in FIGURES]
+        assert [one.get(f) for f in FIGURES] == [other.get(f) for f in FIGURES]
 
 
 def test_a_study_of_a_map_is_refused(map_path: Path, query_dir: Path) -> None:
