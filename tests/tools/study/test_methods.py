@@ -131,9 +131,9 @@ def test_ams_as_published_is_the_preset_whatever_the_settings_of_our_map(
 ) -> None:
     preset = load_config(None, {"preset": "paper", "scales": {"channels": 2}})
     built = build_from([str(reference_dir)], preset)
-    assert trial.published.placemap.model.plain
+    assert trial.published.model.plain
     assert not trial.placemap.model.plain
-    for channel, other in zip(trial.published.placemap.channels, built.channels, strict=True):
+    for channel, other in zip(trial.published.channels, built.channels, strict=True):
         np.testing.assert_array_equal(channel.labels, other.labels)
         np.testing.assert_array_equal(channel.metric.projection, other.metric.projection)
     assert_matches(results["AMS as published"], published_matches(trial, built))

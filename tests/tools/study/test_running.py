@@ -90,7 +90,7 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
     driven = prepare(str(reference_dir), query, within_3, CONFIG)
     assert driven.every == 2
     assert driven.metres.places.travelled.tolist() == [*range(30)]
-    for placemap in (driven.placemap, driven.published.placemap, driven.multiscale):
+    for placemap in (driven.placemap, driven.published, driven.multiscale):
         assert placemap.places.travelled.tolist() == [*range(30)]
     drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
     assert drive.odometry is not None

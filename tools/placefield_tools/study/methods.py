@@ -15,7 +15,7 @@ from placefield.config import Rule
 from placefield.errors import MapError, PlacefieldError
 from placefield.evaluation.protocols import frames_to_recover
 from placefield.fusion.match import Match
-from placefield.maps.map import MapChannel
+from placefield.maps.map import Map, MapChannel
 from placefield.matching.candidate import UNANSWERED
 from placefield.presets import PRESETS
 from placefield_tools.drive_matching import match_drive
@@ -83,8 +83,12 @@ def methods_of(trial: Trial) -> list[Method]:
         Method("SeqSLAM", _seqslam),
         *(_with_lag(lengths, lag) if lag else []),
         Method("FAB-MAP", _fabmap),
-        Method("MS", partial(_published, channels_of=_fixed), lag=PUBLISHED_LAG),
-        Method("AMS as published", partial(_published, channels_of=_adaptive), lag=PUBLISHED_LAG),
+        Method("MS", partial(_published, map_of=lambda trial: trial.multiscale), lag=PUBLISHED_LAG),
+        Method(
+            "AMS as published",
+            partial(_published, map_of=lambda trial: trial.published),
+            lag=PUBLISHED_LAG,
+        ),
         *_by_channels(0),
         *(_by_channels(lag) if lag else []),
     ]
@@ -171,17 +175,10 @@ def _fabmap(trial: Trial) -> Matched:
     return Matched(fabmap(reference, trial.query.words, tree, seed=trial.config.seed))
 
 
-def _fixed(published: Trial) -> Sequence[MapChannel]:
-    return published.multiscale.channels
-
-
-def _adaptive(published: Trial) -> Sequence[MapChannel]:
-    return published.placemap.channels
-
-
-def _published(trial: Trial, channels_of: Callable[[Trial], Sequence[MapChannel]]) -> Matched:
-    published = trial.published
-    return match_smoothed(channels_of(published), published, "lowest-score", PUBLISHED_LAG)
+def _published(trial: Trial, map_of: Callable[[Trial], Map]) -> Matched:
+    placemap = map_of(trial)
+    on_map = trial.on_published(placemap)
+    return match_smoothed(placemap.channels, on_map, "lowest-score", PUBLISHED_LAG)
 
 
 def _channels(trial: Trial, rule: Rule, lag: int) -> Matched:

@@ -72,24 +72,15 @@ class Trial:
         return distance_matrix(self.plain.metric, self.descriptors, 0)
 
     @cached_property
-    def published(self) -> "Trial":
-        """The same drive by the preset ``paper``: its descriptors, its map, its matching.
+    def published(self) -> Map:
+        """The map of AMS by the preset ``paper``.
 
         Raises:
             MapError: the reference is too short for it.
         """
         if self.config.preset == "paper":
-            return self
-        config = as_published(self.config)
-        placemap = self.build(config)
-        return replace(
-            self,
-            config=config,
-            placemap=placemap,
-            plain=plain_channel(placemap, self.traverse),
-            descriptors=descriptors_of(placemap.model, self.query.raws),
-            metres=replace(self.metres, places=placemap.places),
-        )
+            return self.placemap
+        return self.build(as_published(self.config))
 
     @cached_property
     def multiscale(self) -> Map:
@@ -102,6 +93,17 @@ class Trial:
         smallest = {"min_scale": min(SCALES), "min_scale_metres": 0.0}
         scales = config.scales.model_copy(update=smallest)
         return self.build(config.model_copy(update={"scales": scales}), _fixed_scales)
+
+    def on_published(self, placemap: Map) -> "Trial":
+        """Return the same drive by the preset ``paper``, on another map of the reference."""
+        return replace(
+            self,
+            config=as_published(self.config),
+            placemap=placemap,
+            plain=plain_channel(placemap, self.traverse),
+            descriptors=descriptors_of(placemap.model, self.query.raws),
+            metres=replace(self.metres, places=placemap.places),
+        )
 
     def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:
         """Build another map of the reference; see ``build_map``."""
