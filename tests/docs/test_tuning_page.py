@@ -26,6 +26,8 @@ def is_shown(value: Any, cell: str) -> bool:
             return cell == f"`{only}`"
         case bool() | str():
             return cell == f"`{str(value).lower()}`"
+        case (float(), *_):
+            return cell == str(list(value))
         case _:
             return cell == str(value)
 
