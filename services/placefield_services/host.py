@@ -16,8 +16,9 @@ from contextlib import suppress
 
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
 from placefield.bus.session import Bus, open_router
-from placefield.config import ENV_PREFIX, Config
+from placefield.config import Config
 from placefield.errors import BusError
+from placefield.loading import ENV_PREFIX
 from placefield_services.metrics import Overheard, serve_metrics
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED

@@ -1,10 +1,6 @@
-"""The configuration of a run: one frozen value, from defaults, TOML, environment and flags."""
+"""The configuration of a run: one frozen value."""
 
-import os
-import tomllib
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tomli_w
 from pydantic import (
@@ -14,21 +10,14 @@ from pydantic import (
     ConfigDict,
     Field,
     StringConstraints,
-    ValidationError,
 )
 from pydantic_core import PydanticCustomError
 from pydantic_settings import (
-    BaseSettings,
-    InitSettingsSource,
     NoDecode,
-    PydanticBaseSettingsSource,
-    SettingsConfigDict,
-    SettingsError,
-    TomlConfigSettingsSource,
 )
 
 from placefield.errors import ConfigError
-from placefield.presets import PRESETS, Preset
+from placefield.presets import Preset
 
 ONNX = "onnx:"
 """What stands before the file of a network in a feature's kind."""
@@ -83,8 +72,6 @@ MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Solver = Literal["placefield", "metric-learn"]
 Fuzzifiers = tuple[Annotated[float, Field(gt=1)], Annotated[float, Field(gt=1)]]
 Rule = Literal["filter", "evidence", "lowest-score"]
-
-ENV_PREFIX = "PLACEFIELD_"
 
 
 class _Section(BaseModel):
@@ -277,69 +264,3 @@ class Config(_Section):
     def to_toml(self) -> str:
         """Return the configuration as TOML; keys without a value are left out."""
         return tomli_w.dumps(self.model_dump(exclude_none=True))
-
-
-def _check_sections(environment: Iterable[str]) -> None:
-    """Refuse a misspelt section, which pydantic-settings would not look at."""
-    for name in environment:
-        section, nested, _ = name.lower().removeprefix(ENV_PREFIX.lower()).partition("__")
-        is_ours = nested and name.lower().startswith(ENV_PREFIX.lower())
-        if is_ours and section not in Config.model_fields:
-            raise ConfigError(f"environment: {name}: no such section; see 'placefield config'")
-
-
-def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
-    """Read the configuration: flags over the environment over the file over the defaults.
-
-    A preset, wherever it is named, takes the place of the defaults.
-
-    Args:
-        file: TOML, one table per section.
-        flags: nested like the configuration, as ``{"scales": {"channels": 8}}``.
-
-    The environment is read as ``PLACEFIELD_SCALES__CHANNELS=8``.
-
-    Raises:
-        ConfigError: a key is unknown, a value malformed, or the file missing, unreadable or no
-            TOML.
-    """
-    if file is not None and not file.is_file():
-        raise ConfigError(f"{file}: no such configuration file")
-    _check_sections(os.environ)
-
-    class Loader(Config, BaseSettings):
-        model_config = SettingsConfigDict(
-            env_prefix=ENV_PREFIX, env_nested_delimiter="__", toml_file=file
-        )
-
-        @classmethod
-        def settings_customise_sources(
-            cls,
-            settings_cls: type[BaseSettings],
-            init_settings: PydanticBaseSettingsSource,
-            env_settings: PydanticBaseSettingsSource,
-            dotenv_settings: PydanticBaseSettingsSource,
-            file_secret_settings: PydanticBaseSettingsSource,
-        ) -> tuple[PydanticBaseSettingsSource, ...]:
-            given = init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
-            named = next((name for source in given if (name := source().get("preset"))), None)
-            # An unknown one is refused where all is validated.
-            preset = PRESETS[named] if isinstance(named, str) and named in PRESETS else {}
-            return *given, InitSettingsSource(settings_cls, init_kwargs=dict(preset))
-
-    try:
-        return Config.model_validate(Loader(**(flags or {})).model_dump())
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            raise ConfigError(f"setting {key}: there is none; see 'placefield config'") from None
-        raise ConfigError(f"setting {key}: {first['msg']} (given: {first['input']!r})") from None
-    except SettingsError as error:
-        raise ConfigError(
-            f"environment: {error}; give one key a variable, as {ENV_PREFIX}SCALES__CHANNELS=8"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: not valid TOML: {error}") from None
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from None

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus
-from placefield.config import ENV_PREFIX, BusConfig, MatchingConfig, Rule
+from placefield.config import BusConfig, MatchingConfig, Rule
 from placefield.errors import MessageError
+from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
 from placefield_tools.hosting import free_endpoint

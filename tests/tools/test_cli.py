@@ -14,7 +14,8 @@ import cv2
 import pytest
 from frame_folders import first_frames, uneven_drive
 
-from placefield.config import ENV_PREFIX, Config, Rule
+from placefield.config import Config, Rule
+from placefield.loading import ENV_PREFIX
 from placefield_tools.cli.main import main
 
 

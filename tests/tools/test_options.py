@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield.config import ENV_PREFIX, Config
+from placefield.config import Config
 from placefield.errors import ConfigError
+from placefield.loading import ENV_PREFIX
 from placefield_tools.cli.options import effective_config, min_scale_flags
 
 

@@ -8,9 +8,10 @@ from placefield.baselines.fabmap import fabmap, learn_tree
 from placefield.baselines.fixed_window import fixed_window
 from placefield.baselines.multiscale import fixed_scale_channels
 from placefield.baselines.seqslam import seqslam
-from placefield.config import Rule, load_config
+from placefield.config import Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
+from placefield.loading import load_config
 from placefield.maps.map import Map
 from placefield.maps.metrics import identity_metric
 from placefield.matching.comparing import MetricPlaces

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import psutil  # type: ignore[import-untyped]
 
-from placefield.config import ENV_PREFIX
+from placefield.loading import ENV_PREFIX
 from placefield_tools.hosting import await_ready, free_endpoint
 
 _START_S = 180.0  # that many processes at once take their time on few cores

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from placefield.config import Config, Rule, load_config
+from placefield.config import Config, Rule
 from placefield.errors import ConfigError
 from placefield.evaluation.protocols import (
     DEFAULT_EVERY,
@@ -19,6 +19,7 @@ from placefield.evaluation.protocols import (
     Protocol,
 )
 from placefield.evaluation.truth import Truth, read_truth
+from placefield.loading import load_config
 from placefield.maps.manifest import read_manifest
 from placefield.presets import Preset
 from placefield_tools.logs import log_as_json

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from placefield.config import Config, load_config
+from placefield.config import Config
+from placefield.loading import load_config
 from placefield_tools.cli import options
 from placefield_tools.evaluating import Query
 from placefield_tools.study.paper import channel_counts

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield.config import ENV_PREFIX, Config, MatchingConfig, Rule, load_config
+from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import ConfigError
+from placefield.loading import ENV_PREFIX, load_config
 
 
 @pytest.fixture(scope="module", autouse=True)
