@@ -12,9 +12,7 @@ from pydantic import (
     StringConstraints,
 )
 from pydantic_core import PydanticCustomError
-from pydantic_settings import (
-    NoDecode,
-)
+from pydantic_settings import NoDecode
 
 from placefield.errors import ConfigError
 from placefield.presets import Preset
