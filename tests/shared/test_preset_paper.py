@@ -55,6 +55,12 @@ def images(seed: int, *, night: bool = False) -> list[Image]:
     return rendered[:FRAMES]
 
 
+def driven(seed: int) -> list[int]:
+    """Say which place each frame of the query shows: now and then it waits, or skips one."""
+    steps = np.random.default_rng([seed, 2]).choice([0, 1, 2], FRAMES - 1, p=[0.15, 0.7, 0.15])
+    return np.clip(np.r_[0, np.cumsum(steps)], 0, FRAMES - 1).tolist()
+
+
 def raw_features(shown: Sequence[Image], kind: str) -> NDArray[np.float64]:
     feature = feature_of(kind)
     return np.array([feature.describe(image) for image in shown], np.float64)
@@ -69,6 +75,7 @@ class Drive:
     smoothed: list[SmoothedMatch]
     literal: LiteralMap
     query: NDArray[np.float64]
+    places: list[int]
 
     @property
     def unit(self) -> float:
@@ -100,7 +107,8 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
     if dimensions is not None:
         flags["features"]["dimensions"] = dimensions
     config = load_config(None, flags)
-    day, night = images(seed), images(seed, night=True)
+    day, shown, places = images(seed), images(seed, night=True), driven(seed)
+    night = [shown[place] for place in places]
     placemap = build_map(day, config=config)
     recognizer = Recognizer(placemap, config.matching)
     for image in night:
@@ -110,7 +118,7 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
         raw_features(day, kind), dimensions or FRAMES, fuzzifiers, min_scale, seed
     )
     smoothed = recognizer.smoothed() + recognizer.finish()
-    return Drive(config, placemap, smoothed, literal, raw_features(night, kind))
+    return Drive(config, placemap, smoothed, literal, raw_features(night, kind), places)
 
 
 ROUTES = {
@@ -165,21 +173,22 @@ def test_projections_are_learned_by_equation_8(drive: Drive) -> None:
 
 
 def test_every_smoothed_match_is_that_of_the_equations(drive: Drive) -> None:
-    answers = literal_ams.match(drive.literal, drive.query, blur=drive.blur * drive.unit)
+    exact = literal_ams.match(drive.literal, drive.query)
+    rounded = literal_ams.match(drive.literal, drive.query, blur=drive.blur * drive.unit)
     assert [each.frame for each in drive.smoothed] == list(range(FRAMES))
-    undecided, moved = 0, []
-    for each, options in zip(drive.smoothed, answers, strict=True):
+    others, moved = 0, []
+    for each, literal, options in zip(drive.smoothed, exact, rounded, strict=True):
         place, score = each.match.place, each.match.score
         if not options:
             assert (place, score) == (UNANSWERED, 0)
             continue
-        undecided += len({Y for _, Y in options}) > 1
+        others += place not in {Y for _, Y in literal}
         of_place = [math.sqrt(F) / drive.unit for F, at in options if at == place]
         assert of_place, f"frame {each.frame}: {place} is not among {options}"
         moved.append(min((math.sqrt(-score) - root for root in of_place), key=abs))
     assert np.abs(moved).max() <= drive.blur
     assert abs(np.mean(moved)) <= drive.blur / 8  # rounding has no side
-    assert undecided <= FRAMES / 8
+    assert others <= FRAMES / 20  # where rounding decides
 
 
 def test_frames_whose_windows_the_query_ends_in_have_no_match(drive: Drive) -> None:
@@ -198,8 +207,8 @@ def test_a_smoothed_match_comes_with_the_last_frame_of_the_longest_window(drive:
 
 
 def test_the_route_is_recognised(drive: Drive) -> None:
-    near = [abs(each.match.place - each.frame) <= 3 for each in drive.smoothed]
-    assert np.mean(near) > 0.8
+    pairs = zip(drive.smoothed, drive.places, strict=True)
+    assert np.mean([abs(each.match.place - place) <= 3 for each, place in pairs]) > 0.8
 
 
 # One smallest scale, whatever the segments are.
