@@ -17,6 +17,9 @@ Mask = NDArray[np.bool_]
 Option = tuple[float, int]
 """A score F(Y), and the place Y."""
 
+RADIUS, APART = 0.75, 8
+"""Of a cluster, in root-mean-square distances of frames that are so far apart."""
+
 LAMBDAS = (0.25, 0.5, 0.75, 1.0)
 NEIGHBOURS = 3  # k
 STEPS = 30
@@ -80,8 +83,8 @@ def build(
 def count_clusters(x: Array) -> int:
     """Count the centres that Chiu's subtractive clustering finds among the descriptors alone."""
     points = x.tolist()
-    steps = [math.dist(a, b) ** 2 for a, b in zip(points, points[8:], strict=False)]
-    ra = 0.75 * math.sqrt(sum(steps) / len(steps))
+    steps = [math.dist(a, b) ** 2 for a, b in zip(points, points[APART:], strict=False)]
+    ra = RADIUS * math.sqrt(sum(steps) / len(steps))
     rb = 1.5 * ra
     potentials = [sum(math.exp(-4 * math.dist(a, b) ** 2 / ra**2) for b in points) for a in points]
     first = max(potentials)
