@@ -38,8 +38,8 @@ def fit_lmnn_by_metric_learn(
 
     metric-learn wants k target neighbours of every frame. So frames of labels that have no more
     than k frames are left out, and neither teach nor stand in the way as impostors. Where all
-    labels have more, it gives what ``fit_lmnn`` gives. It cannot go on, either, once no frame
-    invades any more, and ends there.
+    labels have more, it gives what ``fit_lmnn`` gives. Where fewer than two labels are left, it
+    learns nothing.
     """
     from metric_learn import LMNN
 
@@ -61,7 +61,7 @@ def fit_lmnn_by_metric_learn(
         try:
             with warnings.catch_warnings(action="ignore"):  # of what scikit-learn will rename
                 stepped = learner.fit(points, own).components_
-        except TypeError:  # of metric-learn 0.7, where there are no impostors
+        except TypeError:  # of metric-learn 0.7, where there is but one label
             break
         size = GROWTH * float(np.linalg.norm(stepped - projection) / np.linalg.norm(gradient))
         value, gradient = objective(stepped, points, own, targets, push)
