@@ -42,7 +42,12 @@ _EARLY_BYTES = 2**28
 
 
 def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
-    """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over."""
+    """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over.
+
+    Raises:
+        ConfigError: the rule does not follow the map's descriptors.
+    """
+    placemap.features.check_rule(config.matching.rule)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.tell)

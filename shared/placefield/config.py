@@ -123,7 +123,7 @@ class FeatureConfig(_Section):
         if not self.serve(rule):
             raise ConfigError(
                 "rule filter: does not follow descriptors of plain PCA (features.plain_pca), as "
-                "this map has: give --preset paper, or --set matching.rule=lowest-score"
+                "this map has: give --preset paper"
             )
 
 

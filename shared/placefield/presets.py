@@ -10,7 +10,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "features": {"plain_pca": True, "standardise": False},
         "scales": {"position_weight": 0.0, "same_start": True},
         "metric": {"kind": "lmnn", "gate": False, "push": "cross-validation"},
-        # A lag that cuts no window: the smoothed match is the published one.
+        # Cuts no window of up to 1001 frames: the smoothed match is the published one.
         "matching": {"rule": "lowest-score", "lag": 1000},
     },
 }

@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 Option = tuple[float, int]
 """A score F(Y), and the place Y."""
 
-RADIUS, APART = 0.75, 8
+RADIUS, APART = 0.9, 4
 """Of a cluster, in root-mean-square distances of frames that are so far apart."""
 
 LAMBDAS = (0.25, 0.5, 0.75, 1.0)

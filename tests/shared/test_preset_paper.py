@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from literal_ams import LiteralMap
 from numpy.typing import NDArray
 
-from placefield.config import Config, load_config
+from placefield.config import Config
 from placefield.features.extract import feature_of
 from placefield.fusion.match import SmoothedMatch
 from placefield.fusion.rules import fuse
 from placefield.library import build_map
+from placefield.loading import load_config
 from placefield.maps import build
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
@@ -123,9 +124,9 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
 
 ROUTES = {
     "all dimensions there are": ("gist", 2, 4, None),
-    "shortest segments differ in grey": ("grayscale", 5, 4, 16),
-    "shortest segments differ and a channel has one scale": ("gist", 0, 6, 16),
-    "a channel has the smallest scale alone": ("grayscale", 3, 4, 16),
+    "shortest segments differ in grey": ("grayscale", 8, 5, 16),
+    "shortest segments differ and a channel has one scale": ("gist", 4, 6, 16),
+    "a channel has the smallest scale alone": ("grayscale", 4, 5, 16),
 }
 
 

@@ -12,8 +12,8 @@ import pytest
 from hosting import Host, Process, placefield, refusal, wait_until
 
 from placefield.bus.messages import SmoothedMessage
-from placefield.config import load_config
 from placefield.library import build_map
+from placefield.loading import load_config
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.presets import PRESETS

@@ -71,9 +71,8 @@ def smallest_scale(min_scale: float, travelled: NDArray[np.floating] | None = No
     """
     if travelled is None:
         return round(min_scale)
-    spacing = _mean_spacing(travelled)
-    reached = np.ceil(np.round(min_scale / spacing, 6)) if spacing else 1
-    return int(min(max(reached, 1), len(travelled)))
+    lengths = np.round(_mean_spacing(travelled) * np.arange(1, len(travelled) + 1), 3)
+    return min(int(np.searchsorted(lengths, min_scale)) + 1, len(travelled))
 
 
 def _mean_spacing(travelled: NDArray[np.floating]) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from placefield.config import load_config
+from placefield.loading import load_config
 from placefield.maps.build import build_map, held_back_places
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse

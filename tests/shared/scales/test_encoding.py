@@ -97,7 +97,7 @@ def test_at_varying_speed_the_smallest_scale_is_by_the_mean_spacing() -> None:
 @pytest.mark.parametrize(
     ("min_scale", "travelled", "smallest"),
     [
-        (2.0, [0.0] * 9, 1),  # it stands: no number of frames reaches it
+        (2.0, [0.0] * 9, 9),  # it stands: no number of frames reaches it
         (2.0, [5.0], 1),
         (0.001, [0.0, 1.0, 2.0], 1),
         (1.0, [0.0, 1.0, 2.0], 1),

@@ -35,6 +35,7 @@ def _chaos(
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second")] = 12.0,
     seed: Annotated[int, typer.Option(min=0, help="of the schedule of faults")] = 0,
     as_json: options.Json = False,
+    preset: options.PresetOption = None,
     rule: options.RuleOption = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -61,7 +62,7 @@ def _chaos(
     from placefield_tools.sources.secrets import without_secrets
 
     logging.getLogger("placefield").setLevel(logging.ERROR)  # garbage is dropped as it should be
-    effective = options.effective_config(config, settings, matching__rule=rule)
+    effective = options.effective_config(config, settings, preset=preset, matching__rule=rule)
     metrics = [channel.metric for channel in read_manifest(map_path).channels]
     count = frames or (faults + 1) * APART
     drawn = schedule(seed, count, faults)

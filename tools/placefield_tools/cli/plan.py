@@ -73,7 +73,7 @@ def _plan(
         memory_bytes=memory_bytes,
     )
     commands = [
-        [_command(process, names, number, map_path) for process in processes]
+        [_command(process, names, number, map_path, manifest.preset) for process in processes]
         for number, processes in enumerate(proposed.hosts)
     ]
     if json_:
@@ -116,7 +116,9 @@ def _sizes(map_path: Path, files: Sequence[str]) -> dict[str, int]:
     return sizes
 
 
-def _command(process: "Process", names: Sequence[str], host: int, map_path: Path) -> str:
+def _command(
+    process: "Process", names: Sequence[str], host: int, map_path: Path, preset: str | None
+) -> str:
     """Return the command line of a process on a host; one host alone has its bus on loopback."""
     endpoints = [f"tcp/{name}:{_PORT}" for name in names]
     flags = ["--endpoint", endpoints[host]] if len(names) > 1 else []
@@ -126,6 +128,8 @@ def _command(process: "Process", names: Sequence[str], host: int, map_path: Path
     own = [part for channel in process.channels for part in ("--channel", str(channel))]
     if process.shards > 1:
         own += ["--shard", f"{process.shard}/{process.shards}"]
+    if preset is not None and process.service in ("channel", "fuser"):
+        own += ["--preset", preset]
     return shlex.join(["placefield", process.service, str(map_path), *own, *flags])
 
 

@@ -64,6 +64,7 @@ def _channel(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    preset: options.PresetOption = None,
     rule: options.RuleOption = None,
     exact: options.Exact = None,
     metrics_port: options.MetricsPort = None,
@@ -86,6 +87,7 @@ def _channel(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
@@ -112,6 +114,7 @@ def _fuser(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    preset: options.PresetOption = None,
     rule: options.RuleOption = None,
     precision: options.Precision = None,
     deadline: Annotated[
@@ -140,6 +143,7 @@ def _fuser(
     effective = options.effective_config(
         config,
         settings,
+        preset=preset,
         runs=run,
         bus__endpoint=endpoint,
         bus__credentials=credentials,
