@@ -32,7 +32,7 @@ def paper_path(tmp_path_factory: pytest.TempPathFactory, reference_dir: Path) ->
     path = tmp_path_factory.mktemp("paper") / "paper.pfmap"
     built = placefield("build", reference_dir, *SETTINGS, "-o", path)
     assert built.returncode == 0, built.stderr
-    assert built.stdout == f"{path}: 60 places, 3 channels\n"
+    assert built.stdout.startswith(f"{path}: 60 places, 3 channels\ndescriptors keep ")
     return path
 
 

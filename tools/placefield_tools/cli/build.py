@@ -69,3 +69,4 @@ def _build(
     built = build_from(references, effective, spacing_m=spacing, parts=parts)
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
+    print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
