@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, History, Outbox, recall_all, recalling, share
+from placefield.bus.history import LENGTH, History, Outbox, recall_all, remembering, share
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import BordersMessage, FeatureMessage, Header
@@ -23,6 +23,7 @@ from placefield.errors import ConfigError, FrameError, MessageError
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
+from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
 from placefield_services.served_channels import ServedChannels
@@ -68,6 +69,7 @@ def run_channels(
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             if shards > 1:
                 bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
+            remembered_moments(bus, keys, process.counts[run])
             outlets[run] = _outlet(bus, keys, process.identity, config.matching.lag)
             process.answers[run] = outlets[run].candidates.history
         worker = ChannelWorker(placemap.model, served, outlets, process.counts)
@@ -84,9 +86,11 @@ def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
     borders = Outbox(bus.publisher(keys.borders(identity)), History())
     history = keys.history(keys.all_borders)
     share(bus, history, borders.history)
+    features = remembering(bus, keys.history(keys.feature))
     return Outlet(
         candidates=candidates,
-        recall=recalling(bus, keys.history(keys.feature)),
+        recall=features.recall,
+        remember=features.history.remember,
         borders=borders,
         recall_borders=partial(recall_all, bus, history, patience_s=_PATIENCE_S),
     )
@@ -155,6 +159,7 @@ class ChannelWorker:
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
+        run.outlet.remember(header, received.payload)
         if turn is Turn.REPEATED:
             run.outlet.candidates.put_again(header)
             return []
@@ -206,9 +211,10 @@ class ChannelWorker:
         frames = []
         for old, payload in run.outlet.recall(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
-            old = old.model_copy(update={"oldest": header.oldest})
             try:
                 seen = self._decode(payload)
+                run.outlet.remember(old, payload)
+                old = old.model_copy(update={"oldest": header.oldest})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
             except MessageError:
                 run.counts["malformed"] += 1

@@ -41,12 +41,14 @@ class Outlet:
     Attributes:
         candidates: where they are published.
         recall: returns descriptors that others remember.
+        remember: keeps a descriptor for others.
         borders: where the partial results of its shards are published.
         recall_borders: yields the partial results of all shards, of frames from one up to another.
     """
 
     candidates: Outbox
     recall: Recall
+    remember: Callable[[Header, bytes], None]
     borders: Outbox
     recall_borders: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import MOMENTS, History, Memory, Outbox, recall_all, remembering, share
+from placefield.bus.history import History, Memory, Outbox, recall_all, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
@@ -18,7 +18,6 @@ from placefield.bus.messages import (
     FinishedMessage,
     Header,
     MatchMessage,
-    MomentsMessage,
 )
 from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
@@ -30,6 +29,7 @@ from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.live_channels import LiveChannels
+from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
 from placefield_services.smoothing import Smoothing
@@ -60,8 +60,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
             features = remembering(bus, keys.history(keys.feature))
-            moments = remembering(bus, keys.history(keys.moments), MOMENTS)
-            bus.subscribe(keys.moments, partial(_remember, moments.history), process.counts[run])
+            moments = remembered_moments(bus, keys, process.counts[run])
             outlets = Outlets(
                 _shared(bus, keys, keys.match),
                 _shared(bus, keys, keys.smoothed),
@@ -98,11 +97,6 @@ def _shared(bus: Bus, keys: Keys, key: str) -> Outbox:
     history = History()
     share(bus, keys.history(key), history)
     return Outbox(bus.publisher(key), history)
-
-
-def _remember(history: History, received: Received) -> None:
-    MomentsMessage.decode(received.payload)
-    history.remember(received.header, received.payload)
 
 
 @dataclass(frozen=True)

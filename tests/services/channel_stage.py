@@ -58,6 +58,7 @@ class Stage:
             run: RecordingPublisher(CandidatesMessage, FinishedMessage) for run in RUNS
         }
         self.elsewhere = {run: Memory() for run in RUNS}
+        self.remembered = {run: History() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
         outlets = {run: self._outlet(run) for run in RUNS}
@@ -69,6 +70,7 @@ class Stage:
         return Outlet(
             candidates=Outbox(self.publishers[run], History()),
             recall=self.elsewhere[run].recall,
+            remember=self.remembered[run].remember,
             borders=Outbox(RecordingPublisher(BordersMessage), History()),
             recall_borders=lambda *_: [],
         )

@@ -65,6 +65,7 @@ class Shards:
         outlet = Outlet(
             candidates=Outbox(self.answered[shard], History()),
             recall=self.features.recall,
+            remember=History().remember,
             borders=Outbox(self.told[shard], self.borders[shard]),
             recall_borders=self._recall_borders,
         )

@@ -1,7 +1,7 @@
 """Schedules of faults."""
 
 from collections import Counter
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pytest
 from hypothesis import given
@@ -19,9 +19,28 @@ def test_faults_are_apart_in_order_and_within_the_stream(
     drawn = schedule(seed, frames, faults)
     assert len(drawn) == faults
     assert drawn == schedule(seed, frames, faults)
-    ends = [0, *(fault.at for fault in drawn), frames]
-    assert all(end - start >= APART for start, end in pairwise(ends))
-    assert all(fault.at <= fault.end < fault.at + APART for fault in drawn)
+    starts = [fault.at for fault in drawn]
+    assert all(later - earlier >= APART - 10 for earlier, later in pairwise(starts))
+    assert all(fault.at <= fault.end < min(fault.at + APART, frames) for fault in drawn)
+
+
+@given(st.integers(0, 2**32), st.integers(2, 30), st.integers(0, 5000))
+def test_the_first_and_the_last_frames_have_a_fault(seed: int, faults: int, spare: int) -> None:
+    frames = (faults + 1) * APART + spare
+    first, *_, last = schedule(seed, frames, faults)
+    assert 1 <= first.at <= 10
+    assert not first.is_last
+    assert frames - 10 <= last.at < frames
+    assert last.is_last
+
+
+def test_services_are_killed_alone_in_pairs_and_all_at_once() -> None:
+    killed = {
+        frozenset(kind.removeprefix("kill ").split(" and ")) for kind in KINDS if "kill" in kind
+    }
+    three = {"channel", "featurizer", "fuser"}
+    sets = {frozenset(some) for n in (1, 2, 3) for some in combinations(three, n)}
+    assert killed == sets | {frozenset({"router"})}
 
 
 @given(st.integers(0, 2**32), st.integers(0, 30))

@@ -54,4 +54,6 @@ def test_a_system_that_is_never_well_again_does_not_hold() -> None:
     verdict = judge(UNDISTURBED, answers, [Happened(KILLED, 4, 4.0)], 10)
     assert (verdict.recover_s, verdict.partial, verdict.holds) == (None, 6, False)
     (fault,) = json.loads(json.dumps(verdict.as_json()))["faults"]
-    assert fault == {"kind": "kill channel", "at": 4, "end": 4, "draw": 0, "recover_s": None}
+    assert fault == {"kind": "kill channel", "at": 4, "end": 4, "draw": 0, "is_last": False} | {
+        "recover_s": None
+    }

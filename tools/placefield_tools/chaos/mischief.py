@@ -41,11 +41,12 @@ class Mischief:
 
     def begin(self, fault: Fault) -> None:
         """Let a fault happen, or begin."""
-        verb, _, service = fault.kind.partition(" ")
+        verb, _, services = fault.kind.partition(" ")
         if verb == "kill":
-            self._children.signal(self._one_of(service, fault), signal.SIGKILL)
+            for service in services.split(" and "):
+                self._children.signal(self._one_of(service, fault), signal.SIGKILL)
         elif verb == "stop":
-            self._children.signal(self._one_of(service, fault), signal.SIGSTOP)
+            self._children.signal(self._one_of(services, fault), signal.SIGSTOP)
         elif verb == "garbage":
             heard = dict(self._overheard.topics)
             publish(self._bus, heard, _OF_EACH, fault.draw, _SORTS)

@@ -15,6 +15,10 @@ FaultKind = Literal[
     "kill featurizer",
     "kill fuser",
     "kill router",
+    "kill channel and fuser",
+    "kill featurizer and channel",
+    "kill featurizer and fuser",
+    "kill featurizer and channel and fuser",
     "stop channel",
     "garbage",
     "repeat",
@@ -23,6 +27,9 @@ KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 
 APART = 60
 """Frames between two faults at least: before the next one, all is well again."""
+
+_EDGE = 10
+"""The first fault comes within so many frames of the stream's start, the last one of its end."""
 
 _STOPPED = 30  # frames for which a worker is stopped
 
@@ -36,18 +43,21 @@ class Fault:
         at: number of the frame before which it happens.
         end: of the frame before which it is over; ``at`` if it only happens.
         draw: what is left to chance in it: which worker, which messages.
+        is_last: whether the stream ends too soon after it to show that all is well again.
     """
 
     kind: FaultKind
     at: int
     end: int
     draw: int
+    is_last: bool = False
 
 
 def schedule(seed: int, frames: int, faults: int) -> list[Fault]:
     """Draw so many faults over a stream of so many frames, by ascending frame.
 
-    Each kind comes once before any comes again.
+    Each kind comes once before any comes again. The first is among the first frames, and the last
+    of several among the last ones.
 
     Raises:
         ConfigError: the stream is too short for them.
@@ -58,15 +68,20 @@ def schedule(seed: int, frames: int, faults: int) -> list[Fault]:
         )
     rng = np.random.default_rng(seed)
     spare = frames - (faults + 1) * APART
-    delays = np.sort(rng.integers(0, spare + 1, faults))
+    places = np.arange(faults) * APART + np.sort(rng.integers(0, spare + 1, faults))
+    if faults:
+        places[0] = rng.integers(1, _EDGE + 1)
+    if faults > 1:
+        places[-1] = frames - rng.integers(1, _EDGE + 1)
     kinds: list[FaultKind] = []
     while len(kinds) < faults:
         kinds += [KINDS[number] for number in rng.permutation(len(KINDS))]
     return [
-        _fault(kind, (number + 1) * APART + int(delay), int(rng.integers(2**31)))
-        for number, (kind, delay) in enumerate(zip(kinds, delays, strict=False))
+        _fault(kind, at, int(rng.integers(2**31)), frames)
+        for kind, at in zip(kinds, places.tolist(), strict=False)
     ]
 
 
-def _fault(kind: FaultKind, at: int, draw: int) -> Fault:
-    return Fault(kind, at, at + _STOPPED if kind == "stop channel" else at, draw)
+def _fault(kind: FaultKind, at: int, draw: int, frames: int) -> Fault:
+    end = min(at + _STOPPED, frames - 1) if kind == "stop channel" else at
+    return Fault(kind, at, end, draw, is_last=at > frames - APART)

@@ -59,8 +59,15 @@ class Verdict:
 
     @property
     def recover_s(self) -> float | None:
-        """The longest that anything took to be well again; None: it never was."""
-        seconds = [recovery.seconds for recovery in self.recoveries]
+        """The longest that anything took to be well again; None: it never was.
+
+        What happened just before the end counts only if the stream still showed it.
+        """
+        seconds = [
+            recovery.seconds
+            for recovery in self.recoveries
+            if recovery.seconds is not None or not recovery.fault.is_last
+        ]
         known = [second for second in seconds if second is not None]
         return max(known, default=0.0) if len(known) == len(seconds) else None
 

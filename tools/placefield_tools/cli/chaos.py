@@ -27,7 +27,7 @@ def _chaos(
             metavar="SOURCE", help="a folder of frames or a video; it begins again at its end"
         ),
     ],
-    faults: Annotated[int, typer.Option(min=0, help="how many")] = 7,
+    faults: Annotated[int, typer.Option(min=0, help="how many")] = 11,
     frames: Annotated[
         int | None,
         typer.Option(min=1, help="how many to replay", show_default="as the faults need"),
@@ -42,9 +42,9 @@ def _chaos(
 ) -> None:
     """Replay frames through services of its own while faults befall them.
 
-    Services and router are killed, a channel worker is stopped for a while, garbage and old
-    messages come. Every frame must be answered, and as offline where the answer isn't flagged
-    as partial; else the exit code is 1. One seed gives one schedule.
+    Services and router are killed, alone, in pairs and three at once, a channel worker is stopped
+    for a while, garbage and old messages come. Every frame must be answered, and as offline where
+    the answer isn't flagged as partial; else the exit code is 1. One seed gives one schedule.
 
     Examples:
       placefield chaos route.pfmap dusk/ --seed 7
