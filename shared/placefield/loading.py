@@ -1,7 +1,6 @@
 """Reading the configuration: from defaults, a preset, TOML, environment and flags."""
 
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,16 @@ from pydantic_settings import (
     PydanticBaseSettingsSource,
     SettingsConfigDict,
     SettingsError,
-    TomlConfigSettingsSource,
 )
 
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.presets import PRESETS
+from placefield.toml import parse_toml
 
 ENV_PREFIX = "PLACEFIELD_"
+
+_SHOWN = 60  # characters of a value that is refused
 
 
 def _check_sections(environment: Iterable[str]) -> None:
@@ -47,14 +48,11 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
         ConfigError: a key is unknown, a value malformed, or the file missing, unreadable or no
             TOML.
     """
-    if file is not None and not file.is_file():
-        raise ConfigError(f"{file}: no such configuration file")
+    of_file = {} if file is None else _read(file)
     _check_sections(os.environ)
 
     class Loader(Config, BaseSettings):
-        model_config = SettingsConfigDict(
-            env_prefix=ENV_PREFIX, env_nested_delimiter="__", toml_file=file
-        )
+        model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, env_nested_delimiter="__")
 
         @classmethod
         def settings_customise_sources(
@@ -65,7 +63,8 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
             dotenv_settings: PydanticBaseSettingsSource,
             file_secret_settings: PydanticBaseSettingsSource,
         ) -> tuple[PydanticBaseSettingsSource, ...]:
-            given = init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+            toml_settings = InitSettingsSource(settings_cls, init_kwargs=of_file)
+            given = init_settings, env_settings, toml_settings
             named = next((name for source in given if (name := source().get("preset"))), None)
             # An unknown one is refused where all is validated.
             preset = PRESETS[named] if isinstance(named, str) and named in PRESETS else {}
@@ -78,12 +77,21 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
         key = ".".join(str(part) for part in first["loc"])
         if first["type"] == "extra_forbidden":
             raise ConfigError(f"setting {key}: there is none; see 'placefield config'") from None
-        raise ConfigError(f"setting {key}: {first['msg']} (given: {first['input']!r})") from None
+        given = repr(first["input"])
+        given = given if len(given) <= _SHOWN else f"{given[:_SHOWN]}…"
+        raise ConfigError(f"setting {key}: {first['msg']} (given: {given})") from None
     except SettingsError as error:
         raise ConfigError(
             f"environment: {error}; give one key a variable, as {ENV_PREFIX}SCALES__CHANNELS=8"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: not valid TOML: {error}") from None
+    except RecursionError:  # flags and file have been read
+        raise ConfigError(f"environment: a {ENV_PREFIX} variable is nested too deeply") from None
+
+
+def _read(file: Path) -> dict[str, Any]:
+    if not file.is_file():
+        raise ConfigError(f"{file}: no such configuration file")
+    try:
+        return parse_toml(file.read_bytes(), str(file))
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from None

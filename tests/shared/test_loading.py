@@ -218,3 +218,19 @@ def test_push_is_a_share_or_is_to_be_chosen_by_cross_validation(push: object) ->
     assert chosen.metric.push == "cross-validation"
     with pytest.raises(ConfigError, match="has not been done"):
         print(chosen.metric.push_share)
+
+
+@pytest.mark.parametrize("value", ["[" * 5000, "9" * 5000, '{"a":' * 5000])
+def test_what_nobody_can_read_is_one_short_line_wherever_it_is_given(
+    value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text(f"seed = {value}")
+    lines = [refusal(file)]
+    for name in ("SEED", "SCALES", "SCALES__FUZZIFIERS"):
+        monkeypatch.setenv(ENV_PREFIX + name, value)
+        lines.append(refusal())
+        monkeypatch.delenv(ENV_PREFIX + name)
+    for line in lines:
+        assert "\n" not in line
+        assert len(line) < 300

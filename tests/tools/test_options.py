@@ -91,3 +91,9 @@ def test_the_smallest_scale_is_in_frames_or_in_metres() -> None:
 def test_a_smallest_scale_of_another_form_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"write frames as 4, or metres as 2\.5m"):
         min_scale_flags(text)
+
+
+@pytest.mark.parametrize("value", ["[" * 3000 + "]" * 3000, "9" * 5000])
+def test_a_setting_that_nobody_can_read_is_named(value: str) -> None:
+    with pytest.raises(ConfigError, match=r"^--set seed: a number too long, or nested too deeply$"):
+        effective_config(None, [f"seed={value}"])

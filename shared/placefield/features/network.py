@@ -4,7 +4,6 @@ Beside ``net.onnx`` lies ``net.toml``, which says how an image becomes the netwo
 """
 
 import hashlib
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Self
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from placefield.errors import ConfigError
+from placefield.toml import parse_toml
 
 
 class NetworkInput(BaseModel):
@@ -97,9 +97,7 @@ def _read(path: Path, what: str) -> bytes:
 def _read_input(path: Path) -> NetworkInput:
     text = _read(path, "file; it says what the network beside it takes: width, height, …")
     try:
-        return NetworkInput.model_validate(tomllib.loads(text.decode()))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+        return NetworkInput.model_validate(parse_toml(text, str(path)))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "the whole"

@@ -358,4 +358,6 @@ def _setting(text: str) -> tuple[str, Any]:
         parsed = tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         parsed = value  # a bare word
+    except (ValueError, RecursionError):
+        raise ConfigError(f"--set {key}: a number too long, or nested too deeply") from None
     return key.strip().replace(".", "__"), parsed

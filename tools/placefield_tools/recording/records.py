@@ -96,7 +96,10 @@ class _WholeLines(Iterator[str]):
 
 def _from_lines(lines: Iterable[str]) -> Iterator[dict[str, Any]]:
     for line in lines:
-        fields = json.loads(line)
+        try:
+            fields = json.loads(line)
+        except RecursionError:
+            raise ValueError("nested too deeply") from None
         if not isinstance(fields, dict):
             raise ValueError("no JSON object")
         yield fields
