@@ -1,12 +1,39 @@
 """How people order and count things."""
 
 import re
+from collections.abc import Iterable
+from decimal import Decimal
+
+_SUFFIX = re.compile(r"\.[A-Za-z][A-Za-z0-9]*$")
+_WHOLE = re.compile(r"([0-9]+)")
+_DECIMAL = re.compile(r"((?<![0-9]\.)[0-9]+\.[0-9]+(?![0-9]|\.[0-9])|[0-9]+)")
+"""A number with one decimal point, or a whole one, as each of 1.2.3 is."""
 
 
-def natural_key(name: str) -> tuple[list[str | int], str]:
-    """Order numbers in a name by value; the name itself settles 1.png and 01.png."""
-    parts = re.split(r"([0-9]+)", name)
-    return [int(part) if at % 2 else part for at, part in enumerate(parts)], name
+def natural_key(name: str, *, decimals: bool = False) -> tuple[list[str | Decimal], str]:
+    """Order numbers in a name by value; the name itself settles 1.png and 01.png.
+
+    Args:
+        name: of a file, or the like.
+        decimals: whether a point between digits is a decimal point; else both sides are numbers.
+    """
+    stem = _SUFFIX.sub("", name)  # photo.jpg is before photo (1).jpg
+    parts = (_DECIMAL if decimals else _WHOLE).split(stem)
+    return [Decimal(part) if at % 2 else part for at, part in enumerate(parts)], name
+
+
+def in_natural_order(names: Iterable[str]) -> list[str]:
+    """Return names in natural order: frame2 before frame10, 20.45 before 20.5, 1.9 before 1.10.
+
+    Whether 20.45 is a time or a chapter is seen by them all. Fractions of one length are in one
+    order either way. Of those that differ in length, times that lost their last zeros never end in
+    one, and chapters that count to ten do.
+    """
+    names = list(names)
+    numbers = (number for name in names for number in _DECIMAL.findall(name))
+    fractions = [number.partition(".")[2] for number in numbers]
+    are_decimals = not any(len(each) > 1 and each.endswith("0") for each in fractions)
+    return sorted(names, key=lambda name: natural_key(name, decimals=are_decimals))
 
 
 def counted(count: int, name: str) -> str:

@@ -1,4 +1,6 @@
 import contextlib
+import os
+import socket
 
 import cv2
 import numpy as np
@@ -12,7 +14,6 @@ from placefield.features.frames import Pose
 from placefield.features.images import decode
 from placefield.maps.geography import Origin
 from placefield_tools.sources import open_source
-from placefield_tools.sources.folder import natural_key
 from placefield_tools.sources.frames_csv import COLUMNS, read_frames_csv
 
 CELLS = st.sampled_from([*COLUMNS, "a.png", "0", "1", "-91", "1e99999", "nan", '"', "", " "])
@@ -40,15 +41,47 @@ def test_frames_come_in_natural_order_and_nothing_else_comes(tmp_path):
         assert source.count == 3
 
 
-@given(st.lists(st.integers(0, 10**12), unique=True))
-def test_natural_order_is_the_order_of_the_numbers(numbers):
-    files = sorted((f"frame{number}.jpg" for number in numbers), key=natural_key)
-    assert files == [f"frame{number}.jpg" for number in sorted(numbers)]
+@pytest.mark.parametrize("what", ["dead link", "pipe", "socket"])
+@pytest.mark.parametrize("name", ["7.jpg", "frames.csv"])
+def test_what_is_no_file_is_named_and_never_passed_over_nor_waited_for(tmp_path, what, name):
+    fill(tmp_path, *(f"{at}.jpg" for at in range(7)), "8.jpg")
+    if what == "dead link":
+        (tmp_path / name).symlink_to("gone")
+    elif what == "pipe":
+        os.mkfifo(tmp_path / name)
+    else:
+        with contextlib.closing(socket.socket(socket.AF_UNIX)) as bound:
+            bound.bind(os.path.relpath(tmp_path / name))
+    with pytest.raises(SourceError) as refused:
+        open_source(str(tmp_path))
+    assert str(refused.value).startswith(f"{tmp_path / name}: ")
+    assert "\n" not in str(refused.value)
+    assert ("link to nothing" in str(refused.value)) == (what == "dead link")
 
 
-def test_natural_order_takes_any_names():
-    ordered = ["02.png", "2.png", "12.png", "a1b2.png", "a1b10.png", "b1.png", "b.png", "²3.png"]
-    assert sorted(set(ordered), key=natural_key) == ordered
+def test_a_link_to_an_image_is_an_image(tmp_path):
+    fill(tmp_path, "elsewhere/0.jpg", "1.jpg")
+    (tmp_path / "0.jpg").symlink_to("elsewhere/0.jpg")
+    with open_source(str(tmp_path)) as source:
+        assert names(source) == ["0.jpg", "1.jpg"]
+
+
+@pytest.mark.parametrize("name", ["/etc/hostname", "../outside.png", "sub/../../outside.png"])
+def test_a_table_names_no_file_out_of_the_folder(tmp_path, name):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    fill(tmp_path, "outside.png")
+    fill(folder, "0.png")
+    (folder / "frames.csv").write_text(f"file\n0.png\n{name}\n")
+    with pytest.raises(SourceError, match=r"frames.csv, line 3: the file .* is not in the folder"):
+        open_source(str(folder))
+
+
+@pytest.mark.parametrize("name", ["one.bag.active", "a.mcap.part", "drive.avi.tmp"])
+def test_a_file_that_is_still_being_written_is_no_video(tmp_path, name):
+    (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(SourceError, match="still being written"):
+        open_source(str(tmp_path / name))
 
 
 def test_bytes_are_passed_on_as_they_lie_on_the_disk(tmp_path):

@@ -1,13 +1,15 @@
 """A folder of image files as a source of frames."""
 
 import logging
+import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.natural import natural_key
+from placefield_tools.natural import in_natural_order
+from placefield_tools.sources.files import check_file
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
 from placefield_tools.sources.listing import Listing
@@ -65,23 +67,23 @@ class Folder(Source):
 
 def _listing(folder: Path) -> Listing:
     table = folder / LISTING
-    files = sorted(
-        (
-            file.name
-            for file in folder.iterdir()
-            if file.suffix.lower() in IMAGE_SUFFIXES
-            and not file.name.startswith(".")
-            and file.is_file()
-        ),
-        key=natural_key,
+    files = in_natural_order(
+        file.name
+        for file in folder.iterdir()
+        if file.suffix.lower() in IMAGE_SUFFIXES
+        and not file.name.startswith(".")
+        and not file.is_dir()
     )
-    if table.exists():
+    if os.path.lexists(table):
+        check_file(table)
         listing = read_frames_csv(table, _nominal_stamp_ns)
         if left_out := {*files} - {frame.file for frame in listing.frames}:
             log.warning("%s: leaves out %d of %d images", table, len(left_out), len(files))
         return listing
     if not files:
         raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
+    for file in files:  # none may be passed over: all behind it would be another place
+        check_file(folder / file)
     return list_photographs(folder, files, _nominal_stamp_ns)
 
 

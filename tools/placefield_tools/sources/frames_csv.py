@@ -12,6 +12,7 @@ import math
 from pathlib import Path
 
 from placefield.errors import SourceError
+from placefield_tools.sources.files import check_inside
 from placefield_tools.sources.listing import (
     DefaultStamp,
     Listed,
@@ -44,6 +45,7 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
             frame = _listed(row, default_stamp_ns(len(frames)))
             if frames:
                 _check_order(frames[-1], frame)
+            check_inside(frame.file)
             if not (path.parent / frame.file).is_file():
                 raise ValueError(f"there is no file {frame.file!r} in the folder")
             frames.append(frame)

@@ -23,6 +23,9 @@ _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 _URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
 
 _RECORDINGS = (".bag", ".db3", ".mcap")
+_UNFINISHED = (".active", ".part", ".partial", ".tmp")
+"""Of files that a recorder or a download has not finished."""
+
 _BAG_FOLDER = "metadata.yaml"
 
 
@@ -133,6 +136,11 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
         return Folder(path, start=start, stride=stride, stop=stop)
     if path.suffix.lower() in IMAGE_SUFFIXES:
         raise SourceError(f"{shown}: this would be one image; give the folder that it lies in")
+    if path.suffix.lower() in _UNFINISHED:
+        raise SourceError(
+            f"{shown}: is still being written, or was cut off while it was; stop the recorder, or "
+            "repair it (rosbag reindex, ros2 bag reindex, mcap recover), and give it its own name"
+        )
     if path.is_file():
         return Video(path, start=start, stride=stride, stop=stop)
     raise SourceError(
