@@ -43,7 +43,7 @@ def test_chapters_are_in_the_order_of_both_numbers(
         ["v1.2.9.png", "v1.2.10.png", "v1.10.1.png"],
         ["photo.jpg", "photo (1).jpg", "photo (2).jpg", "photo (10).jpg"],
         ["20.jpg", "20.05.jpg", "20.45.jpg", "20.5.jpg", "21.jpg"],
-        ["02.png", "2.png", "12.png", "a1b2.png", "a1b10.png", "b1.png", "b.png", "²3.png"],
+        ["02.png", "2.png", "12.png", "a1b2.png", "a1b10.png", "b.png", "b1.png", "²3.png"],
     ],
 )
 def test_names_of_many_kinds_are_in_the_order_that_people_expect(ordered: list[str]) -> None:
