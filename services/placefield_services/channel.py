@@ -214,7 +214,7 @@ class ChannelWorker:
             try:
                 seen = self._decode(payload)
                 run.outlet.remember(old, payload)
-                old = old.model_copy(update={"oldest": header.oldest})
+                old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
             except MessageError:
                 run.counts["malformed"] += 1

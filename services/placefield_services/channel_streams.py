@@ -207,9 +207,7 @@ class ChannelStream:
                 for channel, partial in self._own.items()
             )
             message = BordersMessage(shard=shard, shards=shards, summaries=summaries)
-            self._outlet.borders.put(
-                frame.header.model_copy(update={"sequence": sequence, "end": False}), message
-            )
+            self._outlet.borders.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
         """Return the partial results of all shards by channel, for the frame that is next.

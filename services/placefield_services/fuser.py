@@ -221,7 +221,7 @@ class Fuser:
     def _follow(self, received: Received) -> bool:
         """Enter the stream of a descriptor; False if it was left."""
         header = received.header
-        arrival = self._switch.enter(header.stream)
+        arrival = self._switch.enter(header)
         if arrival is Arrival.DROPPED:
             return False
         if arrival is Arrival.NEW_STREAM:

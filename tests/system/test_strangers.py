@@ -58,7 +58,7 @@ PUBLISHES = {
 READS = {
     "camera": {"odometry", "ack"},
     "featurizer": {"frame"},
-    "channel": {"feature", "border/x"},
+    "channel": {"feature", "moments", "border/x"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
     "dashboard": {*STREAMS, *COUNTS, "border/x"},

@@ -232,6 +232,29 @@ def test_answers_to_another_stream_give_no_credit(
         assert len(services.sequences) == WINDOW
 
 
+@pytest.mark.parametrize("beyond", [0, 1, 2**40])
+def test_an_answer_to_what_was_not_sent_gives_no_credit_and_ends_nothing(
+    router: Bus, bus: Bus, config: Config, beyond: int
+) -> None:
+    with open_bus(config.bus) as apart:
+        services = Services(apart, answering=False)
+        with in_background(MadeUp(2 * WINDOW), bus, config):
+            wait_for(services, WINDOW)
+            last = services.headers[-1]
+            services.answer(last.model_copy(update={"sequence": WINDOW + beyond, "oldest": 0}))
+            time.sleep(0.5)
+            assert {*services.sequences} == {*range(WINDOW)}
+            services.answer(services.headers[0])
+            wait_for_sequence(services, WINDOW)
+
+
+def wait_for_sequence(services: Services, sequence: int) -> None:
+    end = time.monotonic() + 10
+    while sequence not in services.sequences:
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
+
+
 def test_a_live_source_waits_for_no_credit(services: Services, bus: Bus, config: Config) -> None:
     services.answering = False
     with in_background(LiveMadeUp(3 * WINDOW), bus, config):

@@ -14,7 +14,7 @@ from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.messages import FrameMessage, Header
 from placefield.bus.session import Bus
 from placefield.config import Config
-from placefield.errors import BusError, SourceError
+from placefield.errors import BusError, MessageError, SourceError
 from placefield.features.frames import Frame
 from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
@@ -76,6 +76,7 @@ class _Stream:
 
     def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
         self.sent = 0
+        self._has_ended = False
         self._name = uuid.uuid4().hex
         self._live = live
         self._stamp_ns = 0
@@ -91,8 +92,12 @@ class _Stream:
             bus.watch_alive(keys.all_alive(service), self._note_life)
 
     def _answered(self, received: Received) -> None:
-        if received.header.stream == self._name:
-            self._credits.answer(received.header.sequence)
+        sequence = received.header.sequence
+        if received.header.stream != self._name:
+            return
+        if sequence > self.sent or (sequence == self.sent and not self._has_ended):
+            raise MessageError(f"the answer to frame {sequence}, of {self.sent} that were sent")
+        self._credits.answer(sequence)
 
     def _note_life(self, key: str, is_alive: bool) -> None:
         service, _ = service_and_identity(key)
@@ -119,12 +124,14 @@ class _Stream:
         self._look_after()
         self._stamp_ns = frame.stamp_ns
         message = FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
-        self._put(self._header(), message.encode())
-        self.sent += 1
+        header = self._header()
+        self.sent += 1  # before its answer may come
+        self._put(header, message.encode())
         return True
 
     def end(self, stop: threading.Event) -> None:
         """Publish the end of the stream and wait until it is answered."""
+        self._has_ended = True
         self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
 
@@ -138,7 +145,8 @@ class _Stream:
         self._is_back.clear()
         oldest = 0 if self._live else self._credits.answered
         for header, payload in self._unanswered:
-            self._publisher.send(header.model_copy(update={"oldest": oldest}), payload)
+            now = min(oldest, header.sequence)  # it may have been answered in the meantime
+            self._publisher.send(header.model_copy(update={"oldest": now}), payload)
 
     def _take_credit(self) -> bool:
         return self._credits.take(_POLL_S)
@@ -149,7 +157,7 @@ class _Stream:
             sequence=self.sent,
             stamp_ns=self._stamp_ns,
             live=self._live,
-            oldest=0 if self._live else self._credits.answered,
+            oldest=0 if self._live else min(self._credits.answered, self.sent),
             end=end,
         )
 

@@ -85,7 +85,7 @@ class Header(Message):
         stamp_ns: when the frame was taken, as its source has it, nanoseconds.
         live: whether old frames may be dropped for new ones.
         oldest: the frame of lowest number that its source awaits an answer of, in a stream that
-            is not live.
+            is not live; not later than this one.
         end: marks the end of the stream; the message has no payload, and its sequence is the
             number of frames.
     """
@@ -96,6 +96,17 @@ class Header(Message):
     live: bool = False
     oldest: int = Field(0, ge=0, lt=2**48)
     end: bool = False
+
+    @model_validator(mode="after")
+    def _check_oldest(self) -> Self:
+        if self.oldest > self.sequence:
+            raise PydanticCustomError("oldest", "the oldest frame awaited is later than this one")
+        return self
+
+    def of_frame(self, sequence: int) -> "Header":
+        """Return the header of another frame of the stream, which is not its end."""
+        oldest = min(self.oldest, sequence)
+        return self.model_copy(update={"sequence": sequence, "oldest": oldest, "end": False})
 
 
 class FrameMessage(Message):

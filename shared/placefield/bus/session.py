@@ -85,12 +85,14 @@ class Bus:
     ) -> None:
         """Call ``receive`` for what comes on a key, on the bus's thread, which must not wait.
 
-        What has no good header is dropped and counted as ``malformed``; and so is the end of a
-        stream that has a payload, where none is due (``ends_empty``).
+        What has no good header is dropped and counted as ``malformed``; and so is what was put on
+        many keys at once, and the end of a stream that has a payload, where none is due
+        (``ends_empty``).
         """
 
         def call(sample: zenoh.Sample) -> None:
             try:
+                _check_key(str(sample.key_expr))
                 attachment = sample.attachment
                 header = Header.decode(attachment.to_bytes() if attachment else b"")
                 if len(sample.payload) > MAX_BYTES:
@@ -108,6 +110,11 @@ class Bus:
         """Call ``receive(key, payload)`` for what comes on a key, on the bus's thread."""
 
         def call(sample: zenoh.Sample) -> None:
+            try:
+                _check_key(str(sample.key_expr))
+            except MessageError as error:
+                self.log_dropped(str(sample.key_expr), error)
+                return
             receive(str(sample.key_expr), sample.payload.to_bytes())
 
         self._declared.append(self._session.declare_subscriber(key, call))
@@ -289,3 +296,13 @@ def _open(attempts: Iterator[zenoh.Config], failure: str) -> Iterator[Bus]:
             yield Bus(session)
         return
     raise BusError(failure)
+
+
+def _check_key(key: str) -> None:
+    """Refuse what was put on all keys of a pattern: it is of no run.
+
+    Raises:
+        MessageError: it was.
+    """
+    if "*" in key:
+        raise MessageError("it was put on many keys at once")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from placefield.bus.messages import Header
+from placefield.errors import MessageError
 
 _REMEMBERED = 16  # streams that were left
 
@@ -27,18 +28,27 @@ class StreamSwitch:
         self._counts = counts
         self.stream: str | None = None
         """The stream that is on."""
+        self._live = False
         self._left: deque[str] = deque(maxlen=_REMEMBERED)
 
-    def enter(self, stream: str) -> Arrival:
-        """Say what a message of this stream is."""
+    def enter(self, header: Header) -> Arrival:
+        """Say what the message with this header is.
+
+        Raises:
+            MessageError: it is of the stream that is on, but live where that is not, or not live
+                where it is: all frames of a stream are one or the other.
+        """
+        stream = header.stream
         if stream == self.stream:
+            if header.live != self._live:
+                raise MessageError("a stream is live or is not; this message says otherwise")
             return Arrival.SAME_STREAM
         if stream in self._left:
             self._counts["stale"] += 1
             return Arrival.DROPPED
         if self.stream is not None:
             self._left.append(self.stream)
-        self.stream = stream
+        self.stream, self._live = stream, header.live
         self._counts["streams"] += 1
         return Arrival.NEW_STREAM
 
@@ -77,8 +87,12 @@ class StreamFollower:
         return self._switch.stream
 
     def follow(self, header: Header) -> Turn:
-        """Say what the message with this header is; if its turn has come, it is over."""
-        arrival = self._switch.enter(header.stream)
+        """Say what the message with this header is; if its turn has come, it is over.
+
+        Raises:
+            MessageError: see ``StreamSwitch``.
+        """
+        arrival = self._switch.enter(header)
         if arrival is Arrival.DROPPED:
             return Turn.DROPPED
         if arrival is Arrival.NEW_STREAM:

@@ -373,3 +373,12 @@ def test_a_shard_that_does_not_exist_is_refused() -> None:
     message = BordersMessage.model_construct(shard=3, shards=3, summaries=(summary,), version=1)
     with pytest.raises(MessageError, match="there is no such shard"):
         BordersMessage.decode(message.encode())
+
+
+def test_a_header_awaits_no_answer_of_a_later_frame() -> None:
+    honest = Header(stream="s", sequence=7, stamp_ns=0, oldest=7)
+    forged = honest.model_copy(update={"oldest": 8})
+    assert Header.decode(honest.encode()) == honest
+    with pytest.raises(MessageError, match="later than this one"):
+        Header.decode(forged.encode())
+    assert Header.decode(honest.of_frame(3).encode()).oldest == 3

@@ -124,6 +124,20 @@ def test_what_has_no_good_header_is_counted_and_the_next_message_still_comes(
     assert received.empty()
 
 
+@pytest.mark.parametrize("key", ["placefield/*/frame", "placefield/**", "placefield/t$*/frame"])
+def test_what_is_put_on_many_keys_at_once_is_counted_and_the_next_message_still_comes(
+    stranger: zenoh.Session, sender: Bus, receiver: Bus, key: str
+) -> None:
+    counts: Counter[str] = Counter()
+    received = subscribe(receiver, KEYS.frame, counts)
+    await_reader(sender)
+    for _ in range(3):
+        stranger.put(key, b"x", attachment=header(0).encode())
+    wait_until(lambda: counts["malformed"] == 3)
+    sender.publisher(KEYS.frame).send(header(1), b"y")
+    assert received.get(timeout=10).header.sequence == 1
+
+
 def test_a_message_of_no_stream_arrives_as_bytes(sender: Bus, receiver: Bus) -> None:
     received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
     receiver.subscribe_raw(KEYS.all_stats, lambda key, payload: received.put((key, payload)))

@@ -1,10 +1,12 @@
 from collections import Counter
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from placefield.bus.messages import Header
 from placefield.bus.streams import Arrival, StreamFollower, StreamSwitch, Turn
+from placefield.errors import MessageError
 
 
 def header(stream: str, sequence: int) -> Header:
@@ -14,7 +16,8 @@ def header(stream: str, sequence: int) -> Header:
 def test_a_stream_that_was_left_is_never_entered_again() -> None:
     counts: Counter[str] = Counter()
     switch = StreamSwitch(counts)
-    arrivals = [switch.enter(stream) for stream in ("a", "a", "b", "a", "b", "c", "a", "b")]
+    streams = ("a", "a", "b", "a", "b", "c", "a", "b")
+    arrivals = [switch.enter(header(stream, 0)) for stream in streams]
     new, same, dropped = Arrival.NEW_STREAM, Arrival.SAME_STREAM, Arrival.DROPPED
     assert arrivals == [new, same, new, dropped, same, new, dropped, dropped]
     assert counts == {"streams": 3, "stale": 3}
@@ -80,3 +83,18 @@ def test_a_message_that_is_dropped_leaves_the_stream_as_it_was() -> None:
         assert follower.follow(late) is Turn.REPEATED
     assert follower.follow(header("b", 2)) is Turn.NEXT
     assert counts["gaps"] == 0
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_frame_that_says_otherwise_of_being_live_is_refused_and_the_stream_goes_on(
+    live: bool,
+) -> None:
+    counts: Counter[str] = Counter()
+    follower = follower_from_first(counts)
+    ours = [header("s", n).model_copy(update={"live": live}) for n in range(3)]
+    assert follower.follow(ours[0]) is Turn.NEXT
+    for sequence in (0, 1, 2**40):
+        with pytest.raises(MessageError, match="live or is not"):
+            follower.follow(header("s", sequence).model_copy(update={"live": not live}))
+    assert [follower.follow(one) for one in ours[1:]] == [Turn.NEXT, Turn.NEXT]
+    assert counts == {"streams": 1}
