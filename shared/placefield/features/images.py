@@ -1,7 +1,6 @@
 """Encoded images to pixels, and pixels to grey.
 
-Pixels come as they are stored: the EXIF orientation is ignored, for a robot's camera does not turn
-between two traverses, and an orientation tag that one of them lacks would turn only the other.
+Images are turned as their EXIF says: a phone that is held upside down sees the same street.
 """
 
 import re
@@ -22,7 +21,7 @@ MAX_PIXELS = 64_000_000
 
 _JPEG_QUALITY = 80
 
-_AS_STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # and turned
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -62,7 +61,7 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     declared = _declared_size(data)
     if declared is not None:
         _check_size(*declared)
-    pixels = _decode_as_stored(data)
+    pixels = _decode(data)
     _check_size(*pixels.shape[:2])
     if pixels.dtype == np.uint16:
         pixels = cv2.convertScaleAbs(pixels, alpha=1 / 257)
@@ -136,9 +135,9 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
     raise FrameError(f"the JPEG of {len(data)} bytes is cut off: its end marker is missing")
 
 
-def _decode_as_stored(data: bytes) -> MatLike:
+def _decode(data: bytes) -> MatLike:
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _AS_STORED)
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _AS_IT_IS)
     except cv2.error:  # empty data, or more pixels than OpenCV allows
         pixels = None
     if pixels is None:

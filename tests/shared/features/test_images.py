@@ -1,3 +1,4 @@
+import io
 import struct
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image, ImageOps
 
 from placefield.errors import FrameError
 from placefield.features.images import MAX_PIXELS, MIN_SIDE, decode, grey
@@ -96,11 +98,24 @@ def test_palette_is_resolved():
     np.testing.assert_array_equal(decode(data), palette[indices][..., ::-1])
 
 
-def test_exif_orientation_is_ignored():
-    turned = b"Exif\0\0MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 0x0112, 3, 1, 6, 0, 0)
-    np.testing.assert_array_equal(
-        decode(with_segment(JPEGS["baseline"], 0xE1, turned)), decode(JPEGS["baseline"])
-    )
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_an_image_is_turned_as_its_exif_says(orientation):
+    tag = b"Exif\0\0MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
+    tagged = with_segment(JPEGS["baseline"], 0xE1, tag)
+    stored = decode(JPEGS["baseline"])
+    expected = {
+        1: stored,
+        2: stored[:, ::-1],
+        3: stored[::-1, ::-1],
+        4: stored[::-1],
+        5: stored.swapaxes(0, 1),
+        6: np.rot90(stored, -1),
+        7: stored.swapaxes(0, 1)[::-1, ::-1],
+        8: np.rot90(stored),
+    }[orientation]
+    np.testing.assert_array_equal(decode(tagged), expected)
+    pillow = ImageOps.exif_transpose(Image.open(io.BytesIO(tagged)))
+    assert pillow.size == decode(tagged).shape[1::-1]
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95, 0.99])

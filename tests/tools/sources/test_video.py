@@ -98,7 +98,7 @@ def test_frames_without_a_container_have_no_count(tmp_path):
     assert len(list(source)) == 4
 
 
-def test_a_rotation_in_the_container_is_ignored(tmp_path):
+def test_frames_are_turned_as_the_container_says(tmp_path):
     video = tmp_path / "a.mp4"
     write_video(video, "mp4v", count=2)
     data = bytearray(video.read_bytes())
@@ -107,8 +107,25 @@ def test_a_rotation_in_the_container_is_ignored(tmp_path):
     for at, value in enumerate(quarter_turn):
         data[matrix + 4 * at : matrix + 4 * at + 4] = (value << 16).to_bytes(4, "big", signed=True)
     video.write_bytes(data)
-    assert cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).read()[1].shape == (64, 48, 3)
-    assert next(iter(open_source(str(video)))).image.shape == (48, 64, 3)
+    plain = tmp_path / "plain.mp4"
+    write_video(plain, "mp4v", count=2)
+    stored = next(iter(open_source(str(plain)))).image
+    turned = next(iter(open_source(str(video)))).image
+    assert stored.shape == (48, 64, 3)
+    np.testing.assert_array_equal(turned, np.rot90(stored, -1))
+
+
+def test_where_no_frame_decodes_the_codec_is_named(tmp_path):
+    video = tmp_path / "a.avi"
+    write_video(video, "MJPG", count=3)
+    data = bytearray(video.read_bytes())
+    first, last = data.index(b"\xff\xd8"), data.rindex(b"\xff\xd9")
+    data[first:last] = bytes(last - first)
+    video.write_bytes(data)
+    with pytest.raises(SourceError, match=r"a\.avi: no frame decodes; .* codec, MJPG") as refused:
+        list(open_source(str(video)))
+    assert "\n" not in str(refused.value)
+    assert "ffmpeg -i a.avi" in str(refused.value)
 
 
 @pytest.mark.parametrize(

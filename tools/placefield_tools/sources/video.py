@@ -20,7 +20,7 @@ _TEXT = cv2.VideoWriter.fourcc(*"ansi")
 class Video(Source):
     """The frames of a video, decoded by FFmpeg to (H, W, 3) BGR, stamped by its container.
 
-    Pixels come as stored: a rotation that the container asks for is ignored, as in an image.
+    They are turned as the container says, like images as their EXIF does.
     """
 
     def __init__(
@@ -50,6 +50,12 @@ class Video(Source):
                     raise SourceError(f"{self._path}: frame {index} does not decode")
                 stamp_ns = round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
                 yield Frame(index, stamp_ns, f"{self._path.name}#{index}", pixels)
+            codec = _name(int(capture.get(cv2.CAP_PROP_FOURCC)))
+        if index is None and self._start == 0 and not (self._stop and self._stop.is_set()):
+            raise SourceError(
+                f"{self._path}: no frame decodes; OpenCV has no decoder for its codec, {codec}, or "
+                f"it is damaged: convert it: ffmpeg -i {self._path.name} -c:v libx264 NEW.mp4"
+            )
         if index is None:
             raise SourceError(f"--start {self._start}: {self._path} ends before this frame")
 
@@ -60,7 +66,12 @@ class Video(Source):
         try:
             if not capture.isOpened() or int(capture.get(cv2.CAP_PROP_FOURCC)) == _TEXT:
                 raise SourceError(f"{self._path}: no video that FFmpeg reads; give another file")
-            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
             yield capture
         finally:
             capture.release()
+
+
+def _name(fourcc: int) -> str:
+    """Return the name of a codec by its four characters; those that cannot be printed are dots."""
+    return "".join(chr(byte) if 32 < byte < 127 else "." for byte in fourcc.to_bytes(4, "little"))
