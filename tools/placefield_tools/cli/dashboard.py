@@ -19,6 +19,14 @@ def _dashboard(
     host: Annotated[
         str, typer.Option(help="address to serve them at; 0.0.0.0: to all who reach this host")
     ] = "127.0.0.1",
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="that browsers know this host by, besides its own and its addresses; may be "
+            "repeated",
+            show_default=False,
+        ),
+    ] = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     config: options.ConfigFile = None,
@@ -53,19 +61,20 @@ def _dashboard(
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
-    name = effective.run
+    run_name = effective.run
     placemap = open_map(map_path)
     state = LiveState(placemap)
-    replay = ReplayChild(replay_flags(name, effective.bus))
+    replay = ReplayChild(replay_flags(run_name, effective.bus))
     stop = stop_event()
 
     def ready() -> None:
-        print(f"ready: run {name!r} at http://{host}:{port}", flush=True)
+        print(f"ready: run {run_name!r} at http://{host}:{port}", flush=True)
 
     with open_bus(effective.bus, stop, watches=True) as bus:
-        warn_of_other_runs(bus, name)
-        feed = Feed(bus, Keys(name), state)
+        warn_of_other_runs(bus, run_name)
+        feed = Feed(bus, Keys(run_name), state)
+        site = Site(run_name, map_path.stem, placemap, state, feed, replay)
         try:
-            serve(Site(name, map_path.stem, placemap, state, feed, replay), host, port, ready)
+            serve(site, host, port, name or (), ready)
         finally:
             replay.close()

@@ -2,7 +2,7 @@
 
 import logging
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import uvicorn
 from fastapi import FastAPI, Response
@@ -12,7 +12,7 @@ from nicegui import app, ui
 from placefield.errors import ConfigError, FrameError, MessageError
 from placefield_tools.dashboard.live_page import live_page
 from placefield_tools.dashboard.map_page import map_page
-from placefield_tools.dashboard.own_site import LOOPBACK, OwnSite
+from placefield_tools.dashboard.own_site import LOOPBACK, OwnSite, names_of
 from placefield_tools.dashboard.panels import LOOK_BACK
 from placefield_tools.dashboard.pictures import distance_picture, frame_picture
 from placefield_tools.dashboard.site import Site
@@ -24,8 +24,17 @@ _END_WITHIN_S = 1
 _BACK_WITHIN_S = 30.0  # a browser that is too busy to answer is not gone
 
 
-def serve(site: Site, host: str, port: int, on_ready: Callable[[], None]) -> None:
+def serve(
+    site: Site, host: str, port: int, names: Collection[str], on_ready: Callable[[], None]
+) -> None:
     """Serve the pages until SIGINT or SIGTERM.
+
+    Args:
+        site: what they show.
+        host: address to serve them at.
+        port: likewise.
+        names: by which it is known, besides those that this host has itself.
+        on_ready: called when they are served.
 
     Raises:
         ConfigError: the host is none of this machine's, or the port is in use.
@@ -48,7 +57,7 @@ def serve(site: Site, host: str, port: int, on_ready: Callable[[], None]) -> Non
         show_welcome_message=False,
         reconnect_timeout=_BACK_WITHIN_S,
     )
-    web.add_middleware(OwnSite, hosts=LOOPBACK if host in LOOPBACK else ())
+    web.add_middleware(OwnSite, names=names_of(host, names), addresses=host not in LOOPBACK)
     config = uvicorn.Config(
         web,
         host=host,
