@@ -18,6 +18,8 @@ Image = bytes | NDArray[np.uint8] | Path
 
 MIN_SIDE = 8
 MAX_PIXELS = 64_000_000
+MAX_SCANS = 100
+"""Of a progressive JPEG, each of which is decoded over the whole image; cameras write ten or so."""
 
 _JPEG_QUALITY = 80
 
@@ -28,7 +30,7 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # ITU-T T.81, table B.1. Inside a scan 0xFF also comes stuffed with 0x00, as a restart marker
 # (D0 to D7), and as a fill byte in front of another 0xFF: none of these ends the scan.
 _JPEG_MARKER = re.compile(rb"\xff([^\x00\xd0-\xd7\xff])")
-_JPEG_START, _JPEG_END = 0xD8, 0xD9
+_JPEG_START, _JPEG_END, _JPEG_SCAN = 0xD8, 0xD9, 0xDA
 _JPEG_FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
@@ -55,8 +57,8 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     palettes are resolved. Bytes behind the end of the image are ignored.
 
     Raises FrameError where the data are empty, no image, cut off, not of 8 or 16 bits, less than
-    ``MIN_SIDE`` pixels wide or high, or of more than ``MAX_PIXELS`` pixels. JPEG and PNG are
-    measured by their header, before any pixel is decoded; the other formats afterwards.
+    ``MIN_SIDE`` pixels wide or high, or of more than ``MAX_PIXELS`` pixels or ``MAX_SCANS`` scans.
+    JPEG and PNG are measured before any pixel is decoded; the other formats afterwards.
     """
     declared = _declared_size(data)
     if declared is not None:
@@ -118,9 +120,9 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
 
     OpenCV decodes a JPEG that was cut off and then padded or followed by another to a picture
     whose lower part is wrong; only a walk tells its end marker from that of a thumbnail.
-    Raises FrameError where the end marker is missing.
+    Raises FrameError where the end marker is missing, or there are more than ``MAX_SCANS`` scans.
     """
-    height = width = 0
+    height = width = scans = 0
     at = 2
     while found := _JPEG_MARKER.search(data, at):
         marker, at = found[1][0], found.end()
@@ -128,6 +130,9 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
             return height, width
         if marker == _JPEG_START:
             break
+        scans += marker == _JPEG_SCAN
+        if scans > MAX_SCANS:
+            raise FrameError(f"the JPEG has more than {MAX_SCANS} scans; save it with fewer")
         if marker in _JPEG_FRAME_HEADERS:
             height = int.from_bytes(data[at + 3 : at + 5], "big")
             width = int.from_bytes(data[at + 5 : at + 7], "big")

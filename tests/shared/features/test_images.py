@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image, ImageOps
 
 from placefield.errors import FrameError
-from placefield.features.images import MAX_PIXELS, MIN_SIDE, decode, grey
+from placefield.features.images import MAX_PIXELS, MAX_SCANS, MIN_SIDE, decode, grey
 
 HEIGHT, WIDTH = 60, 80
 
@@ -50,6 +50,22 @@ def png(header, *chunks):
 
 def with_segment(jpeg, marker, body):
     return jpeg[:2] + bytes([0xFF, marker]) + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
+
+
+def with_scans(jpeg, count):
+    """Repeat the last scan, so that there are so many."""
+    starts = [at for at in range(len(jpeg)) if jpeg[at : at + 2] == b"\xff\xda"]
+    last, end = jpeg[starts[-1] : -2], jpeg[-2:]
+    return jpeg[:-2] + (count - len(starts)) * last + end
+
+
+def test_a_jpeg_of_thousands_of_scans_is_refused_before_any_is_decoded():
+    honest, bomb = (with_scans(JPEGS["progressive"], count) for count in (MAX_SCANS, 6000))
+    assert decode(honest).shape == (HEIGHT, WIDTH, 3)
+    with pytest.raises(FrameError, match=f"more than {MAX_SCANS} scans"):
+        decode(bomb)
+    with pytest.raises(FrameError, match="scans"):
+        decode(bomb[:-1000])
 
 
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".ppm", ".tiff"])
