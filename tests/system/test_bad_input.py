@@ -100,7 +100,7 @@ def test_a_disk_that_fills_up_during_a_build_leaves_no_half_map(
     def limit_files_to_8_kb() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
 
-    flags = ("--channels", "1", "--metric", "identity")
+    flags = ("--channels", "1", "--metric", "identity", "--overwrite")
     target = copytree(map_path, tmp_path / "route.pfmap")
     before = (target / "manifest.json").read_bytes()
     built = placefield("build", reference_dir, "-o", target, *flags, preexec=limit_files_to_8_kb)

@@ -177,6 +177,22 @@ def test_spacing_makes_an_uneven_drive_even(
     assert "60 places" in placefield(*build, "--spacing", "0.1").out
 
 
+def test_a_map_that_is_there_is_overwritten_only_if_told_to(
+    placefield: Run, reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "route.pfmap"
+    flags = ("-o", target, "--channels", "1", "--metric", "identity")
+    assert placefield("build", reference_dir, *flags).code == 0
+    before = (target / "manifest.json").read_bytes()
+    refused = placefield("build", query_dir, *flags)
+    assert refused.code == 1
+    assert "is there already" in refused.err
+    assert "--overwrite" in refused.err
+    assert (target / "manifest.json").read_bytes() == before
+    assert placefield("build", query_dir, *flags, "--overwrite").code == 0
+    assert (target / "manifest.json").read_bytes() != before
+
+
 def test_a_truth_file_decides_what_is_right(
     placefield: Run, map_path: Path, query_dir: Path, tmp_path: Path
 ) -> None:

@@ -22,6 +22,9 @@ def _build(
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="a map of this name that is there already")
+    ] = False,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -47,6 +50,7 @@ def _build(
       placefield build day/ dusk/ -o route.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
+    from placefield.errors import ConfigError
     from placefield.maps.store import check_map_path, save_map
     from placefield_tools.building import build_from
     from placefield_tools.sources import Parts
@@ -65,6 +69,11 @@ def _build(
         seed=seed,
     )
     check_map_path(output)
+    if output.exists() and not overwrite:
+        raise ConfigError(
+            f"{output}: a map is there already, which services may be using; choose another name, "
+            "or give --overwrite"
+        )
     parts = Parts(topic, odometry_topic, poses)
     built = build_from(references, effective, spacing_m=spacing, parts=parts)
     save_map(built, output)
