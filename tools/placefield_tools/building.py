@@ -44,7 +44,7 @@ def build_from(
     """
     feature = feature_of(config.features.kind)
     first, *others = references
-    unlocated = replace(parts, poses=None)
+    unlocated = replace(parts, poses=None, pose_axes=None)
     traverses = [_describe(first, spacing_m, parts, feature)]
     traverses += [_describe(other, spacing_m, unlocated, feature) for other in others]
     with channel_progress(config.scales.channels) as progress:
@@ -61,7 +61,9 @@ def _describe(reference: str, spacing_m: float | None, parts: Parts, feature: Fe
         tracked(source, f"describing {Path(reference).name}", source.count) as frames,
     ):
         pose_frame = source.origin.frame if source.origin else ROUTE
-        return traverse_of(reference, map_in_order(describe, frames), pose_frame)
+        return traverse_of(
+            reference, map_in_order(describe, frames), pose_frame, stamped=source.stamped
+        )
 
 
 def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> Source:

@@ -29,6 +29,7 @@ def _build(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     preset: options.PresetOption = None,
     feature: options.Feature = None,
     standardise: options.Standardise = None,
@@ -74,7 +75,7 @@ def _build(
             f"{output}: a map is there already, which services may be using; choose another name, "
             "or give --overwrite"
         )
-    parts = Parts(topic, odometry_topic, poses)
+    parts = Parts(topic, odometry_topic, poses, pose_axes)
     built = build_from(references, effective, spacing_m=spacing, parts=parts)
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")

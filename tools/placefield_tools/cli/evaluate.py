@@ -41,6 +41,7 @@ def _evaluate(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     preset: options.PresetOption = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
@@ -87,7 +88,7 @@ def _evaluate(
     asked = feature is not None
     parts_of_query = Parts(topic, odometry_topic)
     driven = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
-    parts = Parts(topic, odometry_topic, poses)
+    parts = Parts(topic, odometry_topic, poses, pose_axes)
     with map_of(
         reference, effective, feature_asked=asked, spacing_m=spacing, parts=parts
     ) as map_path:

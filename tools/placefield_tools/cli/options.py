@@ -21,6 +21,7 @@ from placefield.evaluation.protocols import (
 from placefield.evaluation.truth import Truth, read_truth
 from placefield.loading import load_config
 from placefield.maps.manifest import read_manifest
+from placefield.maps.trajectory import PoseAxes
 from placefield.presets import Preset
 from placefield_tools.logs import log_as_json
 
@@ -221,8 +222,18 @@ PoseFile = Annotated[
     typer.Option(
         "--poses",
         metavar="FILE",
-        help="of the frames: TUM, joined by stamp, or KITTI, a line per frame",
+        help="of the frames: TUM, joined by stamp if they have any, or KITTI, a line per frame",
         show_default=False,
+    ),
+]
+
+PoseAxesOption = Annotated[
+    PoseAxes | None,
+    typer.Option(
+        "--pose-axes",
+        help="of --poses: a vehicle's, x forward and y on the left, or a camera's, z forward and x "
+        "on the right",
+        show_default="TUM x-forward, KITTI z-forward",
     ),
 ]
 

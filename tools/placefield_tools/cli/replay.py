@@ -34,6 +34,7 @@ def _replay(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -71,7 +72,7 @@ def _replay(
         stride=stride,
         spacing_m=spacing,
         metres=odometry.metres,
-        parts=Parts(topic, odometry_topic, poses),
+        parts=Parts(topic, odometry_topic, poses, pose_axes),
         stop=stop,
     )
     with opened as frames, open_bus(effective.bus, stop) as bus:

@@ -59,6 +59,7 @@ class Driven(Source):
         """
         self._query = _held(query)
         self._other = [] if other is None else _held(other)
+        self.origin = query.origin
         self.undriven_count = len(self._query)
         self.drive: Drive = drive_of(
             protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every

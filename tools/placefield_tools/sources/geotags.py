@@ -4,12 +4,14 @@ import logging
 import math
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from PIL import ExifTags, Image
 
+from placefield_tools.sources.degrees import is_fix
 from placefield_tools.sources.listing import (
     DefaultStamp,
     Listed,
@@ -49,21 +51,19 @@ def read_geotag(path: Path) -> Geotag:
 def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: DefaultStamp) -> Listing:
     """List files with the stamps and poses that their tags hold.
 
-    The first tells whether there are any: a camera tags all its photographs. The stamps count
-    where all files have one and they never go back, which is logged if not; otherwise frame i's
-    is ``default_stamp_ns(i)``. The yaws are the direction of travel.
+    The stamps count where all files have one and they never go back, which is logged if not;
+    otherwise frame i's is ``default_stamp_ns(i)``. The yaws are the direction of travel.
     """
-    tags = [_tag(folder / files[0])]
-    if tags == [Geotag()]:
-        return Listing([Listed(file, default_stamp_ns(at)) for at, file in enumerate(files)])
-    tags += [_tag(folder / file) for file in files[1:]]
+    tags = [_tag(folder / file) for file in files]
     stamps = [tag.stamp_ns for tag in tags if tag.stamp_ns is not None]
-    if len(stamps) < len(tags) or stamps != sorted(stamps):
+    stamped = len(stamps) == len(tags) and stamps == sorted(stamps)
+    if not stamped:
         if stamps:
             log.warning("%s: the photographs' times are not in their order: left out", folder)
         stamps = [default_stamp_ns(at) for at in range(len(files))]
     frames = [Listed(file, stamp_ns) for file, stamp_ns in zip(files, stamps, strict=True)]
-    return with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
+    listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
+    return replace(listing, stamped=stamped)
 
 
 def _tag(path: Path) -> Geotag:
@@ -89,7 +89,10 @@ def _degrees(tags: dict[int, Any]) -> Position | None:
     gps = ExifTags.GPS
     latitude = _angle(tags.get(gps.GPSLatitude), tags.get(gps.GPSLatitudeRef), "NS", 90)
     longitude = _angle(tags.get(gps.GPSLongitude), tags.get(gps.GPSLongitudeRef), "EW", 180)
-    return None if latitude is None or longitude is None else (latitude, longitude)
+    if latitude is None or longitude is None or not is_fix(latitude, longitude):
+        return None
+    is_void = str(tags.get(gps.GPSStatus, "")).strip("\0 ") == "V"  # the receiver had no fix
+    return None if is_void else (latitude, longitude)
 
 
 def _angle(value: Any, side: Any, sides: str, most: float) -> float | None:

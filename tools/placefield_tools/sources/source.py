@@ -19,7 +19,8 @@ class Source(ABC):
     ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
-    unknown.
+    unknown. ``stamped`` tells whether the frames' stamps are their own; where nobody knows when
+    they were taken, they are as if of a steady rate.
 
     A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
     and spacing leave out too. A source that is not live can be iterated again, with the same
@@ -29,6 +30,7 @@ class Source(ABC):
     live: bool = False
     count: int | None
     origin: Origin | None = None
+    stamped: bool = True
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:

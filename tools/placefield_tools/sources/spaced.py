@@ -1,5 +1,6 @@
 """A source's frames at equal distances along the way, by odometry."""
 
+import logging
 from collections.abc import Iterator
 
 from placefield.errors import SourceError
@@ -9,9 +10,15 @@ from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.source import Source
 
+log = logging.getLogger(__name__)
+
 
 class Spaced(Source):
-    """The frames of a source that a ``Spacing`` takes."""
+    """The frames of a source that a ``Spacing`` takes.
+
+    Frames before the first pose of a trajectory are left out, which is logged: nobody knows how far
+    apart they are.
+    """
 
     count = None
 
@@ -20,6 +27,7 @@ class Spaced(Source):
         self._metres = metres
         self.live = source.live
         self.origin = source.origin
+        self.stamped = source.stamped
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; raise SourceError at one that has no odometry.
@@ -27,14 +35,22 @@ class Spaced(Source):
         Of a live source it is left out: with no news, the vehicle is no farther for all we know.
         """
         spacing = Spacing(self._metres)
+        early, begun = 0, not isinstance(self._source, Located)
         for frame in self._source:
             if frame.odometry_m is None:
                 if self.live:
+                    continue
+                if not begun:
+                    early += 1
                     continue
                 raise SourceError(
                     f"{frame.name}: has no odometry to space frames by; "
                     f"leave --spacing out, or {self._remedy()}"
                 )
+            begun = True
+            if early:
+                log.warning("%d frames before the first pose: left out of the spaced ones", early)
+                early = 0
             if spacing.takes(frame.odometry_m):
                 yield frame
 

@@ -23,6 +23,7 @@ class Thinned(Source):
         self.unthinned_count = unthinned_count
         self.count: int = len(range(0, unthinned_count, every))
         self.origin = source.origin
+        self.stamped = source.stamped
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; raise SourceError where the source fails on the way."""

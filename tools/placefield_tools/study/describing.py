@@ -12,7 +12,7 @@ from placefield.errors import FrameError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame
 from placefield.features.images import decode, grey
-from placefield.maps.traverse import DescribedFrame, Traverse, describe_frame, traverse_of
+from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
 from placefield_tools.evaluating import RawFeature, describe_query
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import tracked
@@ -77,7 +77,12 @@ def describe_reference(
 
     with tracked(source, f"describing {Path(name).name}", source.count) as frames:
         both = list(map_in_order(describe, frames))
-    traverse = traverse_of(name, (described for described, _ in both))
+    traverse = traverse_of(
+        name,
+        (described for described, _ in both),
+        source.origin.frame if source.origin else ROUTE,
+        stamped=source.stamped,
+    )
     return traverse, _described([*traverse.raw], [look for _, look in both])
 
 
