@@ -10,10 +10,10 @@ from placefield.baselines.fabmap import Vocabulary, learn_words
 from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
 from placefield.errors import FrameError
 from placefield.features.extract import Feature
-from placefield.features.frames import Frame
+from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode, grey
 from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
-from placefield_tools.evaluating import RawFeature, describe_query
+from placefield_tools.evaluating import RawFeature, describe_located_query
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
@@ -88,8 +88,8 @@ def describe_reference(
 
 def describe_query_frames(
     source: Source, feature: Feature, vocabulary: Vocabulary | None
-) -> tuple[Described, list[float | None]]:
-    """Describe a query's frames; with them comes the odometry of each, None where nobody knows.
+) -> tuple[Described, list[float | None], list[Pose | None]]:
+    """Describe a query's frames; with them come odometry and pose of each, None where not known.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -99,9 +99,9 @@ def describe_query_frames(
         return feature.describe(image), _look(image, vocabulary)
 
     unseen = (None, _unseen(vocabulary))
-    described, readings = describe_query(source, describe)
+    described, readings, poses = describe_located_query(source, describe)
     both = [one or unseen for one in described]
-    return _described([raw for raw, _ in both], [look for _, look in both]), readings
+    return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
 
 
 def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:
