@@ -19,9 +19,10 @@ from placefield_tools.natural import counted
 _ALIKE = 0.25  # of the longer way: by as much, drives that are aligned may differ in length
 
 _REMEDY = (
-    "give --truth FILE, or frames with latitude and longitude on both sides; or say --aligned, if "
-    "frame i shows place i all the same"
+    "give --truth FILE, or latitude and longitude on both sides; or say --aligned, if frame i "
+    "shows place i all the same"
 )
+_SAME_FRAME = ", or --same-frame, if the poses of both sides are in the same metres"
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,8 @@ def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) 
                 return Ground(truth, "poses", tolerance, asked.metres)
         _refuse_without_poses(sides, asked)
         if why := _unaligned(sides):
-            return Ground(None, "none", why_none=f"{why}; {_REMEDY}")
+            more = _SAME_FRAME if _have_poses(sides) else ""
+            return Ground(None, "none", why_none=f"{why}; {_REMEDY}{more}")
     return Ground(_by_number(sides, truth_of), "aligned", asked.tolerance)
 
 
@@ -158,7 +160,7 @@ def _by_poses(sides: Sides, query: NDArray[np.float64], asked: Asked) -> Truth:
 
 def _in_frame_of_map(sides: Sides, asked: Asked) -> NDArray[np.float64] | None:
     """Return x and y of each driven frame in the map's frame, (D, 2); None where nobody knows."""
-    if not len(sides.placemap.places.poses) or not any(sides.poses):
+    if not _have_poses(sides):
         return None
     nowhere = (np.nan, np.nan)
     there = [nowhere if pose is None else (pose.x, pose.y) for pose in sides.poses]
@@ -174,11 +176,15 @@ def _in_frame_of_map(sides: Sides, asked: Asked) -> NDArray[np.float64] | None:
     )
 
 
+def _have_poses(sides: Sides) -> bool:
+    return bool(len(sides.placemap.places.poses)) and any(sides.poses)
+
+
 def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
     flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
     if asked.metres is None and not asked.same_frame:
         return
-    if not len(sides.placemap.places.poses) or not any(sides.poses):
+    if not _have_poses(sides):
         side = "query" if len(sides.placemap.places.poses) else "reference"
         raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
     raise TruthError(

@@ -8,6 +8,8 @@ from placefield.evaluation.truth import Truth
 OFF_ROUTE_M = 25.0
 """A frame further than this from every place is off the route: the field's usual radius."""
 
+_ROUNDED_M = 1e-6  # by as much sums of distances may be off
+
 
 def pose_truth(
     query: NDArray[np.float64],
@@ -44,7 +46,11 @@ def pose_truth(
         reach = metres
         if reach is None:
             on_route = away[nearest] <= OFF_ROUTE_M
-            reach = away[nearest] + _reach(places, nearest, tolerance) if on_route else -1.0
+            reach = (
+                away[nearest] + _reach(places, nearest, tolerance) + _ROUNDED_M
+                if on_route
+                else -1.0
+            )
         rows += [(int(frame), first, last) for first, last in _runs(away <= reach)]
     frames, first, last = np.array(rows, dtype=np.int64).reshape(-1, 3).T
     return Truth(len(query), frames, first, last, judged)

@@ -37,14 +37,14 @@ def pose_variances(
     """
     first = max(place - tolerance - 1, 0)
     last = min(place + tolerance + 1, len(poses) - 1)
-    while first >= 0 and np.isnan(poses[first, 0]):
+    while first >= 0 and not np.isfinite(poses[first]).all():
         first -= 1
-    while last < len(poses) and np.isnan(poses[last, 0]):
+    while last < len(poses) and not np.isfinite(poses[last]).all():
         last += 1
     if first < 0 or last == len(poses):
         return HIGHEST, HIGHEST
     near = poses[first : last + 1] - poses[place]
-    near = near[np.isfinite(near[:, 0])]
+    near = near[np.isfinite(near).all(axis=1)]
     away = np.hypot(near[:, 0], near[:, 1]).max()
     turned = np.abs(np.angle(np.exp(1j * near[:, 2]))).max()
     sure = min(max(probability, _ROUNDED), 1 - _ROUNDED)

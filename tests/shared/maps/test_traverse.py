@@ -111,7 +111,7 @@ def test_a_jump_of_hundreds_of_kilometres_is_told_of(
 ) -> None:
     poses: list[Pose | None] = [Pose(317_000, 0, 0), *(Pose(at, 0, 0) for at in range(5))]
     traverse_of("drive", described([*range(6)], poses), stamped=stamped)
-    assert "jump 1 times" in caplog.text
+    assert "in 1 of 5 steps" in caplog.text
     assert "from frame 0 to 1, by 317 km" in caplog.text
 
 

@@ -8,8 +8,12 @@ from placefield.config import Config
 from placefield.errors import SourceError
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
+from placefield.maps.trajectory import Trajectory
 from placefield_tools.building import build_from
 from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources.folder import Folder
+from placefield_tools.sources.located import Located
+from placefield_tools.sources.spaced import Spaced
 
 COUNT = 40
 RATE = 10
@@ -182,3 +186,14 @@ def test_neither_by_stamp_nor_by_number_is_refused_in_a_line(
 def test_axes_without_a_file_are_refused(folder: Path) -> None:
     with pytest.raises(SourceError, match=r"--pose-axes z-forward: .* --poses"):
         open_source(str(folder), parts=Parts(pose_axes="z-forward"))
+
+
+def test_frames_before_the_first_fix_are_left_out_of_spaced_ones_and_counted(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    way = Trajectory.of(
+        np.arange(5, COUNT) * 10**8, np.arange(5.0, COUNT)[:, np.newaxis] * [1, 0, 0]
+    )
+    located = Located(Folder(folder), way, "/fix", span_ns=(0, 10**10))
+    assert [frame.index for frame in Spaced(located, 2.0)] == list(range(5, COUNT, 2))
+    assert "5 frames before the first pose" in caplog.text

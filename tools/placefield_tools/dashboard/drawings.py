@@ -134,11 +134,12 @@ class RouteDrawing:
         Where poses are NaN the line is broken.
         """
         width, margin = 1000.0, 40.0
-        if not np.isfinite(poses).any():
+        if not np.isfinite(poses).all(axis=1).any():
             points = np.column_stack(
                 [np.linspace(margin, width - margin, count), np.full(count, 50.0)]
             )
             return cls(width, 100.0, _line(points), 0.0, points, None)
+        poses = np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, np.nan)
         least, most = np.nanmin(poses[:, :2], axis=0), np.nanmax(poses[:, :2], axis=0)
         extent = np.maximum(most - least, 1e-3)
         scale = min((width - 2 * margin) / extent[0], (600.0 - 2 * margin) / extent[1])

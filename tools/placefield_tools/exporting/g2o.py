@@ -24,7 +24,7 @@ def to_g2o(traverse: QueryTraverse) -> str:
 def _lines(traverse: QueryTraverse) -> Iterator[str]:
     count = len(traverse.places)
     for place, (x, y, yaw) in enumerate(traverse.places.tolist()):
-        if math.isnan(x):
+        if not math.isfinite(x + y + yaw):
             continue
         yield f"VERTEX_SE2 {place} {x} {y} {yaw}"
         yield f"FIX {place}"
