@@ -156,6 +156,17 @@ def test_what_needs_poses_on_both_sides_says_which_has_none(
         told("evaluate", reference_dir, query, *FLAGS, *flag)
 
 
+@pytest.mark.parametrize("flag", [("--tolerance", "5m"), ("--same-frame",)])
+def test_poses_on_earth_and_in_metres_are_not_compared(
+    reference_dir: Path, query_dir: Path, tmp_path: Path, flag: tuple[str, ...]
+) -> None:
+    everything = [*range(COUNT)]
+    reference = drive(reference_dir, tmp_path / "r", everything, "latitude,longitude", on_earth)
+    query = drive(query_dir, tmp_path / "q", everything, "x,y", in_metres)
+    with pytest.raises(TruthError, match="one side are on earth"):
+        told("evaluate", reference, query, *FLAGS, *flag)
+
+
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [

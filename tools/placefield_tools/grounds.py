@@ -137,7 +137,7 @@ def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) 
                 return Ground(truth, "poses", tolerance, asked.metres)
         _refuse_without_poses(sides, asked)
         if why := _unaligned(sides):
-            more = _SAME_FRAME if _have_poses(sides) else ""
+            more = _SAME_FRAME if _have_poses(sides) and not _is_on_earth(sides) else ""
             return Ground(None, "none", why_none=f"{why}; {_REMEDY}{more}")
     return Ground(_by_number(sides, truth_of), "aligned", asked.tolerance)
 
@@ -180,16 +180,27 @@ def _have_poses(sides: Sides) -> bool:
     return bool(len(sides.placemap.places.poses)) and any(sides.poses)
 
 
+def _is_on_earth(sides: Sides) -> bool:
+    """Return whether the poses of a side are."""
+    return bool(sides.origin or Origin.of_frame(sides.placemap.pose_frame))
+
+
 def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
+    """Refuse what needs poses of both sides, where they are lacking or cannot be compared."""
     flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
     if asked.metres is None and not asked.same_frame:
         return
     if not _have_poses(sides):
         side = "query" if len(sides.placemap.places.poses) else "reference"
         raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
+    if _is_on_earth(sides):
+        raise TruthError(
+            f"{flag}: the poses of one side are on earth, and the other's in metres of its own: give "
+            "latitude and longitude on both sides"
+        )
     raise TruthError(
-        f"{flag}: the poses of both sides are not in one frame that is known: give latitude and "
-        "longitude, or say --same-frame, if both are in the same metres"
+        f"{flag}: the poses of both sides are in metres of their own: say --same-frame, if these "
+        "are the same"
     )
 
 

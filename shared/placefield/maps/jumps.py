@@ -36,6 +36,6 @@ def told_jumps(poses: NDArray[np.float64], stamps: NDArray[np.int64] | None) -> 
     worst = int(jumps[np.argmax(steps[jumps])])
     return (
         f"the poses jump as no vehicle does, in {len(jumps)} of {len(steps)} steps, most from "
-        f"frame {known[worst]} to {known[worst + 1]}, by {steps[worst] / 1000:.3g} km; are they of one "
-        "drive?"
+        f"frame {known[worst]} to {known[worst + 1]}, by {steps[worst] / 1000:.3g} km; are they of "
+        "one drive?"
     )
