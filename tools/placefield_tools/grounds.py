@@ -195,8 +195,8 @@ def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
         raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
     if _is_on_earth(sides):
         raise TruthError(
-            f"{flag}: the poses of one side are on earth, and the other's in metres of its own: give "
-            "latitude and longitude on both sides"
+            f"{flag}: the poses of one side are on earth, and the other's in metres of its own: "
+            "give latitude and longitude on both sides"
         )
     raise TruthError(
         f"{flag}: the poses of both sides are in metres of their own: say --same-frame, if these "
