@@ -21,7 +21,7 @@ from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
 from placefield_tools import replaying
 from placefield_tools.replaying import replay
-from placefield_tools.sources import Source, open_source
+from placefield_tools.sources import Parts, Source, open_source
 from placefield_tools.sources.metered import Metered
 
 KEYS = Keys("test")
@@ -136,7 +136,7 @@ def test_every_frame_is_sent_once_in_order_with_the_end_behind(
 def test_start_and_stride_choose_the_frames_but_numbers_have_no_gaps(
     services: Services, bus: Bus, config: Config, query_dir: Path
 ) -> None:
-    with open_source(str(query_dir), start=10, stride=7) as source:
+    with open_source(str(query_dir), parts=Parts(start=10, stride=7)) as source:
         assert replay(source, bus, config, threading.Event()) == 8
     files = sorted(query_dir.iterdir())[10::7]
     assert services.images == [file.read_bytes() for file in files]
@@ -162,7 +162,7 @@ def test_each_frame_carries_its_odometry_where_it_is_known(
     services: Services, bus: Bus, config: Config, query_dir: Path, tmp_path: Path
 ) -> None:
     drive = uneven_drive(query_dir, tmp_path / "uneven")
-    with open_source(str(drive), start=1, stride=3) as source:
+    with open_source(str(drive), parts=Parts(start=1, stride=3)) as source:
         expected = [frame.odometry_m for frame in source]
         replay(source, bus, config, threading.Event())
     assert services.odometry == expected

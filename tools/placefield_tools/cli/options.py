@@ -202,6 +202,18 @@ Spacing = Annotated[
         show_default="every frame",
     ),
 ]
+Start = Annotated[int, typer.Option("--start", metavar="N", help="the first frame, from 0")]
+Stop = Annotated[
+    int | None,
+    typer.Option("--stop", metavar="N", help="the frame to end before", show_default="the end"),
+]
+Stride = Annotated[int, typer.Option("--stride", metavar="N", help="take every N-th frame")]
+LeaveOutBad = Annotated[
+    bool,
+    typer.Option(
+        "--leave-out-bad", help="build without frames that cannot be read, or did not come"
+    ),
+]
 Topic = Annotated[
     str | None,
     typer.Option(

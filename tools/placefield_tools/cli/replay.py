@@ -28,8 +28,9 @@ def _replay(
         ),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
-    start: Annotated[int, typer.Option(help="first frame")] = 0,
-    stride: Annotated[int, typer.Option(help="take every n-th frame")] = 1,
+    start: options.Start = 0,
+    stop: options.Stop = None,
+    stride: options.Stride = 1,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -63,18 +64,16 @@ def _replay(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
     keys = Keys(effective.run)
-    stop = stop_event()
+    stopped = stop_event()
     odometry = Odometry()
     opened = open_source(
         source,
-        start=start,
-        stride=stride,
         spacing_m=spacing,
         metres=odometry.metres,
-        parts=Parts(topic, odometry_topic, poses),
-        stop=stop,
+        parts=Parts(topic, odometry_topic, poses, start, stop, stride),
+        stop=stopped,
     )
-    with opened as frames, open_bus(effective.bus, stop) as bus:
+    with opened as frames, open_bus(effective.bus, stopped) as bus:
         odometry.listen(bus, keys)
-        sent = replay(frames, bus, effective, stop, rate=rate, loop=loop and not frames.live)
+        sent = replay(frames, bus, effective, stopped, rate=rate, loop=loop and not frames.live)
     print(f"{sent} frames replayed")
