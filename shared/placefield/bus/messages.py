@@ -124,6 +124,12 @@ class FeatureMessage(Message):
     odometry_m: Metres | None = None
 
 
+class UnseenMessage(Message):
+    """Why a frame goes on as one not seen: no image can be made of it, or it shows nothing."""
+
+    reason: Literal["unreadable", "blank"]
+
+
 class ChannelCandidate(_Strict):
     """A channel's candidate, as part of a message.
 

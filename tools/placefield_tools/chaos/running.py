@@ -66,7 +66,7 @@ def disturbed_replay(
         mischief = Mischief(children, bus, Keys(config.run))
         disturbing = Disturbing(source, frames, faults, mischief.begin, mischief.end, clock)
         with open_bus(config.bus) as apart, _listening(apart, config, clock) as answers:
-            sent = replay(disturbing, bus, config, threading.Event(), rate=rate)
+            sent = replay(disturbing, bus, config, threading.Event(), rate=rate).sent
     return judge(undisturbed, answers, disturbing.happened, sent)
 
 
