@@ -16,11 +16,18 @@ class RunListener:
     """Keeps a record of what a run's services say, from now on, and of who of them is alive."""
 
     def __init__(
-        self, bus: Bus, keys: Keys, on_malformed: Callable[[str, MessageError], None]
+        self,
+        bus: Bus,
+        keys: Keys,
+        on_malformed: Callable[[str, MessageError], None],
+        digest: str | None = None,
     ) -> None:
-        """Listen; what does not parse is told by its key, on the bus's thread."""
+        """Listen; what does not parse is told by its key, on the bus's thread.
+
+        ``digest`` is that of the map which the services should have; None: the fuser's.
+        """
         self._on_malformed = on_malformed
-        self._record = RunRecord()
+        self._record = RunRecord(digest)
         self._tokens: set[str] = set()
         self._lock = threading.Lock()
         bus.subscribe_raw(keys.all_stats, self._tell)
