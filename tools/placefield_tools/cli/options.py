@@ -75,6 +75,14 @@ MetricsPort = Annotated[
         show_default="none",
     ),
 ]
+Digest = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DIGITS",
+        help="serve no other map than this: first 16 of sha256sum MAP/manifest.json",
+        show_default="any",
+    ),
+]
 LogJson = Annotated[
     bool,
     typer.Option(
