@@ -23,6 +23,7 @@ from placefield.config import Config
 from placefield.errors import ConfigError, FrameError, MessageError, OtherMapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
+from placefield_services.asking import Asking
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
 from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
@@ -33,7 +34,6 @@ SERVICE = "channel"
 
 _EARLY = 256  # messages
 _ASK_FOR_S = 3.0
-_PATIENCE_S = 0.2  # with shards, one of which may be stopped, for all runs wait
 
 _LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
 
@@ -93,10 +93,10 @@ def _outlet(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str])
     features = remembering(bus, keys.history(keys.feature))
     return Outlet(
         candidates=candidates,
-        recall=features.recall,
+        recall=Asking(features.recall),
         remember=features.history.remember,
         borders=borders,
-        recall_borders=partial(recall_all, bus, history, patience_s=_PATIENCE_S),
+        recall_borders=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
         counts=counts,
     )
 
@@ -155,7 +155,11 @@ class ChannelWorker:
         }
 
     def accept(self, received: Received) -> list[_Accepted]:
-        """Take a descriptor; return what is to be matched, with what was missed before it."""
+        """Take a descriptor; return what is to be matched, with what was missed before it.
+
+        Raises:
+            NotYet: what was missed has been asked for, and has not come.
+        """
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
             partials = BordersMessage.decode(received.payload)

@@ -31,6 +31,7 @@ from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.matcher import Partial, Settled
+from placefield_services.asking import NotYet
 
 _ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 
@@ -41,10 +42,11 @@ class Outlet:
 
     Attributes:
         candidates: where they are published.
-        recall: returns descriptors that others remember.
+        recall: returns descriptors that others remember, or raises ``NotYet``.
         remember: keeps a descriptor for others.
         borders: where the partial results of its shards are published.
-        recall_borders: yields the partial results of all shards, of frames from one up to another.
+        recall_borders: yields the partial results of all shards, of frames from one up to another,
+            or raises ``NotYet``.
         counts: of the run.
     """
 
@@ -140,7 +142,10 @@ class ChannelStream:
     def settle(self) -> None:
         """Ask again for what the next frame waits for, once in a while."""
         if self._waiting and time.monotonic() >= self._ask_at:
-            self._ask()
+            try:
+                self._ask()
+            except NotYet:
+                return
             self._ask_at = time.monotonic() + _ASK_AFTER_S
             self._go_on()
 

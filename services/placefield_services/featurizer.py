@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -27,6 +27,7 @@ from placefield.errors import FrameError, MessageError
 from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
 from placefield.maps.map import Map, fingerprint
+from placefield_services.asking import Asking, NotYet
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
 
@@ -35,7 +36,7 @@ log = logging.getLogger(__name__)
 SERVICE = "featurizer"
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
-_ATTEMPTS, _ATTEMPT_S = 4, 0.3
+_ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after it was in vain: strangers may begin streams by the thousand
 _LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
 
@@ -87,6 +88,25 @@ class _Run:
     complained_of: str = ""
     """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
+    asking: Asking[[Header], "_Known"] = field(init=False)
+    asked_of: str = ""
+    """The last stream that others were asked of."""
+    ask_until: float = 0.0
+    known: "_Known" = field(default_factory=lambda: _Known(-1, None))
+    """Of that stream."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What others know of a stream.
+
+    Attributes:
+        made: the last frame that was described; -1: none.
+        moments: of the stream then.
+    """
+
+    made: int
+    moments: Moments | None
 
 
 class Featurizer:
@@ -116,6 +136,8 @@ class Featurizer:
             )
             for run, outlet in outlets.items()
         }
+        for each in self._runs.values():
+            each.asking = Asking(partial(self._recall, each))
 
     def rehearse(self) -> None:
         """Describe a frame of no stream, so that what is made at its first use is made.
@@ -129,9 +151,15 @@ class Featurizer:
         self._stage.describe(frame)
 
     def handle(self, received: Received) -> None:
-        """Take a frame, publish its descriptor."""
+        """Take a frame, publish its descriptor.
+
+        Raises:
+            NotYet: it is in the midst of a stream, and what others know of that has not come.
+        """
         header, run = received.header, self._runs[received.run]
         frame = None if header.end else FrameMessage.decode(received.payload)
+        if run.follower.begins(header) and header.sequence > 0:
+            self._ask(run, header)
         turn = run.follower.follow(header)
         if turn is Turn.AHEAD and header.live:
             run.follower.leap(header.sequence)
@@ -149,40 +177,51 @@ class Featurizer:
         run.images = self._stage.new_stream()
         if header.sequence == 0:
             return 0
-        made, moments = self._recall(run, header)
-        attempts = _ATTEMPTS if time.monotonic() >= run.patient_from else 0
-        while attempts and not self._goes_on(header, made, moments):  # not within reach yet?
-            time.sleep(_ATTEMPT_S)
-            made, moments = self._recall(run, header)
-            attempts -= 1
-        if not self._goes_on(header, made, moments):
-            run.counts["forgotten"] += 1
-            run.patient_from = time.monotonic() + _IMPATIENT_S
+        made, moments = run.known.made, run.known.moments
         run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
-    def _goes_on(self, header: Header, made: int, moments: Moments | None) -> bool:
-        """Whether enough is known of a stream to go on with it as the one before would have."""
-        return made >= header.oldest - 1 and (moments is not None or not self._standardises)
+    def _ask(self, run: _Run, header: Header) -> None:
+        """Learn what others know of a stream that is on; they may not be within reach at once.
 
-    def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
-        """Return the last frame of a stream that was described, and its moments, if known."""
+        Raises:
+            NotYet: they have not answered.
+        """
+        now = time.monotonic()
+        if run.asked_of != header.stream:
+            run.asked_of = header.stream
+            run.ask_until = now + (_ASK_FOR_S if now >= run.patient_from else 0)
+        run.known = run.asking(header.stream, header)
+        if self._goes_on(header, run.known):
+            return
+        if time.monotonic() < run.ask_until:
+            raise NotYet(_ASK_EVERY_S)
+        run.counts["forgotten"] += 1
+        run.patient_from = time.monotonic() + _IMPATIENT_S
+
+    def _goes_on(self, header: Header, known: _Known) -> bool:
+        """Whether enough is known of a stream to go on with it as the one before would have."""
+        has_moments = known.moments is not None or not self._standardises
+        return known.made >= header.oldest - 1 and has_moments
+
+    def _recall(self, run: _Run, stream: str, header: Header) -> _Known:
+        """Ask others what they know of a stream; in a thread of its own."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
-        features = run.outlet.recall_features(header.stream, first, end)
+        features = run.outlet.recall_features(stream, first, end)
         for feature in features.values():
             run.outlet.features.history.remember(*feature)
         described = [sequence for sequence, (about, _) in features.items() if not about.end]
         last = max(described, default=-1)
-        recalled = run.outlet.recall_moments(header.stream, last, last + 1) if described else {}
+        recalled = run.outlet.recall_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
         if last not in recalled:
-            return made, None
+            return _Known(made, None)
         try:
             moments = MomentsMessage.decode(recalled[last][1])
         except MessageError:
-            return made, None
+            return _Known(made, None)
         fits = moments.sums.shape == run.images.moments.sums.shape
-        return made, Moments(moments.frames, moments.sums) if fits else None
+        return _Known(made, Moments(moments.frames, moments.sums) if fits else None)
 
     def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)

@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from bus_doubles import Memory, RecordingPublisher, received
+from bus_doubles import Memory, RecordingPublisher, at_last, received
 
 from placefield.bus.history import History, Outbox
 from placefield.bus.history import Memory as Remembered
@@ -94,7 +94,7 @@ class Stage:
         self.channels.change(token, is_alive)
 
     def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
-        self._fuser.handle(received(key, about, message))
+        at_last(lambda: self._fuser.handle(received(key, about, message)))
         self._fuser.release()
 
     def announce(self, about: Header) -> None:

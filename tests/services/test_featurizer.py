@@ -4,7 +4,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import Memory, RecordingPublisher, at_last, header, received
 
 from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
@@ -28,7 +28,8 @@ KEY = Keys("test").frame
 
 @pytest.fixture(autouse=True)
 def ask_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(featurizer_module, "_ATTEMPT_S", 0.0)
+    monkeypatch.setattr(featurizer_module, "_ASK_EVERY_S", 0.0)
+    monkeypatch.setattr(featurizer_module, "_ASK_FOR_S", 0.0)
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ class Stage:
         self._featurizer.rehearse()
 
     def handle(self, message: Received) -> None:
-        self._featurizer.handle(message)
+        at_last(lambda: self._featurizer.handle(message))
 
     def send(self, about: Header, image: bytes, odometry_m: float | None = None) -> None:
         self.handle(received(KEY, about, FrameMessage(image=image, odometry_m=odometry_m)))

@@ -21,6 +21,12 @@ MANIFEST = "manifest.json"
 SEAL = "manifest.sha256"
 """The file beside it that holds its checksum."""
 
+LONGEST_MANIFEST = 2**20
+"""Bytes; thousands of channels take less."""
+
+MOST_PLACES = 10**7
+"""Of a map: ten times what the method is measured on."""
+
 REBUILD = "build the map again with 'placefield build'"
 """What is to be done about a map that is refused."""
 
@@ -89,7 +95,7 @@ class Manifest(_Record):
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
-    places: int = Field(ge=1)
+    places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
@@ -134,7 +140,7 @@ def read_manifest(path: Path) -> Manifest:
     """Read a map's manifest.
 
     Raises:
-        MapError: there is none, it is of another format, or damaged.
+        MapError: there is none, it is of another format, too long or damaged.
     """
     return read_identified(path)[0]
 
@@ -171,4 +177,7 @@ def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, st
 
 def _read(path: Path, name: str) -> bytes:
     with open_inside(path, name) as opened:
-        return opened.read()
+        written = opened.read(LONGEST_MANIFEST + 1)
+    if len(written) > LONGEST_MANIFEST:
+        raise MapError(f"{path / name}: more than {LONGEST_MANIFEST} bytes; {REBUILD}")
+    return written
