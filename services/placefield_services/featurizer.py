@@ -92,6 +92,8 @@ class _Run:
     asked_of: str = ""
     """The last stream that others were asked of."""
     ask_until: float = 0.0
+    forgets: bool = False
+    """Whether too little was known of the stream that is on to go on with it."""
     known: "_Known" = field(default_factory=lambda: _Known(-1, None))
     """Of that stream."""
 
@@ -158,8 +160,8 @@ class Featurizer:
         """
         header, run = received.header, self._runs[received.run]
         frame = None if header.end else FrameMessage.decode(received.payload)
-        if run.follower.begins(header) and header.sequence > 0:
-            self._ask(run, header)
+        if run.follower.begins(header):
+            run.forgets = header.sequence > 0 and not self._ask(run, header)
         turn = run.follower.follow(header)
         if turn is Turn.AHEAD and header.live:
             run.follower.leap(header.sequence)
@@ -181,8 +183,8 @@ class Featurizer:
         run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
-    def _ask(self, run: _Run, header: Header) -> None:
-        """Learn what others know of a stream that is on; they may not be within reach at once.
+    def _ask(self, run: _Run, header: Header) -> bool:
+        """Learn what others know of a stream that is on; return whether it is enough.
 
         Raises:
             NotYet: they have not answered.
@@ -193,16 +195,18 @@ class Featurizer:
             run.ask_until = now + (_ASK_FOR_S if now >= run.patient_from else 0)
         run.known = run.asking(header.stream, header)
         if self._goes_on(header, run.known):
-            return
-        if time.monotonic() < run.ask_until:
+            return True
+        if time.monotonic() < run.ask_until:  # who knows may not be within reach at once
             raise NotYet(_ASK_EVERY_S)
         run.counts["forgotten"] += 1
         run.patient_from = time.monotonic() + _IMPATIENT_S
+        return False
 
     def _goes_on(self, header: Header, known: _Known) -> bool:
         """Whether enough is known of a stream to go on with it as the one before would have."""
         has_moments = known.moments is not None or not self._standardises
-        return known.made >= header.oldest - 1 and has_moments
+        needed = 0 if header.live else header.oldest - 1
+        return known.made >= needed and has_moments
 
     def _recall(self, run: _Run, stream: str, header: Header) -> _Known:
         """Ask others what they know of a stream; in a thread of its own."""
@@ -253,5 +257,8 @@ class Featurizer:
             run.counts["failed"] += 1
             log.exception("a defect; the frame goes on as one that was not seen")
         return FeatureMessage(
-            model=self._fingerprint, descriptor=descriptor, odometry_m=frame.odometry_m
+            model=self._fingerprint,
+            descriptor=descriptor,
+            odometry_m=frame.odometry_m,
+            forgotten=run.forgets,
         )

@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from placefield.bus.credits import WINDOW
@@ -191,6 +191,8 @@ class Fuser:
         if header.stream != self._switch.stream:
             self._keep_early(received)
             return
+        if isinstance(message, FeatureMessage) and message.forgotten:
+            self._smoothing.is_forgotten = True  # and all frames after it, too
         if not header.live:
             self._skip_to(header)
             if header.sequence > self._joiner.next + 2 * WINDOW:  # none is under way
@@ -364,7 +366,8 @@ class Fuser:
         return not self._joiner.pending and (end.live or self._joiner.next >= end.sequence)
 
     def _publish(self, header: Header, joined: Joined) -> None:
-        message = MatchMessage.of(self._fuse(joined), self._map.places.pose, map=self._map.digest)
+        match = replace(self._fuse(joined), forgotten=self._smoothing.is_forgotten)
+        message = MatchMessage.of(match, self._map.places.pose, map=self._map.digest)
         self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
         if message.too_fast:

@@ -257,6 +257,20 @@ def test_where_nobody_remembers_a_stream_it_goes_on_from_the_oldest_frame_that_i
     assert stage.publisher.sequences == [2, 3]
 
 
+@pytest.mark.parametrize("live", [False, True])
+def test_where_too_little_is_remembered_every_later_frame_of_the_stream_says_so(
+    route_map: Map, images: list[bytes], live: bool
+) -> None:
+    _, knows = ended_in_the_midst(route_map, images, live=live)
+    forgot = Stage(route_map)
+    for stage in (knows, forgot):
+        for sequence in (3, 4):
+            stage.send(header(sequence, live=live, oldest=0 if live else 3), images[sequence])
+        stage.send(header(0, stream="next", live=live), images[0])
+    told = [[feature.forgotten for feature in each.features if feature] for each in (knows, forgot)]
+    assert told == [[False, False, False], [True, True, False]]
+
+
 def test_the_end_of_the_stream_is_passed_on_behind_the_last_frame(
     stage: Stage, images: list[bytes]
 ) -> None:

@@ -5,6 +5,7 @@ Decoding checks everything: what does not parse raises ``MessageError`` and goes
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import msgpack
@@ -118,11 +119,15 @@ class FrameMessage(Message):
 
 
 class FeatureMessage(Message):
-    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading."""
+    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading.
+
+    ``forgotten`` says that nobody remembered enough of the stream for the featurizer to go on.
+    """
 
     model: str = Field(max_length=64)  # fingerprint of what made the descriptor
     descriptor: FloatVector | None
     odometry_m: Metres | None = None
+    forgotten: bool = False
 
 
 class UnseenMessage(Message):
@@ -350,6 +355,9 @@ class BordersMessage(_OfShard):
     summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
 
 
+_OF_MATCH = tuple(field.name for field in fields(Match))
+
+
 class MatchMessage(_OfMap):
     """The match of a frame.
 
@@ -361,6 +369,7 @@ class MatchMessage(_OfMap):
             rule does not tell.
         known: whether that is at least the precision asked for, and the vehicle not too fast.
         too_fast: whether the vehicle moves faster than the map resolves; only some rules tell.
+        forgotten: whether the stream was begun anew in its midst, and nobody remembered enough.
         pose: of the place, x and y in metres and yaw in radians, where the map has poses.
     """
 
@@ -370,6 +379,7 @@ class MatchMessage(_OfMap):
     probability: float | None = Field(None, ge=0, le=1)
     known: bool | None = None
     too_fast: bool = False
+    forgotten: bool = False
     pose: Pose | None = None
 
     @classmethod
@@ -381,9 +391,7 @@ class MatchMessage(_OfMap):
     @property
     def match(self) -> Match:
         """The match, without the pose."""
-        return Match(
-            self.place, self.score, self.missing, self.probability, self.known, self.too_fast
-        )
+        return Match(**{name: getattr(self, name) for name in _OF_MATCH})
 
 
 class SmoothedMessage(MatchMessage):

@@ -28,6 +28,7 @@ from placefield.bus.messages import (
     SettledFrames,
     SmoothedMessage,
     StatsMessage,
+    UnseenMessage,
 )
 from placefield.errors import MessageError
 from placefield.maps.map import NO_DIGEST
@@ -64,6 +65,7 @@ EXAMPLES: list[Message] = [
         shards=2,
         summaries=(ChannelSummary(channel=3, summary=VECTOR.astype(np.float64)),),
     ),
+    UnseenMessage(reason="blank"),
     MomentsMessage(frames=21.0, sums=np.ones((2, 5))),
     HistoryQuery(stream="s", first=0, end=2**48),
     MatchMessage(
@@ -209,6 +211,8 @@ def check_bounds(message: Message) -> None:
                 assert part.summary.dtype == np.float64
                 assert part.summary.ndim == 1
                 assert not np.isnan(part.summary).any()
+        case UnseenMessage():
+            assert message.reason in ("unreadable", "blank")
         case MomentsMessage():
             assert 0 < message.frames < np.inf
             assert message.sums.ndim == 2

@@ -80,6 +80,8 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
         parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")
     if match.missing:
         parts.append(f"without channels {', '.join(map(str, match.missing))}")
+    if match.forgotten:
+        parts.append("the stream's memory was lost")
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
     return ", ".join(parts)

@@ -59,6 +59,7 @@ MATCH = _object(
         "probability": _NUMBER,
         "known": _BOOLEAN,
         "too_fast": _BOOLEAN,
+        "forgotten": _BOOLEAN,
         "pose": _numbers(3),
         "lag": _NUMBER,
     },
