@@ -16,12 +16,14 @@ from placefield.bus.history import LENGTH, History, Outbox, recall_all, remember
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import BordersMessage, FeatureMessage, Header
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
-from placefield.errors import ConfigError, FrameError, MessageError
+from placefield.errors import ConfigError, FrameError, MessageError, OtherMapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
+from placefield_services.asking import Asking
 from placefield_services.channel_streams import ChannelStream, Frame, Outlet
 from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
@@ -32,7 +34,6 @@ SERVICE = "channel"
 
 _EARLY = 256  # messages
 _ASK_FOR_S = 3.0
-_PATIENCE_S = 0.2  # with shards, one of which may be stopped, for all runs wait
 
 _LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
 
@@ -61,6 +62,7 @@ def run_channels(
     served = ServedChannels(placemap, channels, config.matching, shard, shards)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         # All shards of a channel take the same frames, so that none may drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
@@ -70,7 +72,9 @@ def run_channels(
             if shards > 1:
                 bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
             remembered_moments(bus, keys, process.counts[run])
-            outlets[run] = _outlet(bus, keys, process.identity, config.matching.lag)
+            outlets[run] = _outlet(
+                bus, keys, process.identity, config.matching.lag, process.counts[run]
+            )
             process.answers[run] = outlets[run].candidates.history
         worker = ChannelWorker(placemap.model, served, outlets, process.counts)
         served.rehearse()
@@ -79,7 +83,7 @@ def run_channels(
         process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
 
 
-def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
+def _outlet(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> Outlet:
     # Of frames that are under way, and of those that a new fuser may have to smooth.
     candidates = Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag))
     share(bus, keys.history(keys.all_candidates), candidates.history)
@@ -89,10 +93,11 @@ def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
     features = remembering(bus, keys.history(keys.feature))
     return Outlet(
         candidates=candidates,
-        recall=features.recall,
+        recall=Asking(features.recall),
         remember=features.history.remember,
         borders=borders,
-        recall_borders=partial(recall_all, bus, history, patience_s=_PATIENCE_S),
+        recall_borders=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
+        counts=counts,
     )
 
 
@@ -150,10 +155,16 @@ class ChannelWorker:
         }
 
     def accept(self, received: Received) -> list[_Accepted]:
-        """Take a descriptor; return what is to be matched, with what was missed before it."""
+        """Take a descriptor; return what is to be matched, with what was missed before it.
+
+        Raises:
+            NotYet: what was missed has been asked for, and has not come.
+        """
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
-            self._receive(run, header, BordersMessage.decode(received.payload))
+            partials = BordersMessage.decode(received.payload)
+            partials.check_map(self._channels.digest)
+            self._receive(run, header, partials)
             return []
         seen = (None, None) if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
@@ -216,8 +227,8 @@ class ChannelWorker:
                 run.outlet.remember(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
-            except MessageError:
-                run.counts["malformed"] += 1
+            except MessageError as error:
+                count_refused(run.counts, error)
         run.counts["recalled"] += len(frames)
         return frames
 
@@ -225,7 +236,7 @@ class ChannelWorker:
         """Return a frame's descriptor, None if there is none, and its odometry's reading."""
         feature = FeatureMessage.decode(payload)
         if feature.model != self._model:
-            raise MessageError(
+            raise OtherMapError(
                 f"descriptor of model {feature.model!r}; this channel's map has {self._model}: "
                 "give the featurizer the same map"
             )

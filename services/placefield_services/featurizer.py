@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,14 +13,21 @@ import numpy as np
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import LENGTH, MOMENTS, Outbox, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
-from placefield.bus.session import open_bus
+from placefield.bus.messages import (
+    FeatureMessage,
+    FrameMessage,
+    Header,
+    MomentsMessage,
+    UnseenMessage,
+)
+from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
 from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
 from placefield.maps.map import Map, fingerprint
+from placefield_services.asking import Asking, NotYet
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
 
@@ -29,7 +36,7 @@ log = logging.getLogger(__name__)
 SERVICE = "featurizer"
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
-_ATTEMPTS, _ATTEMPT_S = 4, 0.3
+_ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after it was in vain: strangers may begin streams by the thousand
 _LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
 
@@ -38,6 +45,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     """Serve until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outlets = {}
@@ -49,6 +57,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
             outlets[run] = Outlet(
                 Outbox(bus.publisher(keys.feature), features.history),
                 Outbox(bus.publisher(keys.moments), moments.history),
+                bus.publisher(keys.unseen),
                 features.recall,
                 moments.recall,
             )
@@ -65,6 +74,7 @@ class Outlet:
 
     features: Outbox
     moments: Outbox
+    unseen: Publisher
     recall_features: Recall
     recall_moments: Recall
 
@@ -78,6 +88,27 @@ class _Run:
     complained_of: str = ""
     """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
+    asking: Asking[[Header], "_Known"] = field(init=False)
+    asked_of: str = ""
+    """The last stream that others were asked of."""
+    ask_until: float = 0.0
+    forgets: bool = False
+    """Whether too little was known of the stream that is on to go on with it."""
+    known: "_Known" = field(default_factory=lambda: _Known(-1, None))
+    """Of that stream."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What others know of a stream.
+
+    Attributes:
+        made: the last frame that was described; -1: none.
+        moments: of the stream then.
+    """
+
+    made: int
+    moments: Moments | None
 
 
 class Featurizer:
@@ -107,6 +138,8 @@ class Featurizer:
             )
             for run, outlet in outlets.items()
         }
+        for each in self._runs.values():
+            each.asking = Asking(partial(self._recall, each))
 
     def rehearse(self) -> None:
         """Describe a frame of no stream, so that what is made at its first use is made.
@@ -120,9 +153,15 @@ class Featurizer:
         self._stage.describe(frame)
 
     def handle(self, received: Received) -> None:
-        """Take a frame, publish its descriptor."""
+        """Take a frame, publish its descriptor.
+
+        Raises:
+            NotYet: it is in the midst of a stream, and what others know of that has not come.
+        """
         header, run = received.header, self._runs[received.run]
         frame = None if header.end else FrameMessage.decode(received.payload)
+        if run.follower.begins(header):
+            run.forgets = header.sequence > 0 and not self._ask(run, header)
         turn = run.follower.follow(header)
         if turn is Turn.AHEAD and header.live:
             run.follower.leap(header.sequence)
@@ -140,40 +179,53 @@ class Featurizer:
         run.images = self._stage.new_stream()
         if header.sequence == 0:
             return 0
-        made, moments = self._recall(run, header)
-        attempts = _ATTEMPTS if time.monotonic() >= run.patient_from else 0
-        while attempts and not self._goes_on(header, made, moments):  # not within reach yet?
-            time.sleep(_ATTEMPT_S)
-            made, moments = self._recall(run, header)
-            attempts -= 1
-        if not self._goes_on(header, made, moments):
-            run.counts["forgotten"] += 1
-            run.patient_from = time.monotonic() + _IMPATIENT_S
+        made, moments = run.known.made, run.known.moments
         run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
-    def _goes_on(self, header: Header, made: int, moments: Moments | None) -> bool:
-        """Whether enough is known of a stream to go on with it as the one before would have."""
-        return made >= header.oldest - 1 and (moments is not None or not self._standardises)
+    def _ask(self, run: _Run, header: Header) -> bool:
+        """Learn what others know of a stream that is on; return whether it is enough.
 
-    def _recall(self, run: _Run, header: Header) -> tuple[int, Moments | None]:
-        """Return the last frame of a stream that was described, and its moments, if known."""
+        Raises:
+            NotYet: they have not answered.
+        """
+        now = time.monotonic()
+        if run.asked_of != header.stream:
+            run.asked_of = header.stream
+            run.ask_until = now + (_ASK_FOR_S if now >= run.patient_from else 0)
+        run.known = run.asking(header.stream, header)
+        if self._goes_on(header, run.known):
+            return True
+        if time.monotonic() < run.ask_until:  # who knows may not be within reach at once
+            raise NotYet(_ASK_EVERY_S)
+        run.counts["forgotten"] += 1
+        run.patient_from = time.monotonic() + _IMPATIENT_S
+        return False
+
+    def _goes_on(self, header: Header, known: _Known) -> bool:
+        """Whether enough is known of a stream to go on with it as the one before would have."""
+        has_moments = known.moments is not None or not self._standardises
+        needed = 0 if header.live else header.oldest - 1
+        return known.made >= needed and has_moments
+
+    def _recall(self, run: _Run, stream: str, header: Header) -> _Known:
+        """Ask others what they know of a stream; in a thread of its own."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
-        features = run.outlet.recall_features(header.stream, first, end)
+        features = run.outlet.recall_features(stream, first, end)
         for feature in features.values():
             run.outlet.features.history.remember(*feature)
         described = [sequence for sequence, (about, _) in features.items() if not about.end]
         last = max(described, default=-1)
-        recalled = run.outlet.recall_moments(header.stream, last, last + 1) if described else {}
+        recalled = run.outlet.recall_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
         if last not in recalled:
-            return made, None
+            return _Known(made, None)
         try:
             moments = MomentsMessage.decode(recalled[last][1])
         except MessageError:
-            return made, None
+            return _Known(made, None)
         fits = moments.sums.shape == run.images.moments.sums.shape
-        return made, Moments(moments.frames, moments.sums) if fits else None
+        return _Known(made, Moments(moments.frames, moments.sums) if fits else None)
 
     def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
@@ -187,9 +239,12 @@ class Featurizer:
         descriptor = None
         try:
             descriptor = run.images.push(frame.image)
-            run.counts["blank"] += descriptor is None
+            if descriptor is None:
+                run.counts["blank"] += 1
+                run.outlet.unseen.put(header, UnseenMessage(reason="blank"))
         except FrameError as error:
             run.counts["unreadable"] += 1
+            run.outlet.unseen.put(header, UnseenMessage(reason="unreadable"))
             if run.complained_of != header.stream:
                 run.complained_of = header.stream
                 log.warning(
@@ -202,5 +257,8 @@ class Featurizer:
             run.counts["failed"] += 1
             log.exception("a defect; the frame goes on as one that was not seen")
         return FeatureMessage(
-            model=self._fingerprint, descriptor=descriptor, odometry_m=frame.odometry_m
+            model=self._fingerprint,
+            descriptor=descriptor,
+            odometry_m=frame.odometry_m,
+            forgotten=run.forgets,
         )

@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from placefield.bus.credits import WINDOW
@@ -19,6 +19,7 @@ from placefield.bus.messages import (
     Header,
     MatchMessage,
 )
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
@@ -28,6 +29,7 @@ from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield_services.asking import Asking
 from placefield_services.live_channels import LiveChannels
 from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
@@ -50,6 +52,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     placemap.features.check_rule(config.matching.rule)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
@@ -151,6 +154,7 @@ class Fuser:
         self._counts = counts
         self._switch = StreamSwitch(counts)
         self._early: deque[Received] = deque()
+        self._asking = Asking(self._recall)
         self._begin(0, live=False)
 
     def _begin(self, first: int, *, live: bool) -> None:
@@ -172,6 +176,9 @@ class Fuser:
         """Take a descriptor, which announces a frame, or candidates.
 
         Only descriptors begin a stream; candidates that are faster wait for it.
+
+        Raises:
+            NotYet: it is in the midst of a stream, and what others know of that has not come.
         """
         header = received.header
         is_feature = received.key == self._feature_key
@@ -184,6 +191,8 @@ class Fuser:
         if header.stream != self._switch.stream:
             self._keep_early(received)
             return
+        if isinstance(message, FeatureMessage) and message.forgotten:
+            self._smoothing.is_forgotten = True  # and all frames after it, too
         if not header.live:
             self._skip_to(header)
             if header.sequence > self._joiner.next + 2 * WINDOW:  # none is under way
@@ -221,6 +230,8 @@ class Fuser:
     def _follow(self, received: Received) -> bool:
         """Enter the stream of a descriptor; False if it was left."""
         header = received.header
+        is_on = self._switch.begins(header) and header.sequence > 0
+        recalled = self._asking(header.stream, header) if is_on else []
         arrival = self._switch.enter(header)
         if arrival is Arrival.DROPPED:
             return False
@@ -228,14 +239,14 @@ class Fuser:
             self._release(math.inf)  # what the stream before it still owes
             self._smoothing.abandon()
             self._begin(header.oldest, live=header.live)
-            if header.sequence > 0:
-                self._go_on(header)
+            if is_on:
+                self._go_on(header, recalled)
             early, self._early = self._early, deque()
             for candidates in early:
                 try:
                     self.handle(candidates)
-                except MessageError:  # it must not cost the descriptor
-                    self._counts["malformed"] += 1
+                except MessageError as error:  # it must not cost the descriptor
+                    count_refused(self._counts, error)
         features = self._memories.features
         came_again = features.history.find(header) is not None
         features.history.remember(header, received.payload)
@@ -243,20 +254,27 @@ class Fuser:
             self._answer_again(header)
         return True
 
-    def _go_on(self, header: Header) -> None:
-        """Go on with a stream that was on: others may forget what they know of it."""
+    def _recall(self, stream: str, header: Header) -> list[tuple[Header, bytes]]:
+        """Learn what others know of a stream that was on, for they may forget it.
+
+        Returns the candidates that may have to be smoothed. It is in a thread of its own.
+        """
         self._memories.features.fill(header)
         self._memories.moments.fill(header)
-        answered = header.sequence if header.live else header.oldest
-        self._smooth_answered(header.stream, answered)
-        first, now = max(0, answered - self._smoothing.lag), time.monotonic()
+        first = max(0, _answered(header) - self._smoothing.lag)
         recall = self._memories.recall_candidates
-        for old, payload in recall(header.stream, first, header.sequence + 2 * WINDOW):
+        return list(recall(stream, first, header.sequence + 2 * WINDOW))
+
+    def _go_on(self, header: Header, candidates: Iterable[tuple[Header, bytes]]) -> None:
+        """Go on with a stream that was on."""
+        self._smooth_answered(header.stream, _answered(header))
+        now = time.monotonic()
+        for old, payload in candidates:
             try:
                 message = self._decode_candidates(old, payload)
                 self._smoothing.add(old.sequence, message, now)
-            except MessageError:
-                self._counts["malformed"] += 1
+            except MessageError as error:
+                count_refused(self._counts, error)
 
     def _keep_early(self, received: Received) -> None:
         self._early.append(received)
@@ -295,6 +313,7 @@ class Fuser:
     ) -> CandidatesMessage | FinishedMessage:
         kind = FinishedMessage if header.end else CandidatesMessage
         message = kind.decode(payload)
+        message.check_map(self._map.digest)
         rule = self._config.matching.rule
         if message.rule != rule:
             raise MessageError(
@@ -347,7 +366,8 @@ class Fuser:
         return not self._joiner.pending and (end.live or self._joiner.next >= end.sequence)
 
     def _publish(self, header: Header, joined: Joined) -> None:
-        message = MatchMessage.of(self._fuse(joined), self._map.places.pose)
+        match = replace(self._fuse(joined), forgotten=self._smoothing.is_forgotten)
+        message = MatchMessage.of(match, self._map.places.pose, map=self._map.digest)
         self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
         if message.too_fast:
@@ -359,3 +379,8 @@ class Fuser:
             candidates = list(joined.candidates.values())
             return self._stage.fuse(candidates, joined.missing)
         return Match(UNANSWERED, 0.0, tuple(self.channels.all))
+
+
+def _answered(header: Header) -> int:
+    """Return up to which frame a stream was answered, by the first of it that came."""
+    return header.sequence if header.live else header.oldest

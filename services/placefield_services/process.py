@@ -17,8 +17,10 @@ from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
+from placefield_services.asking import NotYet
 from placefield_services.metrics import Told
 from placefield_services.notifying import notify_alive, notify_ready
 
@@ -49,6 +51,8 @@ class ServiceProcess:
         """Of the runs in which the newest answer is to be told."""
         self.channels: int | None = None
         """Of the map, to be told where the service awaits them all."""
+        self.map: str | None = None
+        """Digest of the service's map, to be told where it has one."""
         self._service = service
         self._bus = bus
         self._stats_due = 0.0
@@ -78,12 +82,14 @@ class ServiceProcess:
     ) -> None:
         """Serve until ``stop`` is set: what waits is taken together.
 
-        A message that does not parse is counted as ``malformed`` and one that is lost to a defect
-        as ``failed``, in its run: neither stops the service.
+        A message that does not parse is counted as ``malformed``, one of another map as
+        ``other_map`` and one that is lost to a defect as ``failed``, in its run: none of them stops
+        the service.
 
         Args:
             inbox: of all runs.
-            accept: called with each message; returns what there is to do for it, if anything.
+            accept: called with each message; returns what there is to do for it, if anything, or
+                raises ``NotYet``, and is called with it again.
             stop: ends the service.
             at_once: how many messages are taken together at most.
             work: called with what was accepted, in order.
@@ -93,7 +99,7 @@ class ServiceProcess:
         gc.enable()
         notify_ready()
         while not stop.is_set():
-            accepted = list(self._accept(inbox.take_all(_POLL_S, at_once), accept))
+            accepted = list(self._accept(inbox, inbox.take_all(_POLL_S, at_once), accept))
             if accepted:
                 with counting_failure(self.counts[run] for run, _ in accepted):
                     work([todo for _, todo in accepted])
@@ -102,21 +108,34 @@ class ServiceProcess:
             self._tell()
 
     def _accept(
-        self, received: Sequence[Received], accept: Callable[[Received], Work | None]
+        self,
+        inbox: Inbox,
+        received: Sequence[Received],
+        accept: Callable[[Received], Work | None],
     ) -> Iterator[tuple[str, Work]]:
-        """Yield what there is to do, and in which run."""
+        """Yield what there is to do, and in which run; put back what is to wait."""
+        waiting: dict[str, tuple[list[Received], float]] = {}
         for message in received:
             run = message.run
+            if run in waiting:
+                waiting[run][0].append(message)
+                continue
             self.counts[run]["received"] += 1
             with counting_failure([self.counts[run]]):
                 try:
                     todo = accept(message)
+                except NotYet as not_yet:
+                    self.counts[run]["received"] -= 1
+                    waiting[run] = [message], not_yet.wait_s
+                    continue
                 except MessageError as error:
-                    self.counts[run]["malformed"] += 1
+                    count_refused(self.counts[run], error)
                     self._bus.log_dropped(message.key, error)
                     continue
                 if todo is not None:
                     yield run, todo
+        for messages, wait_s in waiting.values():
+            inbox.put_back(messages, wait_s)
 
     def _settle(self, settle: Callable[[str], None]) -> None:
         for run in self.counts:
@@ -145,6 +164,7 @@ class ServiceProcess:
             stream=newest.stream if newest else None,
             sequence=newest.sequence if newest else None,
             channels=self.channels,
+            map=self.map,
         )
 
 

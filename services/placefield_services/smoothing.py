@@ -3,6 +3,7 @@
 import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 from placefield.bus.history import LENGTH, Outbox
 from placefield.bus.messages import (
@@ -48,6 +49,8 @@ class Smoothing:
         self._counts = counts
         self._joiner = SettledJoiner(self._all, self.lag)
         self._shards = stage.new_joiner()
+        self.is_forgotten = False
+        """Whether nobody remembered enough of the stream; see ``Match``."""
         self._answered: dict[int, Header] = {}  # and not smoothed yet
         self._newest = -1
         self._ahead: defaultdict[int, list[tuple[int, Settled]]] = defaultdict(list)
@@ -154,8 +157,10 @@ class Smoothing:
     def _publish(self, released: Iterable[JoinedSettled]) -> None:
         for joined in released:
             header = self._answered.pop(joined.sequence)
-            match = self._fuse(joined)
-            message = SmoothedMessage.of(match, self._map.places.pose, lag=joined.lag)
+            match = replace(self._fuse(joined), forgotten=self.is_forgotten)
+            message = SmoothedMessage.of(
+                match, self._map.places.pose, map=self._map.digest, lag=joined.lag
+            )
             self._outbox.put(header, message)
             self._counts["smoothed"] += 1
             self._shards.forget_before(joined.sequence + 1)

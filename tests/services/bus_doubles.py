@@ -1,9 +1,12 @@
 """Stands for the bus where a service is tested without one."""
 
+from collections.abc import Callable
+
 from placefield.bus.history import Recalled
 from placefield.bus.inbox import Received
 from placefield.bus.messages import Header, Message
 from placefield.bus.session import Publisher
+from placefield_services.asking import NotYet
 
 
 class RecordingPublisher(Publisher):
@@ -22,6 +25,15 @@ class RecordingPublisher(Publisher):
     @property
     def sequences(self) -> list[int]:
         return [header.sequence for header, _ in self.sent]
+
+
+def at_last(handle: Callable[[], None]) -> None:
+    """Handle a message, again and again while what others know of it has not come."""
+    while True:
+        try:
+            return handle()
+        except NotYet:
+            pass
 
 
 class Memory:

@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from bus_doubles import Memory, RecordingPublisher, received
+from bus_doubles import Memory, RecordingPublisher, at_last, received
 
 from placefield.bus.history import History, Outbox
 from placefield.bus.history import Memory as Remembered
@@ -51,6 +51,7 @@ class Stage:
 
     def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
         self.places = placemap.places.count
+        self.map = placemap.digest
         self.config = Config.model_validate(
             {
                 "runs": ["test"],
@@ -93,7 +94,7 @@ class Stage:
         self.channels.change(token, is_alive)
 
     def handle(self, key: str, about: Header, message: Message | bytes = b"") -> None:
-        self._fuser.handle(received(key, about, message))
+        at_last(lambda: self._fuser.handle(received(key, about, message)))
         self._fuser.release()
 
     def announce(self, about: Header) -> None:
@@ -113,7 +114,9 @@ class Stage:
         )
 
     def message(self, *candidates: ChannelCandidate, rule: Rule | None = None) -> CandidatesMessage:
-        return CandidatesMessage(rule=rule or self.config.matching.rule, candidates=candidates)
+        return CandidatesMessage(
+            map=self.map, rule=rule or self.config.matching.rule, candidates=candidates
+        )
 
     def answer(self, channels: int | tuple[int, ...], about: Header) -> None:
         """Let one worker answer, of one channel or several."""
@@ -130,10 +133,12 @@ class Stage:
         rule, channels = self.config.matching.rule, sorted({each.channel for each in settled})
         if about.end:
             return FinishedMessage(
-                rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
+                map=self.map, rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
             )
         candidates = [self.written(channel, about.sequence) for channel in channels]
-        return CandidatesMessage(rule=rule, candidates=tuple(candidates), settled=packed)
+        return CandidatesMessage(
+            map=self.map, rule=rule, candidates=tuple(candidates), settled=packed
+        )
 
     def settle(self, about: Header, *settled: SettledFrame) -> None:
         self.handle(CANDIDATES, about, self.settling(about, *settled))

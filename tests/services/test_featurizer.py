@@ -4,12 +4,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import Memory, RecordingPublisher, at_last, header, received
 
 from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
+from placefield.bus.messages import (
+    FeatureMessage,
+    FrameMessage,
+    Header,
+    MomentsMessage,
+    UnseenMessage,
+)
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
@@ -22,7 +28,8 @@ KEY = Keys("test").frame
 
 @pytest.fixture(autouse=True)
 def ask_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(featurizer_module, "_ATTEMPT_S", 0.0)
+    monkeypatch.setattr(featurizer_module, "_ASK_EVERY_S", 0.0)
+    monkeypatch.setattr(featurizer_module, "_ASK_FOR_S", 0.0)
 
 
 @pytest.fixture
@@ -36,17 +43,20 @@ class Stage:
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
+        self.unseen = RecordingPublisher(UnseenMessage)
         self.features_elsewhere, self.moments_elsewhere = Memory(), Memory()
         self.counts: Counter[str] = Counter()
         outlet = Outlet(
             Outbox(self.publisher, History()),
             Outbox(self.moments, History()),
+            self.unseen,
             self.features_elsewhere.recall,
             self.moments_elsewhere.recall,
         )
         other = Outlet(
             Outbox(RecordingPublisher(FeatureMessage), History()),
             Outbox(RecordingPublisher(MomentsMessage), History()),
+            RecordingPublisher(UnseenMessage),
             Memory().recall,
             Memory().recall,
         )
@@ -58,7 +68,7 @@ class Stage:
         self._featurizer.rehearse()
 
     def handle(self, message: Received) -> None:
-        self._featurizer.handle(message)
+        at_last(lambda: self._featurizer.handle(message))
 
     def send(self, about: Header, image: bytes, odometry_m: float | None = None) -> None:
         self.handle(received(KEY, about, FrameMessage(image=image, odometry_m=odometry_m)))
@@ -109,6 +119,8 @@ def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
     assert [message.odometry_m for message in stage.features if message] == readings
     assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
     assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
+    told = [(about.sequence, message) for about, message in stage.unseen.sent]
+    assert told == [(1, UnseenMessage(reason="unreadable")), (2, UnseenMessage(reason="blank"))]
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])
@@ -243,6 +255,20 @@ def test_where_nobody_remembers_a_stream_it_goes_on_from_the_oldest_frame_that_i
     for sequence in (3, 2, 3):
         stage.send(header(sequence, oldest=2), images[sequence])
     assert stage.publisher.sequences == [2, 3]
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_where_too_little_is_remembered_every_later_frame_of_the_stream_says_so(
+    route_map: Map, images: list[bytes], live: bool
+) -> None:
+    _, knows = ended_in_the_midst(route_map, images, live=live)
+    forgot = Stage(route_map)
+    for stage in (knows, forgot):
+        for sequence in (3, 4):
+            stage.send(header(sequence, live=live, oldest=0 if live else 3), images[sequence])
+        stage.send(header(0, stream="next", live=live), images[0])
+    told = [[feature.forgotten for feature in each.features if feature] for each in (knows, forgot)]
+    assert told == [[False, False, False], [True, True, False]]
 
 
 def test_the_end_of_the_stream_is_passed_on_behind_the_last_frame(

@@ -44,6 +44,20 @@ def test_one_that_comes_back_begins_with_the_oldest_frame_that_is_awaited(stage:
     assert [sequence for sequence, _ in stage.published] == [5, 6, 7]
 
 
+def test_where_the_featurizer_forgot_the_stream_every_later_match_of_it_says_so(
+    stage: Stage,
+) -> None:
+    forgotten = FeatureMessage(model="m", descriptor=None, forgotten=True)
+    for sequence in range(6):
+        about = header(sequence)
+        stage.handle(KEYS.feature, about, forgotten) if sequence == 2 else stage.announce(about)
+        stage.answer((0, 1, 2), about)
+    stage.announce(header(0, stream="next"))
+    stage.answer((0, 1, 2), header(0, stream="next"))
+    told = [message.forgotten for _, message in stage.matches.sent if message]
+    assert told == [False, False, True, True, True, True, False]
+
+
 def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
     for sequence in range(3):
         stage.announce(header(sequence))
@@ -106,7 +120,9 @@ def test_candidates_that_were_early_and_do_not_fit_cost_their_descriptor_nothing
     short = Candidate(1, 0.0, NO_PLACES, np.zeros(3, np.float32))
     for shard in range(2):
         written = (ChannelCandidate.of(0, short),)
-        message = CandidatesMessage(rule="evidence", shard=shard, shards=2, candidates=written)
+        message = CandidatesMessage(
+            map=stage.map, rule="evidence", shard=shard, shards=2, candidates=written
+        )
         stage.handle(KEYS.candidates(f"worker{shard}"), header(0), message)
     stage.announce(header(0))
     stage.pass_time(DEADLINE_S)

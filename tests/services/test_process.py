@@ -14,6 +14,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Message, StatsMessage
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
+from placefield_services.asking import NotYet
 from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess, begin
 
 KEYS = Keys("test")
@@ -69,6 +70,25 @@ def bus() -> QuietBus:
 @pytest.fixture
 def process(bus: QuietBus) -> ServiceProcess:
     return ServiceProcess("fuser", bus, ["test", "other"])
+
+
+def test_a_message_that_cannot_be_taken_yet_waits_with_its_run_and_no_other_does(
+    process: ServiceProcess,
+) -> None:
+    taken: list[tuple[str, int]] = []
+
+    def accept(message: Received) -> None:
+        is_other_through = ("other", 3) in taken
+        if message.run == "test" and sequence_of(message) == 1 and not is_other_through:
+            raise NotYet(0.001)
+        taken.append((message.run, sequence_of(message)))
+
+    ours, others = messages_of(4), messages_of(4, "other")
+    last = ours.pop()
+    serve(process, accept, [*ours, *others, last])
+    assert [sequence for run, sequence in taken if run == "test"] == [0, 1, 2, 3]
+    assert [sequence for run, sequence in taken if run == "other"] == [0, 1, 2, 3]
+    assert process.counts == {"test": {"received": 4}, "other": {"received": 4}}
 
 
 def test_messages_that_do_not_parse_or_fail_stop_nothing_and_are_counted(

@@ -75,6 +75,31 @@ def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
     assert answers_of(answers) == undisturbed
 
 
+def test_where_all_that_remember_a_stream_are_killed_at_once_its_later_answers_say_so(
+    tmp_path: Path,
+    host: Host,
+    query_dir: Path,
+    undisturbed: list[tuple[int, float, tuple[int, ...]]],
+) -> None:
+    with host.listener() as listener, replaying(host.endpoint, query_dir, tmp_path):
+        first = listener.answers(count=BEFORE)
+        for service in ("featurizer", "fuser", "channel"):
+            for process in host.service(service):
+                process.kill()
+        answers = first + listener.answers(first=BEFORE)
+        *_, last = listener.smoothed(answers[0][0].stream)
+    assert last[1].forgotten
+    assert len(answers) == len(undisturbed)
+    forgotten = [match.forgotten for _, match in answers]
+    assert forgotten == sorted(forgotten)
+    assert forgotten[-1]
+    assert not forgotten[0]
+    unflagged = forgotten.index(True)
+    whole = [at for at in range(unflagged) if not answers[at][1].missing]
+    assert whole
+    assert [answers_of(answers)[at] for at in whole] == [undisturbed[at] for at in whole]
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_ever(
     tmp_path: Path,

@@ -153,7 +153,7 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
 
 
 def describe_query(
-    source: Source, describe: Callable[[bytes | NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
     """Describe the images of a query's frames, see ``describe_located_query``."""
     descriptions, readings, _ = describe_located_query(source, describe)
@@ -161,7 +161,7 @@ def describe_query(
 
 
 def describe_located_query(
-    source: Source, describe: Callable[[bytes | NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
     """Describe the images of a query's frames.
 
@@ -178,7 +178,7 @@ def describe_located_query(
 
     def describe_frame(frame: Frame) -> tuple[Description | None, float | None, Pose | None]:
         try:
-            return describe(frame.image), frame.odometry_m, frame.pose
+            return describe(frame.pixels()), frame.odometry_m, frame.pose
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None, frame.odometry_m, frame.pose

@@ -21,6 +21,7 @@ MOMENTS = 64
 
 _PATIENCE_S = 1.0
 _MOST_REPLIES = 64 * LENGTH
+_MOST_BYTES = 2**30
 
 Recalled = Mapping[int, tuple[Header, bytes]]
 """Headers and payloads, by ascending sequence."""
@@ -152,13 +153,15 @@ def recall_all(
     stream: str,
     first: int,
     end: int,
-    *,
-    patience_s: float = _PATIENCE_S,
 ) -> Iterator[tuple[Header, bytes]]:
     """Yield what each who shares a history remembers of frames ``first`` to ``end`` - 1."""
     query = HistoryQuery(stream=stream, first=first, end=end)
-    replies = bus.ask(key, query.encode(), timeout_s=patience_s)
+    replies = bus.ask(key, query.encode(), timeout_s=_PATIENCE_S)
+    held = 0
     for payload, attachment in itertools.islice(replies, _MOST_REPLIES):
+        held += len(payload)
+        if held > _MOST_BYTES:
+            return
         try:
             header = Header.decode(attachment)
         except MessageError:

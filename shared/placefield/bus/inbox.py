@@ -6,8 +6,9 @@ share of the room, so that none can take another's.
 """
 
 import threading
+import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from placefield.bus.keys import run_of
@@ -47,6 +48,7 @@ class Inbox:
         self._waiting: dict[str, deque[Received]] = {run: deque() for run in counts}
         self._bytes = dict.fromkeys(counts, 0)
         self._turns = deque(counts)  # whose turn it is, is first
+        self._held_until = dict.fromkeys(counts, 0.0)
         self._changed = threading.Condition()
 
     def offer(self, received: Received) -> None:
@@ -73,21 +75,39 @@ class Inbox:
             del waiting[live[0]]
             self._counts[run]["dropped_old"] += 1
 
+    def put_back(self, received: Sequence[Received], wait_s: float) -> None:
+        """Put messages of a run back before all others of it; it has no turn for so many seconds.
+
+        They are in order, and were the last that were taken of it.
+        """
+        with self._changed:
+            run = received[0].run
+            self._waiting[run].extendleft(reversed(received))
+            self._bytes[run] += sum(len(each.payload) for each in received)
+            self._held_until[run] = time.monotonic() + wait_s
+
     @property
     def is_waiting(self) -> bool:
         """Whether there is anything to take."""
-        return any(self._waiting.values())
+        return any(map(self._has_turn, self._turns))
+
+    def _has_turn(self, run: str) -> bool:
+        return bool(self._waiting[run]) and self._held_until[run] <= time.monotonic()
 
     def take_all(self, timeout: float, limit: int) -> list[Received]:
         """Take what waits, ``limit`` at most; empty if nothing comes within ``timeout`` seconds."""
         with self._changed:
-            self._changed.wait_for(lambda: self.is_waiting, timeout)
-            held = sum(map(len, self._waiting.values()))
-            return [self._take() for _ in range(min(limit, held))]
+            now = time.monotonic()
+            ends = [end - now for end in self._held_until.values() if end > now]
+            self._changed.wait_for(lambda: self.is_waiting, min([timeout, *ends]))
+            # a run that is held no more by now is so in the whole of what follows
+            there = {run for run in self._turns if self._has_turn(run)}
+            held = sum(len(self._waiting[run]) for run in there)
+            return [self._take(there) for _ in range(min(limit, held))]
 
-    def _take(self) -> Received:
-        """Take the oldest message of the next run that has one; one has."""
-        while not self._waiting[self._turns[0]]:
+    def _take(self, runs: set[str]) -> Received:
+        """Take the oldest message of the next of these runs that has one; one has."""
+        while self._turns[0] not in runs or not self._waiting[self._turns[0]]:
             self._turns.rotate(-1)
         run = self._turns[0]
         self._turns.rotate(-1)

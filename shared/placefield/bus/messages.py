@@ -5,6 +5,7 @@ Decoding checks everything: what does not parse raises ``MessageError`` and goes
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import msgpack
@@ -21,7 +22,7 @@ from pydantic_core import PydanticCustomError
 
 from placefield.bus.wire import FloatVector, Image, IndexVector, NumberVector, Sums, unpack
 from placefield.config import Rule
-from placefield.errors import MessageError
+from placefield.errors import MessageError, OtherMapError
 from placefield.fusion.match import Match
 from placefield.matching.candidate import UNANSWERED, Candidate
 
@@ -29,6 +30,7 @@ MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Metres = Annotated[FiniteFloat, Field(ge=0)]
 """What an odometer says: travelled since any start of its own. If it falls, it began anew."""
@@ -117,11 +119,42 @@ class FrameMessage(Message):
 
 
 class FeatureMessage(Message):
-    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading."""
+    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading.
+
+    ``forgotten`` says that nobody remembered enough of the stream for the featurizer to go on.
+    """
 
     model: str = Field(max_length=64)  # fingerprint of what made the descriptor
     descriptor: FloatVector | None
     odometry_m: Metres | None = None
+    forgotten: bool = False
+
+
+class UnseenMessage(Message):
+    """Why a frame goes on as one not seen: no image can be made of it, or it shows nothing."""
+
+    reason: Literal["unreadable", "blank"]
+
+
+class _OfMap(Message):
+    """Root of what names places, and so says of which map they are.
+
+    Attributes:
+        map: its digest, see ``placefield.maps.map.Map``.
+    """
+
+    map: Digest
+
+    def check_map(self, digest: str) -> None:
+        """Refuse what is of another map than the one of this digest.
+
+        Raises:
+            OtherMapError: it is.
+        """
+        if self.map != digest:
+            raise OtherMapError(
+                f"{type(self).__name__} of map {self.map}, not {digest}: give all one map"
+            )
 
 
 class ChannelCandidate(_Strict):
@@ -155,7 +188,7 @@ class ChannelCandidate(_Strict):
         return Candidate(self.place, self.score, self.places, self.evidence, self.too_fast)
 
 
-class _OfShard(Message):
+class _OfShard(_OfMap):
     """Root of what is about a shard of a worker's channels.
 
     Attributes:
@@ -322,7 +355,10 @@ class BordersMessage(_OfShard):
     summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
 
 
-class MatchMessage(Message):
+_OF_MATCH = tuple(field.name for field in fields(Match))
+
+
+class MatchMessage(_OfMap):
     """The match of a frame.
 
     Attributes:
@@ -333,6 +369,7 @@ class MatchMessage(Message):
             rule does not tell.
         known: whether that is at least the precision asked for, and the vehicle not too fast.
         too_fast: whether the vehicle moves faster than the map resolves; only some rules tell.
+        forgotten: whether the stream was begun anew in its midst, and nobody remembered enough.
         pose: of the place, x and y in metres and yaw in radians, where the map has poses.
     """
 
@@ -342,6 +379,7 @@ class MatchMessage(Message):
     probability: float | None = Field(None, ge=0, le=1)
     known: bool | None = None
     too_fast: bool = False
+    forgotten: bool = False
     pose: Pose | None = None
 
     @classmethod
@@ -353,9 +391,7 @@ class MatchMessage(Message):
     @property
     def match(self) -> Match:
         """The match, without the pose."""
-        return Match(
-            self.place, self.score, self.missing, self.probability, self.known, self.too_fast
-        )
+        return Match(**{name: getattr(self, name) for name in _OF_MATCH})
 
 
 class SmoothedMessage(MatchMessage):
@@ -403,6 +439,7 @@ class StatsMessage(Message):
         stream: of the newest frame that it has answered; none if it has answered none.
         sequence: of that frame; at the end of the stream, the number of its frames.
         channels: of the map, where the service awaits them all.
+        map: digest of the service's map; none if it has none.
     """
 
     service: str = Field(max_length=64)
@@ -410,3 +447,4 @@ class StatsMessage(Message):
     stream: str | None = Field(None, max_length=64)
     sequence: int | None = Field(None, ge=0, lt=2**48)
     channels: int | None = Field(None, ge=1, lt=2**16)
+    map: Digest | None = None

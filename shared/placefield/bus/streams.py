@@ -52,6 +52,10 @@ class StreamSwitch:
         self._counts["streams"] += 1
         return Arrival.NEW_STREAM
 
+    def begins(self, header: Header) -> bool:
+        """Whether the message with this header is the first of its stream."""
+        return header.stream != self.stream and not self.has_left(header.stream)
+
     def has_left(self, stream: str) -> bool:
         """Whether this is a stream that was left."""
         return stream in self._left
@@ -85,6 +89,10 @@ class StreamFollower:
     def stream(self) -> str | None:
         """The stream that is on."""
         return self._switch.stream
+
+    def begins(self, header: Header) -> bool:
+        """Whether the message with this header is the first of its stream."""
+        return self._switch.begins(header)
 
     def follow(self, header: Header) -> Turn:
         """Say what the message with this header is; if its turn has come, it is over.

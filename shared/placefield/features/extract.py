@@ -15,6 +15,7 @@ from placefield.features.images import decode
 from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
 from placefield.features.shrink import small_grey
+from placefield.features.trying import try_network
 
 GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer
 
@@ -46,7 +47,8 @@ def feature_of(kind: FeatureKind) -> Feature:
     """Return the feature of a kind; ``onnx:FILE`` reads the network and its TOML.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it.
+        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it; see
+            ``try_network``.
     """
     return _feature(kind, network_of(kind))
 
@@ -55,7 +57,7 @@ def feature_of_model(model: DescriptorModel) -> Feature:
     """Return the feature that a descriptor model was fitted on; a network is the model's own.
 
     Raises:
-        ConfigError: OpenCV cannot run the network.
+        ConfigError: OpenCV cannot run the network; see ``try_network``.
     """
     return _feature(model.kind, model.network)
 
@@ -71,6 +73,7 @@ def network_of(kind: FeatureKind) -> Network | None:
 
 def _feature(kind: FeatureKind, network: Network | None) -> Feature:
     if network is not None:
+        try_network(kind, network)
         return Feature(network, NetworkFeature(kind, network).describe)
     return Feature(None, grayscale if kind == "grayscale" else _gist)
 

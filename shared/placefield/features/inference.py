@@ -11,6 +11,7 @@ from placefield.errors import ConfigError, FrameError
 from placefield.features.grid import grid_means
 from placefield.features.images import check_pixels
 from placefield.features.network import Network, NetworkInput
+from placefield.features.onnx_file import check_onnx
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -35,7 +36,8 @@ class NetworkFeature:
             network: to load.
 
         Raises:
-            ConfigError: OpenCV cannot run it, or its input or output is another than it should be.
+            ConfigError: see ``check_onnx``; OpenCV cannot run it, or its input or output is another
+                than it should be.
         """
         self._input = network.input
         self._lock = threading.Lock()
@@ -111,6 +113,7 @@ def _coloured(pixels: Pixels, wanted: NetworkInput) -> Pixels:
 
 
 def _load(name: str, network: Network) -> cv2.dnn.Net:
+    check_onnx(name, network.onnx)
     try:
         return cv2.dnn.readNetFromONNX(network.onnx)
     except cv2.error as error:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from placefield.errors import ConfigError
+from placefield.features.onnx_file import MOST_BYTES
 from placefield.toml import parse_toml
 
 
@@ -87,7 +88,8 @@ def read_network(path: Path) -> Network:
 
 def _read(path: Path, what: str) -> bytes:
     try:
-        return path.read_bytes()
+        with path.open("rb") as opened:  # a byte too many is refused later
+            return opened.read(MOST_BYTES + 1)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such {what}") from None
     except OSError as error:

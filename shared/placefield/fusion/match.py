@@ -20,6 +20,8 @@ class Match:
         known: whether that is likely enough, by the precision asked for, to act on.
         too_fast: whether the vehicle most likely moves faster than the map resolves: then the match
             is not known, for nobody knows where it is; only ``filter`` tells.
+        forgotten: whether services have begun the stream anew in its midst, and nobody remembered
+            enough of it: the match may differ from that of a stream that was never disturbed.
     """
 
     place: int
@@ -28,6 +30,7 @@ class Match:
     probability: float | None = None
     known: bool | None = None
     too_fast: bool = False
+    forgotten: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,17 @@ MANIFEST = "manifest.json"
 SEAL = "manifest.sha256"
 """The file beside it that holds its checksum."""
 
+LONGEST_MANIFEST = 2**20
+"""Bytes; thousands of channels take less."""
+
+MOST_PLACES = 10**7
+"""Of a map: ten times what the method is measured on."""
+
 REBUILD = "build the map again with 'placefield build'"
 """What is to be done about a map that is refused."""
+
+DIGEST_LENGTH = 16
+"""So many hexadecimal digits tell one map from another; see ``short_digest``."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -86,7 +95,7 @@ class Manifest(_Record):
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
-    places: int = Field(ge=1)
+    places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
@@ -101,6 +110,14 @@ def seal_of(written: bytes) -> bytes:
     It is of the bytes, and not of what they mean: that may change with the program that reads them.
     """
     return f"{hashlib.sha256(written).hexdigest()}  {MANIFEST}\n".encode()
+
+
+def short_digest(written: bytes) -> str:
+    """Return which map a manifest is of, as it is written: the first digits of its SHA-256.
+
+    The manifest has the checksums of all files, so that no two maps share one.
+    """
+    return hashlib.sha256(written).hexdigest()[:DIGEST_LENGTH]
 
 
 def parse_manifest(written: bytes, source: str) -> Manifest:
@@ -123,7 +140,20 @@ def read_manifest(path: Path) -> Manifest:
     """Read a map's manifest.
 
     Raises:
-        MapError: there is none, it is of another format, or damaged.
+        MapError: there is none, it is of another format, too long or damaged.
+    """
+    return read_identified(path)[0]
+
+
+def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, str]:
+    """Read a map's manifest, and which map it is of; see ``short_digest``.
+
+    Args:
+        path: of the map.
+        digest: of the map that it has to be; None: any.
+
+    Raises:
+        MapError: there is none, it is of another format, damaged, or of another map.
     """
     try:
         written = _read(path, MANIFEST)
@@ -136,9 +166,18 @@ def read_manifest(path: Path) -> Manifest:
         raise MapError(f"{path / SEAL}: missing or unreadable; {REBUILD}") from None
     if seal != seal_of(written):
         raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {REBUILD}")
-    return manifest
+    found = short_digest(written)
+    if digest not in (None, found):
+        raise MapError(
+            f"{path}: is the map {found} now, not {digest}, which is served: put that one back, or "
+            "end all that serves it and start it with this one"
+        )
+    return manifest, found
 
 
 def _read(path: Path, name: str) -> bytes:
     with open_inside(path, name) as opened:
-        return opened.read()
+        written = opened.read(LONGEST_MANIFEST + 1)
+    if len(written) > LONGEST_MANIFEST:
+        raise MapError(f"{path / name}: more than {LONGEST_MANIFEST} bytes; {REBUILD}")
+    return written

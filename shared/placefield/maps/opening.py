@@ -21,26 +21,34 @@ from placefield.maps.layout import (
     PLACE_FILES,
     Layout,
 )
-from placefield.maps.manifest import REBUILD, Manifest, read_manifest
+from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
-from placefield.maps.reading import ArrayFile, open_inside
+from placefield.maps.reading import ArrayFile, Header, open_inside
 from placefield.metric.coarse import Coarse
 
+_QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told
+# Of a file; the largest hold some kB of each place.
+_MOST_BYTES = 2**30
+_MOST_BYTES_OF_A_PLACE = 2**16
 
-def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
+
+def open_map(
+    path: Path | str, channels: Collection[int] | None = None, *, digest: str | None = None
+) -> Map:
     """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
         path: of the map.
         channels: that are read and checked now, None for all; another one is when it is first asked
             for, which may then raise what is below.
+        digest: of the map that it has to be, see ``Map.digest``; None: any.
 
     Raises:
         MapError: there is no map, it is of another format, or a file's checksum, dtype or shape is
-            wrong.
+            wrong; it is another map than the one of this digest.
     """
     path = Path(path)
-    manifest = read_manifest(path)
+    manifest, found = read_identified(path, digest)
     files = _Files(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
@@ -73,6 +81,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
         model=model,
         places=places,
         channels=tuple(all_channels) if channels is None else all_channels,
+        digest=found,
         check_unchanged=files.check_unchanged,
     )
 
@@ -88,30 +97,47 @@ class _Files:
         """Load a folder's arrays; ``sizes`` has lengths of axes that are known, and learns more."""
         arrays = []
         for name, (dtype, axes) in layout.items():
-            array = self._open(f"{folder}/{name}.npy")
-            if array.dtype != dtype or not _fits(array.shape, axes, sizes):
-                file = self.path / folder / f"{name}.npy"
-                raise MapError(f"{file}: does not fit the other files; {REBUILD}")
-            arrays.append(array)
+            arrays.append(self._open(f"{folder}/{name}.npy", dtype, axes, sizes))
         return arrays
 
-    def _open(self, name: str) -> NDArray[Any]:
+    def _open(self, name: str, dtype: str, axes: str, sizes: dict[str, int]) -> NDArray[Any]:
         file = self.path / name
         try:
             content = open_inside(self.path, name)
             opened = ArrayFile(content)
+            header = opened.header()
+            problem = self._problem(opened, header, dtype, axes, sizes)
+            if problem is not None and opened.length > _QUICK:
+                raise MapError(f"{file}: {problem}; {REBUILD}")
             if checksum_of_opened(content) != self.manifest.files.get(name):
                 raise MapError(f"{file}: damaged: its checksum is wrong; {REBUILD}")
-            array = opened.array()
+            if header is None or problem is not None:
+                raise MapError(f"{file}: {problem}; {REBUILD}")
+            array = opened.array(header)
         except OSError:
             raise MapError(f"{file}: missing or unreadable; {REBUILD}") from None
-        except ValueError:
-            raise MapError(f"{file}: not an array; {REBUILD}") from None
         if opened.is_mapped:
             self._watched.append((file, opened))
         else:
             opened.close()
         return array
+
+    def _problem(
+        self,
+        opened: ArrayFile,
+        header: Header | None,
+        dtype: str,
+        axes: str,
+        sizes: dict[str, int],
+    ) -> str | None:
+        """Say what is wrong with an array, by its header alone: it may be of any length."""
+        if header is None:
+            return "not an array"
+        if header.dtype != dtype or not _fits(header.shape, axes, sizes):
+            return "does not fit the other files"
+        if opened.length > _MOST_BYTES + _MOST_BYTES_OF_A_PLACE * self.manifest.places:
+            return "too long for so many places"
+        return None
 
     def check_unchanged(self) -> None:
         """See ``Map.check_unchanged``."""

@@ -1,11 +1,13 @@
 """Reading a map's files, whoever wrote them: only such as lie in it, and no more than they hold."""
 
+import math
 import mmap
 import os
 import stat
-from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +31,33 @@ def open_inside(folder: Path, name: str) -> BinaryIO:
     return os.fdopen(opened, "rb")
 
 
+@dataclass(frozen=True)
+class Header:
+    """What the file of an array says of it.
+
+    Attributes:
+        shape: of the array.
+        is_turned: whether it lies column by column.
+        dtype: of its numbers.
+        start: where they begin, bytes.
+    """
+
+    shape: tuple[int, ...]
+    is_turned: bool
+    dtype: np.dtype[Any]
+    start: int
+
+
 class ArrayFile:
-    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it."""
+    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it.
+
+    The file is closed with its last holder: a map has no end at which somebody could do it.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         """Take the file as it is now."""
         self._file = file
+        self._closing = finalize(self, file.close)
         self._state = self._state_now()
         self.is_mapped = self._state[0] >= _MAPPED_FROM
 
@@ -44,24 +67,42 @@ class ArrayFile:
 
     def close(self) -> None:
         """Let go of the file; what is mapped stays."""
-        self._file.close()
+        self._closing()
+
+    @property
+    def length(self) -> int:
+        """Bytes of the file."""
+        return self._state[0]
 
     @property
     def is_unchanged(self) -> bool:
         """Whether nobody has written to the file since; what is mapped has changed with it."""
         return self._state_now() == self._state
 
-    def array(self) -> NDArray[Any]:
-        """Return the array, which cannot be written to.
+    def header(self) -> Header | None:
+        """Return what the file says of its array, which is as many bytes as lie in the file.
+
+        None: the file is none as ``np.save`` writes one of numbers.
+        """
+        try:
+            shape, is_turned, dtype = _read_header(self._file)
+        except ValueError:
+            return None
+        start = self._file.tell()
+        is_all = start + math.prod(shape) * dtype.itemsize == self.length
+        return Header(shape, is_turned, dtype, start) if is_all and not dtype.hasobject else None
+
+    def array(self, header: Header) -> NDArray[Any]:
+        """Return the array of this header, which cannot be written to.
 
         Raises:
-            ValueError: the file is none as ``np.save`` writes one of numbers.
+            OSError: the file is shorter now.
         """
-        shape, is_turned, dtype = _read_header(self._file)
-        with suppress(ValueError, OverflowError, TypeError):
-            values = np.frombuffer(self._content(), dtype, offset=self._file.tell())
-            return values.reshape(shape, order="F" if is_turned else "C")
-        raise ValueError("its bytes are not what its header says")
+        try:
+            values = np.frombuffer(self._content(), header.dtype, offset=header.start)
+            return values.reshape(header.shape, order="F" if header.is_turned else "C")
+        except ValueError:
+            raise OSError("shorter than it was") from None
 
     def _content(self) -> bytes | mmap.mmap:
         if self.is_mapped:

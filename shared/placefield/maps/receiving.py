@@ -13,7 +13,7 @@ from pathlib import Path
 
 from placefield.errors import MapError
 from placefield.maps.checksums import checksum_of
-from placefield.maps.manifest import MANIFEST, SEAL, seal_of
+from placefield.maps.manifest import LONGEST_MANIFEST, MANIFEST, SEAL, seal_of
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.transfer import CHUNK, Chunk, Offer, chunk_count, chunks_of, file_in
@@ -188,7 +188,8 @@ def _disk_errors_told(path: Path) -> Iterator[None]:
 
 def _bytes_of(file: Path) -> bytes | None:
     try:
-        return file.read_bytes()
+        with file.open("rb") as opened:
+            return opened.read(LONGEST_MANIFEST + 1)
     except OSError:
         return None
 

@@ -17,6 +17,7 @@ from placefield.errors import MapError
 from placefield.maps.checksums import checksum_of
 from placefield.maps.layout import arrays_of
 from placefield.maps.manifest import (
+    LONGEST_MANIFEST,
     MANIFEST,
     SEAL,
     SUFFIX,
@@ -118,6 +119,11 @@ def _write(built: Map, folder: Path) -> None:
         files=files,
     )
     written = manifest.model_dump_json(indent=1).encode()
+    if len(written) > LONGEST_MANIFEST:
+        raise MapError(
+            f"{MANIFEST}: more than {LONGEST_MANIFEST} bytes, for its many channels; "
+            "build fewer of them"
+        )
     _write_durably(folder / MANIFEST, written)
     _write_durably(folder / SEAL, seal_of(written))
 

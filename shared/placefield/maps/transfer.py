@@ -11,13 +11,18 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 from placefield.errors import MapError
-from placefield.maps.manifest import MANIFEST, SUFFIX, Manifest, parse_manifest, read_manifest
+from placefield.maps.manifest import (
+    LONGEST_MANIFEST,
+    MANIFEST,
+    SUFFIX,
+    Manifest,
+    parse_manifest,
+    read_manifest,
+)
+from placefield.maps.reading import open_inside
 
 CHUNK = 2**20
 """Bytes of a file that travel together; less at its end."""
-
-LONGEST_MANIFEST = CHUNK
-"""Bytes; a manifest travels whole."""
 
 _FILE = re.compile(r"([A-Za-z0-9_]{1,64}/){1,8}[A-Za-z0-9_]{1,64}\.npy")
 
@@ -177,7 +182,8 @@ class OwnMap:
 
     def _written(self) -> bytes:
         try:
-            return (self._path / MANIFEST).read_bytes()
+            with open_inside(self._path, MANIFEST) as opened:
+                return opened.read(LONGEST_MANIFEST + 1)
         except OSError:
             raise MapError(f"{self._path}: no map there any more") from None
 

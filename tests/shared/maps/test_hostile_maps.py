@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import shutil
 import tracemalloc
@@ -208,6 +209,60 @@ def test_an_array_that_declares_what_it_has_not_is_refused_and_takes_no_memory(
         assert tracemalloc.get_traced_memory()[1] < 8 * 2**20
     finally:
         tracemalloc.stop()
+
+
+TB = 2**40
+
+
+def sparse(descr: str, shape: tuple[int, ...]) -> Callable[[Path], None]:
+    """Return what writes an array that is all there, and takes no room on the disk."""
+
+    def write(file: Path) -> None:
+        header = npy(descr, shape)
+        file.write_bytes(header)
+        size = len(header) + math.prod(shape) * np.dtype(descr).itemsize
+        os.truncate(file, size)
+
+    return write
+
+
+def longer(file: Path) -> None:
+    os.truncate(file, TB)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("features/mean", longer),
+        ("features/mean", sparse("<f4", (TB // 4,))),
+        ("features/components", sparse("<f4", (TB // 4, 1))),
+        ("places/stamps", sparse("<i8", (TB // 8,))),
+        ("places/thumbnails", longer),
+        ("places/thumbnails", sparse("|u1", (TB,))),
+        ("channels/0/segments", sparse("<i4", (TB // 8, 2))),
+        ("metrics/0/places", sparse("<i2", (90, TB // 180))),
+    ],
+)
+def test_a_file_of_a_terabyte_is_refused_before_it_is_read(
+    saved: Path, name: str, write: Callable[[Path], None]
+) -> None:
+    write(saved / f"{name}.npy")
+    assert str(saved / f"{name}.npy") in refusal(saved)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("name", [MANIFEST, SEAL])
+def test_a_manifest_of_a_terabyte_is_refused_before_it_is_read(saved: Path, name: str) -> None:
+    os.truncate(saved / name, TB)
+    assert f"{saved / name}: more than" in refusal(saved)
+
+
+@pytest.mark.parametrize("places", [10**7 + 1, 10**15])
+def test_a_map_of_more_places_than_any_is_refused(saved: Path, places: int) -> None:
+    manifest = json.loads((saved / MANIFEST).read_text())
+    write_manifest(saved, manifest | {"places": places})
+    assert f"{saved / MANIFEST}: places: " in refusal(saved)
 
 
 def out_of_the_map(saved: Path, file: Path) -> None:

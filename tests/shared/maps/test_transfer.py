@@ -9,12 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from placefield.errors import MapError
-from placefield.maps.manifest import MANIFEST, read_manifest
+from placefield.maps.manifest import LONGEST_MANIFEST, MANIFEST, read_manifest
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield.maps.transfer import (
     CHUNK,
-    LONGEST_MANIFEST,
     Offer,
     OwnMap,
     chunk_count,

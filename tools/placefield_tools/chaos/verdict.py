@@ -46,7 +46,8 @@ class Verdict:
     Attributes:
         sent: frames.
         answered: frames.
-        partial: frames answered without some channels, and flagged so.
+        partial: frames answered without some channels, or after the stream's memory was lost, and
+            flagged so.
         wrong: frames answered otherwise than undisturbed, and not flagged.
         recoveries: by fault.
     """
@@ -94,7 +95,11 @@ def judge(
     A system has recovered from a fault when it first answers, unflagged, a frame that was sent
     after it; what was under way at the fault says nothing.
     """
-    whole = {frame: each for frame, each in answers.items() if not each.match.missing}
+    whole = {
+        frame: each
+        for frame, each in answers.items()
+        if not (each.match.missing or each.match.forgotten)
+    }
     return Verdict(
         sent=sent,
         answered=len(answers),

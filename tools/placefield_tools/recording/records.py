@@ -12,12 +12,25 @@ from pydantic import ValidationError
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import PlacefieldError
+from placefield.maps.map import NO_DIGEST
 
 log = logging.getLogger(__name__)
 
 _HEADER = ("stream", "sequence", "stamp_ns")
 _POSE = ("x", "y", "yaw")
-COLUMNS = (*_HEADER, "place", "score", "probability", "known", "too_fast", *_POSE, "missing", "lag")
+COLUMNS = (
+    *_HEADER,
+    "place",
+    "score",
+    "probability",
+    "known",
+    "too_fast",
+    *_POSE,
+    "missing",
+    "lag",
+    "map",
+    "forgotten",
+)
 """Of a CSV file; a smoothed match has a lag."""
 
 
@@ -43,13 +56,13 @@ def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
 def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     """Return the cells of a match by ``COLUMNS``; what it does not have is empty.
 
-    ``known`` and ``too_fast`` are ``true`` or ``false``; in ``missing`` spaces are between the
-    channels.
+    ``known``, ``too_fast`` and ``forgotten`` are ``true`` or ``false``; in ``missing`` spaces are
+    between the channels.
     """
     row = {name: getattr(header, name) for name in _HEADER}
-    row |= match.model_dump(include={"place", "score", "probability"})
+    row |= match.model_dump(include={"place", "score", "probability", "map"})
     row["known"] = "" if match.known is None else str(match.known).lower()
-    row["too_fast"] = str(match.too_fast).lower()
+    row |= {name: str(getattr(match, name)).lower() for name in ("too_fast", "forgotten")}
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)
     lag = match.lag if isinstance(match, SmoothedMessage) else ""
     return row | {"missing": " ".join(map(str, match.missing)), "lag": lag}
@@ -126,6 +139,7 @@ def _record(fields: dict[str, Any]) -> Record | None:
     if header.end:
         return None
     fields.pop("smoothed", None)
+    fields.setdefault("map", NO_DIGEST)  # it was not told at first
     kind = SmoothedMessage if "lag" in fields else MatchMessage
     return Record(header, kind.model_validate(fields, strict=False))
 

@@ -10,12 +10,12 @@ from placefield.errors import SourceError
 from placefield.features.frames import Frame, Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Derived, Source
 
 log = logging.getLogger(__name__)
 
 
-class Located(Source):
+class Located(Derived):
     """The frames from a trajectory's first message to its last, each with its pose.
 
     A recorder's topics do not begin at one instant, and a SLAM's trajectory begins where it finds
@@ -47,10 +47,9 @@ class Located(Source):
             origin: of the trajectory.
             span_ns: stamps of the first and the last message, where some have no pose.
         """
+        super().__init__(source)
         self.count = source.count
         self.origin = origin
-        self.stamped = source.stamped
-        self._source = source
         self._trajectory = trajectory
         self._name = name
         self._key = key
@@ -71,6 +70,7 @@ class Located(Source):
                 f"{self._name}: none of the {left_out} frames was taken between its first pose and "
                 "its last; do their stamps come from one clock?"
             )
+        self.not_given["left out"] = left_out
         if left_out:
             log.warning(
                 "%s: %d of %d frames were taken before its first pose or after its last: left out",
@@ -89,7 +89,3 @@ class Located(Source):
             return replace(frame, pose=None)
         odometry_m = metres if frame.odometry_m is None else frame.odometry_m
         return replace(frame, pose=Pose(x, y, yaw), odometry_m=odometry_m)
-
-    def close(self) -> None:
-        """Give back what the source holds."""
-        self._source.close()

@@ -1,0 +1,109 @@
+"""What a file in ONNX holds, looked at before anything loads it: it may be a stranger's.
+
+It is read by the encoding of Protocol Buffers alone, https://protobuf.dev/programming-guides/encoding,
+and by the numbers of the fields in ``onnx.proto``.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import ConfigError
+
+MOST_BYTES = 2**30
+"""Of a network."""
+
+MOST_NODES = 20_000
+"""Of a network, in all its graphs: the largest that describe images have some thousands."""
+
+_MOST_FIELDS = 1_000_000  # that are looked at; of a node, ten or so
+
+# Messages by the number of the field that they are in.
+_Message = dict[int, "_Message"]
+_TENSOR: _Message = {}
+_SPARSE: _Message = {1: _TENSOR, 2: _TENSOR}
+_ATTRIBUTE: _Message = {5: _TENSOR, 10: _TENSOR, 22: _SPARSE, 23: _SPARSE}
+_NODE: _Message = {5: _ATTRIBUTE}
+_GRAPH: _Message = {1: _NODE, 5: _TENSOR, 15: _SPARSE}
+_ATTRIBUTE |= {6: _GRAPH, 11: _GRAPH}
+_MODEL: _Message = {7: _GRAPH, 20: {1: _GRAPH, 2: _GRAPH}, 25: {7: _NODE, 11: _ATTRIBUTE}}
+
+_EXTERNAL_DATA, _DATA_LOCATION = 13, 14  # of a tensor
+_FIXED: Mapping[int, int] = {1: 8, 5: 4}  # bytes, by the kind of a field
+
+
+def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
+    """Refuse a network that reads other files, or is larger than any that describes images.
+
+    Args:
+        name: of the network, for a message.
+        onnx: (bytes,) its file.
+
+    Raises:
+        ConfigError: it is refused, or its bytes are no such file.
+    """
+    if onnx.nbytes > MOST_BYTES:
+        raise ConfigError(f"{name}: more than {MOST_BYTES} bytes; take a smaller network")
+    view = np.ascontiguousarray(onnx).data.cast("B")
+    waiting: list[tuple[_Message, memoryview]] = [(_MODEL, view)]
+    nodes = fields = 0
+    while waiting:
+        message, content = waiting.pop()
+        nodes += message is _NODE
+        for number, value in _fields(name, content):
+            fields += 1
+            if nodes > MOST_NODES or fields > _MOST_FIELDS:
+                raise ConfigError(
+                    f"{name}: more than {MOST_NODES} nodes, or as much besides; "
+                    "take a smaller network"
+                )
+            if message is _TENSOR:
+                _check_tensor(name, number, value)
+            elif isinstance(value, memoryview) and number in message:
+                waiting.append((message[number], value))
+
+
+def _check_tensor(name: str, number: int, value: int | memoryview) -> None:
+    if number == _EXTERNAL_DATA or (number == _DATA_LOCATION and value != 0):
+        raise ConfigError(
+            f"{name}: keeps data in other files, and no network may read these; "
+            "save it with all its data in its own"
+        )
+
+
+def _fields(name: str, content: memoryview) -> Iterator[tuple[int, int | memoryview]]:
+    """Yield the numbers and values of a message's fields; of fixed length ones, where they are."""
+    at, end = 0, len(content)
+    while at < end:
+        tag, at = _varint(name, content, at)
+        number, kind = tag >> 3, tag & 7
+        value: int | memoryview
+        if kind == 0:
+            value, at = _varint(name, content, at)
+        else:
+            if kind == 2:
+                length, at = _varint(name, content, at)
+            elif kind in _FIXED:
+                length = _FIXED[kind]
+            else:
+                raise _malformed(name)
+            value = content[at : at + length]
+            at += length
+        if at > end or not 0 < number < 2**29:
+            raise _malformed(name)
+        yield number, value
+
+
+def _varint(name: str, content: memoryview, at: int) -> tuple[int, int]:
+    """Return a number of 7 bits a byte, and where the next begins."""
+    value = 0
+    for shift, byte in enumerate(content[at : at + 10]):
+        value |= (byte & 127) << 7 * shift
+        if byte < 128:
+            return value, at + shift + 1
+    raise _malformed(name)
+
+
+def _malformed(name: str) -> ConfigError:
+    return ConfigError(f"{name}: no network that OpenCV can run: no ONNX, or not all of it")

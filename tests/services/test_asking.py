@@ -1,0 +1,79 @@
+"""Questions to others: no one waits for the answer but the run that asks."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+
+import pytest
+
+from placefield_services.asking import Asking, NotYet
+
+
+class Others:
+    """Answer when they are let, with how many questions they have heard."""
+
+    def __init__(self) -> None:
+        self.answering = threading.Event()
+        self.asked: list[tuple[str, int]] = []
+
+    def ask(self, stream: str, first: int) -> int:
+        self.asked.append((stream, first))
+        assert self.answering.wait(30)
+        return len(self.asked)
+
+
+@pytest.fixture
+def others() -> Iterator[Others]:
+    others = Others()
+    yield others
+    others.answering.set()
+
+
+def answer_of(asking: Asking[[int], int], stream: str, first: int) -> int:
+    while True:
+        with suppress(NotYet):
+            return asking(stream, first)
+
+
+def test_while_the_answer_is_out_no_one_waits_and_one_question_is_asked(others: Others) -> None:
+    asking = Asking(others.ask)
+    for _ in range(10):
+        with pytest.raises(NotYet):
+            asking("stream", 3)
+    assert others.asked == [("stream", 3)]
+    others.answering.set()
+    assert answer_of(asking, "stream", 3) == 1
+
+
+def test_each_answer_is_given_once(others: Others) -> None:
+    asking = Asking(others.ask)
+    others.answering.set()
+    assert [answer_of(asking, "stream", 3) for _ in range(3)] == [1, 2, 3]
+
+
+def test_an_answer_serves_a_newer_question_of_its_stream_and_none_of_another(
+    others: Others,
+) -> None:
+    asking = Asking(others.ask)
+    with pytest.raises(NotYet):
+        asking("stream", 3)
+    with pytest.raises(NotYet):
+        asking("stream", 4)
+    others.answering.set()
+    assert answer_of(asking, "stream", 5) == 1
+    others.answering.clear()
+    with pytest.raises(NotYet):
+        asking("stream", 6)
+    with pytest.raises(NotYet):
+        asking("other", 7)
+    others.answering.set()
+    assert answer_of(asking, "other", 7) == 3
+    assert others.asked == [("stream", 3), ("stream", 6), ("other", 7)]
+
+
+def test_what_goes_wrong_goes_wrong_where_the_answer_is_awaited() -> None:
+    def ask(stream: str, first: int) -> int:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        answer_of(Asking(ask), "stream", 3)
