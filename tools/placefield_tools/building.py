@@ -15,11 +15,14 @@ from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
+from placefield.maps.same_route import check_same_route
 from placefield.maps.store import save_map
 from placefield.maps.traverse import ROUTE, Traverse, describe_frame, traverse_of
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import channel_progress, tracked
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.opening import name_of
 from placefield_tools.sources.secrets import without_secrets
 
 
@@ -29,6 +32,7 @@ def build_from(
     *,
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
+    one_drive: bool | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -37,16 +41,18 @@ def build_from(
         config: of the map.
         spacing_m: metres between the frames, by odometry; None: take every frame.
         parts: of the sources; the poses are the first's, whose frames are the places.
+        one_drive: whether the sources are parts of one drive, see ``drives_of``.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or is a camera.
         MapError: the traverses do not make a map, see ``build_map``.
     """
     feature = feature_of(config.features.kind)
-    first, *others = references
+    first, *others = drives_of(references, parts, one_drive)
     unlocated = replace(parts, poses=None)
     traverses = [_describe(first, spacing_m, parts, feature)]
     traverses += [_describe(other, spacing_m, unlocated, feature) for other in others]
+    check_same_route(traverses, config.features.kind)
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
         return build_map(
@@ -54,21 +60,21 @@ def build_from(
         )
 
 
-def _describe(reference: str, spacing_m: float | None, parts: Parts, feature: Feature) -> Traverse:
+def _describe(drive: Drive, spacing_m: float | None, parts: Parts, feature: Feature) -> Traverse:
     describe = partial(describe_frame, feature=feature)
     with (
-        _open_reference(reference, spacing_m, parts) as source,
-        tracked(source, f"describing {Path(reference).name}", source.count) as frames,
+        _open_reference(drive, spacing_m, parts) as source,
+        tracked(source, f"describing {Path(drive[0]).name}", source.count) as frames,
     ):
         pose_frame = source.origin.frame if source.origin else ROUTE
-        return traverse_of(reference, map_in_order(describe, frames), pose_frame)
+        return traverse_of(name_of(drive), map_in_order(describe, frames), pose_frame)
 
 
-def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> Source:
-    source = open_source(reference, spacing_m=spacing_m, parts=parts)
+def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+    source = open_source(drive, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
-            f"{without_secrets(reference)}: a camera gives no second look; "
+            f"{without_secrets(drive[0])}: a camera gives no second look; "
             "record a traverse and build from that"
         )
     return source

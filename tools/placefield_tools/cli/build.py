@@ -18,13 +18,22 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route, frame for frame the same places",
+            help="folders, videos or recordings of one route, frame for frame the same places; or "
+            "the parts of one drive",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="a map of this name that is there already")
     ] = False,
+    one_drive: Annotated[
+        bool | None,
+        typer.Option(
+            "--one-drive/--traverses",
+            help="whether the references are parts of one drive, or traverses of one route",
+            show_default="parts where one begins as another ends",
+        ),
+    ] = None,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -75,7 +84,7 @@ def _build(
             "or give --overwrite"
         )
     parts = Parts(topic, odometry_topic, poses)
-    built = build_from(references, effective, spacing_m=spacing, parts=parts)
+    built = build_from(references, effective, spacing_m=spacing, parts=parts, one_drive=one_drive)
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")

@@ -14,11 +14,11 @@ from mcap.records import Channel, Message, Schema
 
 from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES as ROS_IMAGES
-from placefield_tools.sources.mcap_summary import read_summary
+from placefield_tools.sources.mcap_summary import read_summary, span_of
 from placefield_tools.sources.protobuf_messages import parse_message
-from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, with_poses
+from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Span
 from placefield_tools.sources.topics import image_topic
 
 _IMAGE = "foxglove.CompressedImage"
@@ -30,8 +30,13 @@ class _Topic(NamedTuple):
 
 
 class _FoxgloveRecording(Recording):
+    poses = FOXGLOVE_POSES
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        return (read() for read in _messages(self.path, topic))
+
     def _images(self) -> Iterator[Callable[[], Stamped]]:
-        for read in _messages(self._path, self._topic):
+        for read in _messages(self.path, self._topic):
             yield partial(_image, read)
 
 
@@ -46,7 +51,7 @@ def holds_foxglove_images(path: Path, topic: str | None) -> bool:
         SourceError: it cannot be read.
     """
     with known_errors(path):
-        topics = _topics(path)
+        topics, _ = _contents(path)
     is_of_ros = topic in topics and topics[topic].kind in ROS_IMAGES
     return not is_of_ros and any(each.kind == _IMAGE for each in topics.values())
 
@@ -54,42 +59,35 @@ def holds_foxglove_images(path: Path, topic: str | None) -> bool:
 def open_foxglove_recording(
     path: Path,
     topic: str | None,
-    odometry_topic: str | None,
     *,
     start: int,
     stride: int,
     stop: threading.Event | None,
-) -> Source:
+) -> Recording:
     """Open an MCAP file with ``foxglove.CompressedImage``, as JSON or protobuf.
 
     Args:
         path: of the file.
         topic: of images; None: the only one.
-        odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
         stop: ends the frames.
 
     Raises:
-        SourceError: it cannot be read, holds no such topics, or ends before ``start``.
+        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
     """
     with known_errors(path):
-        topics = _topics(path)
+        topics, span = _contents(path)
     types = {name: held.kind for name, held in topics.items()}
     images = image_topic(str(path), types, (_IMAGE, *ROS_IMAGES), topic)
-    source = _FoxgloveRecording(
-        path, images, topics[images].messages, start=start, stride=stride, stop=stop
+    total = topics[images].messages
+    return _FoxgloveRecording(
+        path, images, total, types, span, start=start, stride=stride, stop=stop
     )
 
-    def messages(of: str) -> Iterator[tuple[int, Any]]:
-        return (read() for read in _messages(path, of))
 
-    with known_errors(path):
-        return with_poses(source, path, types, FOXGLOVE_POSES, odometry_topic, messages)
-
-
-def _topics(path: Path) -> dict[str, _Topic]:
-    """Return the topics that hold messages, of other kinds too."""
+def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:
+    """Return the topics that hold messages, of other kinds too, and when they were recorded."""
     summary = read_summary(path)
     if summary is None or summary.statistics is None:
         raise SourceError(f"{path}: does not say what it holds; 'mcap recover' mends such files")
@@ -102,7 +100,7 @@ def _topics(path: Path) -> dict[str, _Topic]:
             topics[channel.topic] = _Topic(
                 schema.name if schema else "", before.messages + counts[number]
             )
-    return topics
+    return topics, span_of(summary)
 
 
 def _messages(path: Path, topic: str) -> Iterator[Callable[[], tuple[int, Any]]]:

@@ -47,6 +47,7 @@ class Located(Source):
         """
         self.count = source.count
         self.origin = origin
+        self.span = source.span
         self._source = source
         self._trajectory = trajectory
         self._name = name

@@ -12,17 +12,24 @@ from rosbags.typesys import Stores, get_typestore
 from placefield.errors import SourceError
 from placefield.ros.messages import IMAGES, image_of, stamp_of
 from placefield_tools.sources.mcap_summary import read_summary
-from placefield_tools.sources.recorded_poses import ROS_POSES, with_poses
+from placefield_tools.sources.recorded_poses import ROS_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Span
 from placefield_tools.sources.topics import image_topic
 
 _DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # how rosbags knows MCAP to define messages
 
 
 class _RosRecording(Recording):
+    poses = ROS_POSES
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        with _reader(self.path) as reader:
+            for _, read in _messages(reader, topic):
+                yield read()
+
     def _images(self) -> Iterator[Callable[[], Stamped]]:
-        with _reader(self._path) as reader:
+        with _reader(self.path) as reader:
             for kind, read in _messages(reader, self._topic):
                 yield partial(_image, kind, read)
 
@@ -30,12 +37,11 @@ class _RosRecording(Recording):
 def open_ros_recording(
     path: Path,
     topic: str | None,
-    odometry_topic: str | None,
     *,
     start: int,
     stride: int,
     stop: threading.Event | None,
-) -> Source:
+) -> Recording:
     """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
 
     How much memory it takes is checked of MCAP's chunks alone (see ``read_summary``); of a bag of
@@ -44,13 +50,12 @@ def open_ros_recording(
     Args:
         path: of the recording.
         topic: of images; None: the only one.
-        odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
         stop: ends the frames.
 
     Raises:
-        SourceError: it cannot be read, holds no such topics, or ends before ``start``.
+        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
     """
     with known_errors(path):
         _check_files(path)
@@ -59,12 +64,10 @@ def open_ros_recording(
         types = {each.topic: each.msgtype for each in held}
         images = image_topic(str(path), types, IMAGES, topic)
         total = sum(each.msgcount for each in held if each.topic == images)
-        source = _RosRecording(path, images, total, start=start, stride=stride, stop=stop)
-
-        def messages(of: str) -> Iterator[tuple[int, Any]]:
-            return (read() for _, read in _messages(reader, of))
-
-        return with_poses(source, path, types, ROS_POSES, odometry_topic, messages)
+        span = Span(reader.start_time, reader.end_time)
+        return _RosRecording(
+            path, images, total, types, span, start=start, stride=stride, stop=stop
+        )
 
 
 def _check_files(path: Path) -> None:

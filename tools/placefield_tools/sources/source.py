@@ -5,12 +5,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from itertools import takewhile
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 from placefield.features.frames import Frame
 from placefield.maps.geography import Origin
 
 T = TypeVar("T")
+
+
+class Span(NamedTuple):
+    """From when to when something was recorded, nanoseconds, both included."""
+
+    first_ns: int
+    last_ns: int
 
 
 class Source(ABC):
@@ -19,7 +26,7 @@ class Source(ABC):
     ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
-    unknown.
+    unknown. ``span`` is from when to when it was recorded, None where nobody wrote that down.
 
     A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
     and spacing leave out too. A source that is not live can be iterated again, with the same
@@ -29,6 +36,7 @@ class Source(ABC):
     live: bool = False
     count: int | None
     origin: Origin | None = None
+    span: Span | None = None
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
