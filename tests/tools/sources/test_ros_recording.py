@@ -156,7 +156,7 @@ def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
 
 def test_a_recording_without_images_says_what_it_holds(tmp_path: Path) -> None:
     where = record(tmp_path / "drive", [Said("/pose", POSE, 0, {"pose": pose(0, 0)})])
-    with pytest.raises(SourceError, match=r"no topic of sensor_msgs.*/pose \(geometry_msgs"):
+    with pytest.raises(SourceError, match=r"no topic of images.*/pose \(geometry_msgs"):
         open_source(where)
 
 
@@ -253,7 +253,7 @@ def test_a_recording_says_what_is_to_be_installed_to_read_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     where = record(tmp_path / "drive", images())
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     monkeypatch.delitem(sys.modules, "placefield_tools.sources.ros_recording", raising=False)
     with pytest.raises(ConfigError, match=r"drive needs rosbags.*pip install 'placefield\[ros\]'"):
         open_source(where)

@@ -194,15 +194,12 @@ def _open_recording(
     path: Path, start: int, stride: int, parts: Parts, stop: threading.Event | None
 ) -> "Recording":
     try:
-        from placefield_tools.sources.foxglove_recording import (
-            holds_foxglove_images,
-            open_foxglove_recording,
-        )
+        from placefield_tools.sources.mcap_recording import lists_topics, open_mcap_recording
         from placefield_tools.sources.ros_recording import open_ros_recording
     except ModuleNotFoundError as missing:
         raise _not_installed(str(path), missing) from None
-    is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path, parts.topic)
-    opened = open_foxglove_recording if is_foxglove else open_ros_recording
+    is_mcap = path.suffix.lower() == ".mcap" and lists_topics(path)
+    opened = open_mcap_recording if is_mcap else open_ros_recording
     return opened(path, parts.topic, start=start, stride=stride, stop=stop)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,11 @@ from numpy.typing import NDArray
 
 from placefield.errors import FrameError, PlacefieldError, SourceError
 from placefield.features.frames import Frame
+from placefield_tools.sources.cut_off import is_cut_off
 from placefield_tools.sources.source import Source, Span, until
 from placefield_tools.sources.topics import Types
+
+_REASON = 150  # characters
 
 Stamped = tuple[int, bytes | NDArray[np.uint8]]
 """A stamp in nanoseconds and an image."""
@@ -87,7 +91,6 @@ def known_errors(path: Path) -> Iterator[None]:
     except PlacefieldError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise SourceError(
-            f"{path}: cannot be read as a recording ({reason}); was it cut off?"
-        ) from error
+        reason = shorten(str(error) or type(error).__name__, _REASON, placeholder=" …")
+        question = "; was it cut off?" if is_cut_off(path) else ""
+        raise SourceError(f"{path}: cannot be read as a recording ({reason}){question}") from error
