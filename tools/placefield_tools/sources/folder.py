@@ -26,8 +26,8 @@ NOMINAL_RATE = 10
 class Folder(Source):
     """The images of one folder, not of its sub-folders, as they lie on the disk.
 
-    Without a ``frames.csv`` these are all files with an image's suffix, in natural order (frame2
-    before frame10), stamped as their camera says (see ``geotags``), or as if taken at
+    Without a ``frames.csv`` these are all files with an image's suffix, in the order of their EXIF
+    times (see ``geotags``), or else in natural order (frame2 before frame10), as if taken at
     ``NOMINAL_RATE``. With one, they are the files that it lists (see ``frames_csv``). Hidden files
     do not count: some systems put one beside each image.
     """
