@@ -73,6 +73,26 @@ def test_recordings_that_do_not_go_on_are_traverses(tmp_path: Path, seconds: flo
         assert drives_of(where, NO_PARTS, one_drive=True) == [tuple(where)]
 
 
+@pytest.mark.parametrize(
+    ("names", "pause_s", "is_one"),
+    [
+        (("d_1", "d_2"), 30, True),
+        (("d_09", "d_10"), 30, True),
+        (("d_1", "d_3"), 30, False),
+        (("d_1", "e_2"), 30, False),
+        (("d_2", "d_1"), 30, False),
+        (("day", "night"), 30, False),
+        (("d_1", "d_2"), 90, False),
+        (("day", "night"), 4, True),
+    ],
+)
+def test_a_pause_is_longer_between_files_that_are_numbered_on(
+    tmp_path: Path, names: tuple[str, str], pause_s: float, is_one: bool
+) -> None:
+    where = [part(tmp_path / name, at * (0.7 + pause_s)) for at, name in enumerate(names)]
+    assert len(drives_of(where, NO_PARTS, None)) == (1 if is_one else 2)
+
+
 def test_two_split_traverses_are_two_drives_and_the_first_named_is_the_first(
     tmp_path: Path,
 ) -> None:

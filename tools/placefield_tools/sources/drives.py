@@ -1,12 +1,15 @@
 """Which of several sources are parts of one drive."""
 
 import logging
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from placefield_tools.sources.one_drive import goes_on
 from placefield_tools.sources.opening import Parts, holds_recordings, open_source
 from placefield_tools.sources.source import Source
+
+_NUMBERED = re.compile(r"(.*?)([0-9]{1,9})(\.[A-Za-z][A-Za-z0-9]*)?")
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +38,9 @@ def drives_of(references: Sequence[str], parts: Parts, one_drive: bool | None) -
     numbers = sorted(range(len(opened)), key=lambda number: _start(opened[number]))
     drives: list[list[int]] = []
     for number in numbers:
-        before = next((each for each in drives if _goes_on(each[-1], number, opened)), None)
+        before = next(
+            (drive for drive in drives if _goes_on(drive[-1], number, references, opened)), None
+        )
         if before is None:
             drives.append([number])
         else:
@@ -51,10 +56,21 @@ def drives_of(references: Sequence[str], parts: Parts, one_drive: bool | None) -
     return [tuple(references[number] for number in drive) for drive in drives]
 
 
-def _goes_on(before: int, after: int, opened: Sequence[Source | None]) -> bool:
-    """Return whether one of the sources goes on where another ends."""
+def _goes_on(
+    before: int, after: int, references: Sequence[str], opened: Sequence[Source | None]
+) -> bool:
     first, second = opened[before], opened[after]
-    return first is not None and second is not None and goes_on(first, second)
+    if first is None or second is None:
+        return False
+    return goes_on(first, second, numbered=numbered_on(references[before], references[after]))
+
+
+def numbered_on(before: str, after: str) -> bool:
+    """Return whether names are of one series, as drive_0.bag and drive_1.bag are."""
+    one, other = (_NUMBERED.fullmatch(Path(name).name) for name in (before, after))
+    if one is None or other is None:
+        return False
+    return one[1] == other[1] and one[3] == other[3] and int(other[2]) == int(one[2]) + 1
 
 
 def _start(source: Source | None) -> int:

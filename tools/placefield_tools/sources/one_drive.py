@@ -13,8 +13,8 @@ from placefield_tools.sources.source import Source, Span
 log = logging.getLogger(__name__)
 
 _SECOND = 1_000_000_000
-_GAP_NS = 5 * _SECOND
-"""The longest that a recorder takes from one file to the next."""
+_GAP_NS, _NUMBERED_GAP_NS = 5 * _SECOND, 60 * _SECOND
+"""The longest that a recorder takes from one file to the next, and of files that it numbers."""
 
 _OVERLAP_NS = _SECOND // 10
 _STEPS = 3  # usual ones, of frames that are taken seldom
@@ -82,14 +82,21 @@ class OneDrive(Source):
             part.close()
 
 
-def goes_on(before: Source, after: Source) -> bool:
-    """Return whether a source begins where another ends, as parts of one drive do."""
+def goes_on(before: Source, after: Source, *, numbered: bool = False) -> bool:
+    """Return whether a source begins where another ends, as parts of one drive do.
+
+    Args:
+        before: a source.
+        after: another one.
+        numbered: whether their names are numbered on, which takes a longer pause.
+    """
     if before.span is None or after.span is None or after.span.first_ns <= before.span.first_ns:
         return False
     gap_ns = after.span.first_ns - before.span.last_ns
     duration_ns = before.span.last_ns - before.span.first_ns
+    longest_ns = _NUMBERED_GAP_NS if numbered else _GAP_NS
     step_ns = duration_ns / (before.count - 1) if before.count and before.count > 1 else 0
-    return -_OVERLAP_NS <= gap_ns <= max(_GAP_NS, _STEPS * step_ns)
+    return -_OVERLAP_NS <= gap_ns <= max(longest_ns, _STEPS * step_ns)
 
 
 def in_order_of_time(name: str, parts: Sequence[Source]) -> list[int]:
