@@ -7,12 +7,19 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import takewhile
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 from placefield.features.frames import Frame
 from placefield.maps.geography import Origin
 
 T = TypeVar("T")
+
+
+class Span(NamedTuple):
+    """From when to when something was recorded, nanoseconds, both included."""
+
+    first_ns: int
+    last_ns: int
 
 
 class Source(ABC):
@@ -21,7 +28,7 @@ class Source(ABC):
     ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
-    unknown.
+    unknown. ``span`` is from when to when it was recorded, None where nobody wrote that down.
 
     A frame that cannot be read is given all the same, with its ``fault``. ``not_given`` counts the
     others, when it has been iterated to its end: those ``missing``, which it has promised and not
@@ -35,6 +42,7 @@ class Source(ABC):
     live: bool = False
     count: int | None
     origin: Origin | None = None
+    span: Span | None = None
 
     @cached_property
     def not_given(self) -> Counter[str]:
@@ -68,6 +76,7 @@ class Derived(Source):
         self._source = source
         self.live = source.live
         self.origin = source.origin
+        self.span = source.span
         self.not_given = source.not_given
 
     def close(self) -> None:
