@@ -1,4 +1,6 @@
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 
@@ -19,3 +21,8 @@ def test_how_many_places_are_driven_again_is_told(route_map: Map) -> None:
     same[50:] = range(10)
     told = map_facts(replace(route_map, places=replace(route_map.places, same=same)))
     assert told["driven again"] == "10 places are the same as earlier ones"
+
+
+def test_a_map_is_told_by_its_digest(map_path: Path, route_map: Map) -> None:
+    written = (map_path / "manifest.json").read_bytes()
+    assert map_facts(route_map)["digest"] == sha256(written).hexdigest()[:16]
