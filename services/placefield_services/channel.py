@@ -16,10 +16,11 @@ from placefield.bus.history import LENGTH, History, Outbox, recall_all, remember
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import BordersMessage, FeatureMessage, Header
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
-from placefield.errors import ConfigError, FrameError, MessageError
+from placefield.errors import ConfigError, FrameError, MessageError, OtherMapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.asking import Asking
@@ -61,6 +62,7 @@ def run_channels(
     served = ServedChannels(placemap, channels, config.matching, shard, shards)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         # All shards of a channel take the same frames, so that none may drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
@@ -70,7 +72,9 @@ def run_channels(
             if shards > 1:
                 bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
             remembered_moments(bus, keys, process.counts[run])
-            outlets[run] = _outlet(bus, keys, process.identity, config.matching.lag)
+            outlets[run] = _outlet(
+                bus, keys, process.identity, config.matching.lag, process.counts[run]
+            )
             process.answers[run] = outlets[run].candidates.history
         worker = ChannelWorker(placemap.model, served, outlets, process.counts)
         served.rehearse()
@@ -79,7 +83,7 @@ def run_channels(
         process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
 
 
-def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
+def _outlet(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> Outlet:
     # Of frames that are under way, and of those that a new fuser may have to smooth.
     candidates = Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag))
     share(bus, keys.history(keys.all_candidates), candidates.history)
@@ -93,6 +97,7 @@ def _outlet(bus: Bus, keys: Keys, identity: str, lag: int) -> Outlet:
         remember=features.history.remember,
         borders=borders,
         recall_borders=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
+        counts=counts,
     )
 
 
@@ -157,7 +162,9 @@ class ChannelWorker:
         """
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
-            self._receive(run, header, BordersMessage.decode(received.payload))
+            partials = BordersMessage.decode(received.payload)
+            partials.check_map(self._channels.digest)
+            self._receive(run, header, partials)
             return []
         seen = (None, None) if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
@@ -220,8 +227,8 @@ class ChannelWorker:
                 run.outlet.remember(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
-            except MessageError:
-                run.counts["malformed"] += 1
+            except MessageError as error:
+                count_refused(run.counts, error)
         run.counts["recalled"] += len(frames)
         return frames
 
@@ -229,7 +236,7 @@ class ChannelWorker:
         """Return a frame's descriptor, None if there is none, and its odometry's reading."""
         feature = FeatureMessage.decode(payload)
         if feature.model != self._model:
-            raise MessageError(
+            raise OtherMapError(
                 f"descriptor of model {feature.model!r}; this channel's map has {self._model}: "
                 "give the featurizer the same map"
             )

@@ -9,7 +9,7 @@ partial results since, and all go on where they were.
 """
 
 import time
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +25,7 @@ from placefield.bus.messages import (
     SettledFrame,
     SettledFrames,
 )
+from placefield.bus.refusing import count_refused
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
@@ -46,6 +47,7 @@ class Outlet:
         borders: where the partial results of its shards are published.
         recall_borders: yields the partial results of all shards, of frames from one up to another,
             or raises ``NotYet``.
+        counts: of the run.
     """
 
     candidates: Outbox
@@ -53,6 +55,7 @@ class Outlet:
     remember: Callable[[Header, bytes], None]
     borders: Outbox
     recall_borders: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
+    counts: Counter[str]
 
 
 @dataclass(frozen=True)
@@ -86,17 +89,24 @@ class ChannelStream:
     """
 
     def __init__(
-        self, stage: ChannelStage, matching: MatchingConfig, first: int, outlet: Outlet
+        self,
+        stage: ChannelStage,
+        matching: MatchingConfig,
+        digest: str,
+        first: int,
+        outlet: Outlet,
     ) -> None:
         """Begin a stream.
 
         Args:
             stage: of the channels.
             matching: how it makes candidates.
+            digest: of their map.
             first: number of the first frame.
             outlet: of its run.
         """
         self._stage = stage
+        self._map = digest
         self._rule: Rule = matching.rule
         self._lag = matching.lag
         self._settled: list[SettledFrame] = []
@@ -145,7 +155,9 @@ class ChannelStream:
         for header, payload in self._outlet.recall_borders(stream, first, first + LENGTH):
             try:
                 message = BordersMessage.decode(payload)
-            except MessageError:
+                message.check_map(self._map)
+            except MessageError as error:
+                count_refused(self._outlet.counts, error)
                 continue
             self._keep(header.sequence, message)
             began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)
@@ -211,7 +223,7 @@ class ChannelStream:
                 ChannelSummary(channel=channel, summary=partial)
                 for channel, partial in self._own.items()
             )
-            message = BordersMessage(shard=shard, shards=shards, summaries=summaries)
+            message = BordersMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
             self._outlet.borders.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
@@ -249,6 +261,7 @@ class ChannelStream:
 
     def _message(self, sequence: int, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
         return CandidatesMessage(
+            map=self._map,
             rule=self._rule,
             shard=self._stage.shard,
             shards=self._stage.shards,
@@ -260,6 +273,7 @@ class ChannelStream:
         """Settle what is left, and publish it with the end of the stream."""
         self._keep_settled(self._stream.finish())
         message = FinishedMessage(
+            map=self._map,
             rule=self._rule,
             shard=self._stage.shard,
             shards=self._stage.shards,

@@ -13,8 +13,14 @@ import numpy as np
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import LENGTH, MOMENTS, Outbox, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
-from placefield.bus.session import open_bus
+from placefield.bus.messages import (
+    FeatureMessage,
+    FrameMessage,
+    Header,
+    MomentsMessage,
+    UnseenMessage,
+)
+from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
@@ -39,6 +45,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     """Serve until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outlets = {}
@@ -50,6 +57,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
             outlets[run] = Outlet(
                 Outbox(bus.publisher(keys.feature), features.history),
                 Outbox(bus.publisher(keys.moments), moments.history),
+                bus.publisher(keys.unseen),
                 features.recall,
                 moments.recall,
             )
@@ -66,6 +74,7 @@ class Outlet:
 
     features: Outbox
     moments: Outbox
+    unseen: Publisher
     recall_features: Recall
     recall_moments: Recall
 
@@ -226,9 +235,12 @@ class Featurizer:
         descriptor = None
         try:
             descriptor = run.images.push(frame.image)
-            run.counts["blank"] += descriptor is None
+            if descriptor is None:
+                run.counts["blank"] += 1
+                run.outlet.unseen.put(header, UnseenMessage(reason="blank"))
         except FrameError as error:
             run.counts["unreadable"] += 1
+            run.outlet.unseen.put(header, UnseenMessage(reason="unreadable"))
             if run.complained_of != header.stream:
                 run.complained_of = header.stream
                 log.warning(

@@ -19,6 +19,7 @@ from placefield.bus.messages import (
     Header,
     MatchMessage,
 )
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
@@ -51,6 +52,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     placemap.features.check_rule(config.matching.rule)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
@@ -241,8 +243,8 @@ class Fuser:
             for candidates in early:
                 try:
                     self.handle(candidates)
-                except MessageError:  # it must not cost the descriptor
-                    self._counts["malformed"] += 1
+                except MessageError as error:  # it must not cost the descriptor
+                    count_refused(self._counts, error)
         features = self._memories.features
         came_again = features.history.find(header) is not None
         features.history.remember(header, received.payload)
@@ -269,8 +271,8 @@ class Fuser:
             try:
                 message = self._decode_candidates(old, payload)
                 self._smoothing.add(old.sequence, message, now)
-            except MessageError:
-                self._counts["malformed"] += 1
+            except MessageError as error:
+                count_refused(self._counts, error)
 
     def _keep_early(self, received: Received) -> None:
         self._early.append(received)
@@ -309,6 +311,7 @@ class Fuser:
     ) -> CandidatesMessage | FinishedMessage:
         kind = FinishedMessage if header.end else CandidatesMessage
         message = kind.decode(payload)
+        message.check_map(self._map.digest)
         rule = self._config.matching.rule
         if message.rule != rule:
             raise MessageError(
@@ -361,7 +364,7 @@ class Fuser:
         return not self._joiner.pending and (end.live or self._joiner.next >= end.sequence)
 
     def _publish(self, header: Header, joined: Joined) -> None:
-        message = MatchMessage.of(self._fuse(joined), self._map.places.pose)
+        message = MatchMessage.of(self._fuse(joined), self._map.places.pose, map=self._map.digest)
         self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
         if message.too_fast:

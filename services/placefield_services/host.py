@@ -1,7 +1,8 @@
 """One host: an embedded router and the services as processes of their own.
 
 What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``. A service
-that gives up before all have been there together has said why, and would do so again.
+that gives up before all have been there together has said why, and would do so again. One that dies
+over and over ends the host, however long it lives each time; and so do several that die by turns.
 """
 
 import itertools
@@ -11,6 +12,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
@@ -28,8 +30,8 @@ log = logging.getLogger(__name__)
 _POLL_S = 0.05
 _PATIENCE_S = 5.0  # services end by themselves before that, unless the machine is overloaded
 _RESTART_AFTER_S = 0.5
-_YOUNG_S = 5.0  # a process that dies younger than this has failed to start
-_MOST_FAILED_STARTS = 5
+_MOST_DEATHS = 5  # of one service; of all together, as many more as there are: all may die at once
+_WITHIN_S = 600.0
 
 _Role = tuple[str, int | None]  # a service, and which channel if it is one
 
@@ -54,14 +56,15 @@ def run_host(
         has_source: whether a source of frames is among the services, and awaited like them.
 
     Raises:
-        BusError: the endpoint is in use, or a service dies again and again when it is started.
+        BusError: the endpoint is in use, or services die again and again.
         SystemExit: a service gave up at the start; the reason is on stderr.
     """
     with open_router(config.bus) as bus:
         if config.monitoring.port is not None:
             serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
         readiness = _Readiness(bus, config.runs, channels, has_source)
-        children = [_Child(name, command) for name, command in commands.items()]
+        deaths = _Deaths(len(commands))
+        children = [_Child(name, command, deaths) for name, command in commands.items()]
         try:
             while not stop.is_set():
                 for child in children:
@@ -115,15 +118,42 @@ def _channel_of(identity: str) -> int | None:
     return part.channel if part else None
 
 
+class _Deaths:
+    """Which services died lately, so that none is started again for ever."""
+
+    def __init__(self, services: int) -> None:
+        self._most = _MOST_DEATHS + services
+        self._lately: deque[tuple[float, str]] = deque()
+
+    def note(self, name: str, code: int, now: float) -> None:
+        """Take a death, at ``now`` (monotonic seconds).
+
+        Raises:
+            BusError: there have been too many.
+        """
+        self._lately.append((now, name))
+        while self._lately[0][0] < now - _WITHIN_S:
+            self._lately.popleft()
+        within = f"within {_WITHIN_S / 60:g} minutes"
+        own = sum(other == name for _, other in self._lately)
+        if own >= _MOST_DEATHS:
+            raise BusError(
+                f"{name} {_how_ended(code)} {own} times in a row {within}; see its message above"
+            )
+        if len(self._lately) >= self._most:
+            raise BusError(
+                f"services died {self._most} times {within}, {name} last; see their messages above"
+            )
+
+
 class _Child:
     """One service process and its restarts."""
 
-    def __init__(self, name: str, command: Sequence[str]) -> None:
+    def __init__(self, name: str, command: Sequence[str], deaths: _Deaths) -> None:
         self._name = name
         self._command = command
-        self._failed_starts = 0
+        self._deaths = deaths
         self._start_at = 0.0
-        self._started = 0.0
         self._process: subprocess.Popen[bytes] | None = None
 
     def has_given_up(self) -> bool:
@@ -136,27 +166,21 @@ class _Child:
         if self._process is not None and self._process.poll() is not None:
             self._note_death(self._process.returncode, now)
         if self._process is None and now >= self._start_at:
-            self._start(now)
+            self._start()
 
-    def _start(self, now: float) -> None:
+    def _start(self) -> None:
         self._process = subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,  # its end tells the child that the host is gone
             env=child_environment(),
             start_new_session=True,  # Ctrl-C is the host's to pass on
         )
-        self._started = now
 
     def _note_death(self, code: int, now: float) -> None:
         self._close_pipe()
         self._process = None
         self._start_at = now + _RESTART_AFTER_S
-        self._failed_starts = self._failed_starts + 1 if now - self._started < _YOUNG_S else 0
-        if self._failed_starts >= _MOST_FAILED_STARTS:
-            raise BusError(
-                f"{self._name} {_how_ended(code)} {_MOST_FAILED_STARTS} times in a row; "
-                "see its message above"
-            )
+        self._deaths.note(self._name, code, now)
         log.warning("%s %s; starting it again", self._name, _how_ended(code))
 
     def terminate(self) -> None:

@@ -17,6 +17,7 @@ from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
 from placefield_services.asking import NotYet
@@ -50,6 +51,8 @@ class ServiceProcess:
         """Of the runs in which the newest answer is to be told."""
         self.channels: int | None = None
         """Of the map, to be told where the service awaits them all."""
+        self.map: str | None = None
+        """Digest of the service's map, to be told where it has one."""
         self._service = service
         self._bus = bus
         self._stats_due = 0.0
@@ -79,8 +82,9 @@ class ServiceProcess:
     ) -> None:
         """Serve until ``stop`` is set: what waits is taken together.
 
-        A message that does not parse is counted as ``malformed`` and one that is lost to a defect
-        as ``failed``, in its run: neither stops the service.
+        A message that does not parse is counted as ``malformed``, one of another map as
+        ``other_map`` and one that is lost to a defect as ``failed``, in its run: none of them stops
+        the service.
 
         Args:
             inbox: of all runs.
@@ -125,7 +129,7 @@ class ServiceProcess:
                     waiting[run] = [message], not_yet.wait_s
                     continue
                 except MessageError as error:
-                    self.counts[run]["malformed"] += 1
+                    count_refused(self.counts[run], error)
                     self._bus.log_dropped(message.key, error)
                     continue
                 if todo is not None:
@@ -160,6 +164,7 @@ class ServiceProcess:
             stream=newest.stream if newest else None,
             sequence=newest.sequence if newest else None,
             channels=self.channels,
+            map=self.map,
         )
 
 

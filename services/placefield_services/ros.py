@@ -77,6 +77,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         check_topic(topic)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
+        process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         keys, counts = process.keys[run], process.counts[run]
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
@@ -97,7 +98,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.take)
         bus.subscribe_raw(keys.all_stats, stats)
         if len(placemap.places.poses):
-            of_map = placemap.places.poses, config.matching.tolerance
+            of_map = placemap.places.poses, config.matching.tolerance, placemap.digest
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
                 poses = Poses(*of_map, publisher, counts, smoothed=key == keys.smoothed)

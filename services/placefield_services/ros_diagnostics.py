@@ -12,6 +12,7 @@ _SILENT_S = 3.0  # a service tells once a second
 _FORGOTTEN_S = 60.0  # one that is started again tells under another identity
 _TROUBLE = (
     "malformed",
+    "other_map",
     "failed",
     "unreadable",
     "blank",

@@ -22,18 +22,20 @@ class Poses:
         self,
         of_map: NDArray[np.float64],
         tolerance: int,
+        digest: str,
         publisher: RosPublisher,
         counts: Counter[str],
         *,
         smoothed: bool = False,
     ) -> None:
-        """Take the map's poses, (K, 3), and how many places off a known match may be.
+        """Take the map's poses, (K, 3), how many places off a known match may be, and which map.
 
         ``smoothed`` says whether the matches are smoothed ones.
         """
         self._kind = SmoothedMessage if smoothed else MatchMessage
         self._of_map = of_map
         self._tolerance = tolerance
+        self._digest = digest
         self._publisher = publisher
         self._counts = counts
 
@@ -46,6 +48,7 @@ class Poses:
         if header.end:
             return
         match = self._kind.decode(data)
+        match.check_map(self._digest)
         if not match.known or match.probability is None or match.pose is None:
             return
         if not 0 <= match.place < len(self._of_map):

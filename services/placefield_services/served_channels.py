@@ -35,6 +35,8 @@ class ServedChannels:
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
+        self.digest = placemap.digest
+        """Which map they are of."""
         places = placemap.places
         self._stage = ChannelStage(
             self._channels, matching, shard, shards, places.travelled, places.same
@@ -55,7 +57,7 @@ class ServedChannels:
             MapError: somebody has written to the map meanwhile.
         """
         self._check_unchanged()
-        return ChannelStream(self._stage, self._matching, first, outlet)
+        return ChannelStream(self._stage, self._matching, self.digest, first, outlet)
 
     def comparing(self, descriptors: Sequence[Descriptor | None]) -> Comparing:
         """Yield what returns how each descriptor compares, None for a missing observation.

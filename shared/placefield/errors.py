@@ -33,5 +33,9 @@ class MessageError(PlacefieldError):
     """A message on the bus does not parse."""
 
 
+class OtherMapError(MessageError):
+    """A message on the bus is about another map than the one that is in use here."""
+
+
 class BusError(PlacefieldError):
     """The bus cannot be opened, or a service on it is missing."""

@@ -28,8 +28,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         config: of features, scales, metric and seed.
 
     Raises:
-        SourceError: a file or an image cannot be read, or is something else.
-        FrameError: pixels are of another shape or dtype.
+        SourceError: a file cannot be read, or is something else.
+        FrameError: an image does not decode, or pixels are of another shape or dtype.
         MapError: the frames do not make a map: too few, traverses that differ in length, a pose
             that is not finite, or odometry that goes back.
         ConfigError: the features' network cannot be read.

@@ -73,6 +73,7 @@ class Stage:
             remember=self.remembered[run].remember,
             borders=Outbox(RecordingPublisher(BordersMessage), History()),
             recall_borders=lambda *_: [],
+            counts=self.counts[run],
         )
 
     def feature(

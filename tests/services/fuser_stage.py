@@ -51,6 +51,7 @@ class Stage:
 
     def __init__(self, placemap: Map, clock: Clock, rule: Rule = "filter") -> None:
         self.places = placemap.places.count
+        self.map = placemap.digest
         self.config = Config.model_validate(
             {
                 "runs": ["test"],
@@ -113,7 +114,9 @@ class Stage:
         )
 
     def message(self, *candidates: ChannelCandidate, rule: Rule | None = None) -> CandidatesMessage:
-        return CandidatesMessage(rule=rule or self.config.matching.rule, candidates=candidates)
+        return CandidatesMessage(
+            map=self.map, rule=rule or self.config.matching.rule, candidates=candidates
+        )
 
     def answer(self, channels: int | tuple[int, ...], about: Header) -> None:
         """Let one worker answer, of one channel or several."""
@@ -130,10 +133,12 @@ class Stage:
         rule, channels = self.config.matching.rule, sorted({each.channel for each in settled})
         if about.end:
             return FinishedMessage(
-                rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
+                map=self.map, rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
             )
         candidates = [self.written(channel, about.sequence) for channel in channels]
-        return CandidatesMessage(rule=rule, candidates=tuple(candidates), settled=packed)
+        return CandidatesMessage(
+            map=self.map, rule=rule, candidates=tuple(candidates), settled=packed
+        )
 
     def settle(self, about: Header, *settled: SettledFrame) -> None:
         self.handle(CANDIDATES, about, self.settling(about, *settled))

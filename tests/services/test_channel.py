@@ -97,7 +97,7 @@ def test_a_frame_is_answered_by_one_message_of_all_channels(
 def test_the_end_of_the_stream_is_passed_on(route_map: Map) -> None:
     stage = Stage(route_map, "evidence")
     stage.handle(stage.feature(header(0, end=True)))
-    finished = FinishedMessage(rule="evidence", channels=(0, 2))
+    finished = FinishedMessage(map=route_map.digest, rule="evidence", channels=(0, 2))
     assert stage.publishers[RUNS[0]].sent == [(header(0, end=True), finished)]
 
 

@@ -49,6 +49,7 @@ class Shards:
         self._map, self._rule = placemap, rule
         self.model = fingerprint(placemap.model)
         self.features = Memory()
+        self.counts: Counter[str] = Counter()
         self.borders: dict[int, History] = {}
         self.told: dict[int, RecordingPublisher] = {}
         self.answered: dict[int, RecordingPublisher] = {}
@@ -68,6 +69,7 @@ class Shards:
             remember=History().remember,
             borders=Outbox(self.told[shard], self.borders[shard]),
             recall_borders=self._recall_borders,
+            counts=self.counts,
         )
         channels = range(len(self._map.channels))
         matching = MatchingConfig(rule=self._rule)
@@ -278,7 +280,9 @@ def test_what_is_told_of_another_cut_or_map_is_not_taken(
     for foreign in (2, 40):
         summary = ChannelSummary(channel=0, summary=np.zeros(foreign))
         for count in (SHARDS, SHARDS + 1):
-            message = BordersMessage(shard=1, shards=count, summaries=(summary,))
+            message = BordersMessage(
+                map=route_map.digest, shard=1, shards=count, summaries=(summary,)
+            )
             border = received(KEYS.borders("stranger"), header(0), message)
             shards.workers[0].accept(border)
     shards.send(header(0), descriptors[0], range(SHARDS))

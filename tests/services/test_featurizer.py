@@ -9,7 +9,13 @@ from bus_doubles import Memory, RecordingPublisher, at_last, header, received
 from placefield.bus.history import History, Outbox
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header, MomentsMessage
+from placefield.bus.messages import (
+    FeatureMessage,
+    FrameMessage,
+    Header,
+    MomentsMessage,
+    UnseenMessage,
+)
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
@@ -37,17 +43,20 @@ class Stage:
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
+        self.unseen = RecordingPublisher(UnseenMessage)
         self.features_elsewhere, self.moments_elsewhere = Memory(), Memory()
         self.counts: Counter[str] = Counter()
         outlet = Outlet(
             Outbox(self.publisher, History()),
             Outbox(self.moments, History()),
+            self.unseen,
             self.features_elsewhere.recall,
             self.moments_elsewhere.recall,
         )
         other = Outlet(
             Outbox(RecordingPublisher(FeatureMessage), History()),
             Outbox(RecordingPublisher(MomentsMessage), History()),
+            RecordingPublisher(UnseenMessage),
             Memory().recall,
             Memory().recall,
         )
@@ -110,6 +119,8 @@ def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
     assert [message.odometry_m for message in stage.features if message] == readings
     assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
     assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
+    told = [(about.sequence, message) for about, message in stage.unseen.sent]
+    assert told == [(1, UnseenMessage(reason="unreadable")), (2, UnseenMessage(reason="blank"))]
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])

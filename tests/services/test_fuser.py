@@ -324,7 +324,9 @@ def test_the_shards_of_a_channel_answer_as_the_channel_does(
         best = int(np.argmax(evidence))
         part = Candidate(int(places[best]), float(evidence[best]), places, evidence)
         written = ChannelCandidate.of(1, part)
-        message = CandidatesMessage(rule="filter", shard=shard, shards=3, candidates=(written,))
+        message = CandidatesMessage(
+            map=stage.map, rule="filter", shard=shard, shards=3, candidates=(written,)
+        )
         stage.handle(KEYS.candidates(f"worker{shard}"), header(0), message)
     ((sequence, match),) = stage.published
     expected = stage.expected(0)

@@ -106,7 +106,9 @@ def test_candidates_that_were_early_and_do_not_fit_cost_their_descriptor_nothing
     short = Candidate(1, 0.0, NO_PLACES, np.zeros(3, np.float32))
     for shard in range(2):
         written = (ChannelCandidate.of(0, short),)
-        message = CandidatesMessage(rule="evidence", shard=shard, shards=2, candidates=written)
+        message = CandidatesMessage(
+            map=stage.map, rule="evidence", shard=shard, shards=2, candidates=written
+        )
         stage.handle(KEYS.candidates(f"worker{shard}"), header(0), message)
     stage.announce(header(0))
     stage.pass_time(DEADLINE_S)

@@ -1,6 +1,7 @@
 """A host whose services are stand-ins: what starts, restarts and ends them does not know."""
 
 import os
+import random
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from placefield.bus.keys import Keys, Part
 from placefield.bus.session import open_bus, open_router
@@ -63,10 +66,7 @@ def lines(file: Path) -> list[str]:
     return file.read_text().splitlines() if file.exists() else []
 
 
-def test_what_dies_is_started_again(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(host, "_YOUNG_S", 0.0)
+def test_what_dies_is_started_again(config: Config, tmp_path: Path) -> None:
     dies, stays = tmp_path / "dies", tmp_path / "stays"
     scripts = {"dies": appends_to(dies) + IS_KILLED, "stays": appends_to(stays)}
     scripts["stays"] += RUNS_ON
@@ -82,6 +82,40 @@ def test_what_cannot_start_at_all_ends_the_host_by_name(
     scripts = {"channel worker 1": IS_KILLED, "fuser": RUNS_ON}
     with pytest.raises(BusError, match="channel worker 1 was ended by SIGKILL 5 times in a row"):
         run(scripts, config, lambda: False)
+
+
+def test_services_that_die_by_turns_end_the_host_in_one_line(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
+    died = tmp_path / "died"
+    scripts = {f"worker {number}": appends_to(died) + IS_KILLED for number in range(12)}
+    with pytest.raises(BusError) as ended:
+        run(scripts, config, lambda: False)
+    assert "services died 17 times within 10 minutes, worker " in str(ended.value)
+    assert "\n" not in str(ended.value)
+
+
+@given(lives_s=st.floats(0.6, 149), services=st.integers(1, 30))
+def test_however_long_a_service_lives_each_time_it_ends_the_host_within_some_deaths(
+    lives_s: float, services: int
+) -> None:
+    deaths = host._Deaths(services)
+    for number in range(1, 5):
+        deaths.note("worker", -9, number * lives_s)
+    with pytest.raises(BusError, match="worker was ended by SIGKILL 5 times in a row within 10 "):
+        deaths.note("worker", -9, 5 * lives_s)
+
+
+@given(services=st.integers(1, 64), seed=st.randoms())
+def test_all_may_die_at_once_and_a_service_now_and_then_for_ever(
+    services: int, seed: random.Random
+) -> None:
+    deaths = host._Deaths(services)
+    for number in seed.sample(range(services), services):
+        deaths.note(f"worker {number}", -9, 1.0)
+    for hour in range(1, 50):
+        deaths.note("worker 0", -9, hour * 3600.0)
 
 
 def test_a_service_that_gives_up_before_all_are_ready_ends_the_host_at_once(

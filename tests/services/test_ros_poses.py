@@ -6,7 +6,8 @@ from bus_doubles import header
 from ros_doubles import RecordingTopic
 
 from placefield.bus.messages import MatchMessage, SmoothedMessage
-from placefield.errors import MessageError
+from placefield.errors import MessageError, OtherMapError
+from placefield.maps.map import NO_DIGEST
 from placefield.ros.covariance import pose_covariance
 from placefield.ros.messages import POSE
 from placefield_services.ros_poses import Poses
@@ -14,7 +15,7 @@ from placefield_services.ros_poses import Poses
 PLACES = np.stack([np.arange(20.0), np.zeros(20), np.full(20, np.pi)], axis=1)
 TOLERANCE = 2
 KNOWN = MatchMessage(
-    place=7, score=1.0, probability=0.995, known=True, pose=(7.0, 0.0, float(np.pi))
+    map=NO_DIGEST, place=7, score=1.0, probability=0.995, known=True, pose=(7.0, 0.0, float(np.pi))
 )
 
 
@@ -24,7 +25,7 @@ class Stage:
     def __init__(self) -> None:
         self.topic = RecordingTopic(POSE)
         self.counts: Counter[str] = Counter()
-        self._poses = Poses(PLACES, TOLERANCE, self.topic, self.counts)
+        self._poses = Poses(PLACES, TOLERANCE, NO_DIGEST, self.topic, self.counts)
 
     def take(self, **changes: object) -> None:
         self._poses.take(header(5), KNOWN.model_copy(update=changes).encode())
@@ -69,8 +70,15 @@ def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
 
 def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
     smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
-    poses = Poses(PLACES, TOLERANCE, stage.topic, stage.counts, smoothed=True)
+    poses = Poses(PLACES, TOLERANCE, NO_DIGEST, stage.topic, stage.counts, smoothed=True)
     poses.take(header(5), smoothed.encode())
     stage.take()
     assert str(stage.topic.sent[0]) == str(stage.topic.sent[1])
     assert stage.counts == {"poses": 1, "smoothed_poses": 1}
+
+
+def test_a_match_of_another_map_has_no_pose_here() -> None:
+    stage = Stage()
+    with pytest.raises(OtherMapError):
+        stage.take(map="f" * 16)
+    assert not stage.topic.sent

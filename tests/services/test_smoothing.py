@@ -141,6 +141,7 @@ def test_shards_are_joined_before_channels_are(stage: Stage) -> None:
             KEYS.candidates(f"worker{shard}"),
             header(1),
             CandidatesMessage(
+                map=stage.map,
                 rule="filter",
                 shard=shard,
                 shards=2,

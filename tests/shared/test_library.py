@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 import placefield
 from placefield import Config, Describer, Frame, Pose, Recognizer, build_map, open_map, save_map
-from placefield.errors import MapError, SourceError
+from placefield.errors import FrameError, MapError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.images import decode
 from placefield.maps.map import Map
@@ -89,7 +89,7 @@ def test_frames_bring_their_stamps_and_poses(files: list[Path]) -> None:
 def test_what_cannot_be_a_map_is_refused_in_one_line(files: list[Path], tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"nothing\.jpg: cannot be read"):
         build_map([*files, tmp_path / "nothing.jpg"])
-    with pytest.raises(SourceError, match="traverse 0, frame 1"):
+    with pytest.raises(FrameError, match="traverse 0, frame 1"):
         build_map([files[0].read_bytes(), b"no image"])
     with pytest.raises(SourceError, match="an image as str: give bytes, pixels or a Path"):
         build_map([str(file) for file in files])  # type: ignore[misc]

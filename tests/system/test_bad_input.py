@@ -1,9 +1,13 @@
+import os
+import re
 import resource
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import copytree
 
+import cv2
+import numpy as np
 import pytest
 from hosting import (
     Host,
@@ -136,6 +140,62 @@ def test_a_second_replay_on_a_run_is_refused(
         listener.answers(count=2)
         assert "has a replay already" in refusal(placefield("replay", query_dir, *at))
         assert first.stop() == 0
+
+
+def test_a_replay_says_how_many_frames_were_not_seen_and_why(
+    host: Host, listener: Listener, query_dir: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    good = [file.read_bytes() for file in sorted(query_dir.iterdir())[:6]]
+    blank = cv2.imencode(".png", np.full((48, 64), 99, np.uint8))[1].tobytes()
+    cut_off = good[2][:-2]
+    for number, data in enumerate([good[0], cut_off, blank, good[3], b"", good[4]]):
+        (folder / f"{number}.jpg").write_bytes(data)
+    assert host.replay(folder).stdout == "6 frames replayed: 2 unreadable, 1 blank\n"
+    assert len(listener.answers()) == 6
+    assert host.replay(query_dir, "--stride", "6").stdout == "10 frames replayed\n"
+
+
+def test_a_replay_of_which_no_frame_can_be_read_ends_with_code_1(
+    host: Host, listener: Listener, query_dir: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for file in sorted(query_dir.iterdir())[:4]:
+        (folder / file.name).write_bytes(file.read_bytes()[:-2])
+    ended = placefield("replay", folder, "--endpoint", host.endpoint)
+    assert ended.returncode == 1
+    assert ended.stdout == "4 frames replayed: 4 unreadable\n"
+    assert ended.stderr.splitlines()[-1].startswith(f"placefield: {folder}: no frame of it could")
+    assert len(listener.answers()) == 4
+
+
+def test_a_damaged_video_is_replayed_with_all_its_turns_and_a_cut_off_one_says_what_it_lacks(
+    host: Host, listener: Listener, tmp_path: Path
+) -> None:
+    whole, cut_off = a_video(tmp_path / "drive.mp4"), a_video(tmp_path / "cut_off.avi")
+    data = bytearray(whole.read_bytes())
+    data[len(data) // 4 : len(data) // 4 + 9000] = bytes(9000)
+    whole.write_bytes(data)
+    said = re.fullmatch(r"40 frames replayed: (\d+) unreadable\n", host.replay(whole).stdout)
+    assert said is not None
+    assert 0 < int(said[1]) < 20
+    assert len(listener.answers()) == 40
+    os.truncate(cut_off, cut_off.stat().st_size // 2)
+    said = re.fullmatch(r"(\d+) frames replayed: (\d+) missing\n", host.replay(cut_off).stdout)
+    assert said is not None
+    assert int(said[1]) + int(said[2]) == 40
+
+
+def a_video(path: Path) -> Path:
+    """Write a video of 40 frames, no two alike."""
+    codec = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 10, (64, 48))
+    for frame in np.random.default_rng(1).integers(0, 256, (40, 48, 64, 3), np.uint8):
+        writer.write(frame)
+    writer.release()
+    return path
 
 
 def test_a_query_shorter_than_the_smallest_scale_is_answered(

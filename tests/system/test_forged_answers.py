@@ -13,7 +13,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig
-from placefield.maps.map import Map
+from placefield.maps.map import NO_DIGEST, Map
 
 KEYS = Keys("default")
 
@@ -41,7 +41,7 @@ class Forger:
         for forged in self._forgeries(header):
             self._acks.put(forged)
         if self._kind == "match" and header.sequence % 5 == 1:
-            self._matches.put(header, MatchMessage(place=0, score=9.0))
+            self._matches.put(header, MatchMessage(map=NO_DIGEST, place=0, score=9.0))
 
     def _forgeries(self, header: Header) -> Sequence[Header]:
         match self._kind:

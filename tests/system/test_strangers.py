@@ -38,7 +38,7 @@ from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
-STREAMS = ("frame", "odometry", "feature", "moments", CANDIDATE, "match", "ack")
+STREAMS = ("frame", "odometry", "feature", "moments", "unseen", CANDIDATE, "match", "ack")
 COUNTS = tuple(f"stats/{role}/x" for role in ("featurizer", "channel", "fuser", "mapserver"))
 TOKENS = tuple(
     f"alive/{role}/x" for role in ("replay", "featurizer", "channel", "fuser", "mapserver")
@@ -48,7 +48,7 @@ MAP = "placefield/maps/route/manifest"
 # What each role may do, as SECURITY.md has it.
 PUBLISHES = {
     "camera": {"frame", "odometry"},
-    "featurizer": {"feature", "moments", "stats/featurizer/x"},
+    "featurizer": {"feature", "moments", "unseen", "stats/featurizer/x"},
     "channel": {CANDIDATE, "border/x", "stats/channel/x"},
     "fuser": {"match", "ack", "stats/fuser/x"},
     "mapserver": {"stats/mapserver/x"},
@@ -56,7 +56,7 @@ PUBLISHES = {
 }
 """But for the run's name; so are the others."""
 READS = {
-    "camera": {"odometry", "match", "ack"},
+    "camera": {"odometry", "match", "ack", "unseen"},
     "featurizer": {"frame"},
     "channel": {"feature", "moments", "border/x"},
     "fuser": {"feature", "moments", CANDIDATE},

@@ -27,7 +27,7 @@ from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Rule
 from placefield.features.images import decode
-from placefield.maps.map import Map
+from placefield.maps.map import NO_DIGEST, Map
 
 
 def connected(process: Process, endpoint: str) -> bool:
@@ -122,7 +122,7 @@ def test_a_video_is_replayed(
 
 
 def test_listen_prints_a_line_for_each_match_or_json_lines(
-    host: Host, listener: Listener, logs: Path, query_dir: Path
+    host: Host, listener: Listener, logs: Path, query_dir: Path, route_map: Map
 ) -> None:
     with (
         Process(logs, "listen", "--endpoint", host.endpoint) as lines,
@@ -149,6 +149,7 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "stamp_ns": header.stamp_ns,
             "end": False,
             "smoothed": False,
+            "map": route_map.digest,
             "place": match.place,
             "score": match.score,
             "missing": [],
@@ -173,9 +174,11 @@ def test_listen_says_where_the_place_is_which_channels_are_missing_and_what_is_t
 ) -> None:
     bus = BusConfig(endpoint=endpoint)
     sent = [
-        MatchMessage(place=7, score=1.5, pose=(1.0, -2.5, 0.25)),
-        MatchMessage(place=-1, score=0.0, missing=(0, 3)),
-        MatchMessage(place=7, score=-2.0, probability=0.125, known=False, too_fast=True),
+        MatchMessage(map=NO_DIGEST, place=7, score=1.5, pose=(1.0, -2.5, 0.25)),
+        MatchMessage(map=NO_DIGEST, place=-1, score=0.0, missing=(0, 3)),
+        MatchMessage(
+            map=NO_DIGEST, place=7, score=-2.0, probability=0.125, known=False, too_fast=True
+        ),
     ]
     with open_router(bus) as router, Process(logs, "listen", "--endpoint", endpoint) as listen:
         wait_until(lambda: connected(listen, endpoint), "listen is connected")

@@ -1,6 +1,7 @@
 from pathlib import Path
 from shutil import copytree, ignore_patterns
 
+import cv2
 import numpy as np
 import pytest
 from frame_folders import first_frames, uneven_drive
@@ -15,7 +16,7 @@ from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.recognizer import Recognizer
 from placefield_tools.building import build_from, map_of
-from placefield_tools.sources import camera
+from placefield_tools.sources import Parts, camera
 
 IDENTITY = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
 LEARNED = Config.model_validate({"scales": {"channels": 1}, "metric": {"steps": 3}})
@@ -49,8 +50,65 @@ def test_a_damaged_frame_ends_the_build_and_is_named(
     damaged = copytree(reference_dir, tmp_path / "reference")
     file = damaged / "0031.jpg"
     file.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(SourceError, match=r"0031\.jpg: .*cut off.*extract it again or remove it"):
+    with pytest.raises(SourceError, match=r"0031\.jpg: .*cut off.*or give --leave-out-bad"):
         build_from([str(damaged)], config)
+
+
+def damage(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-200])
+
+
+def test_a_frame_that_is_bad_in_one_traverse_is_left_out_of_all_where_that_is_asked_for(
+    reference_dir: Path, query_dir: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    one, other = copytree(reference_dir, tmp_path / "a"), copytree(query_dir, tmp_path / "b")
+    for file in (one / "0031.jpg", one / "0050.jpg", other / "0002.jpg"):
+        damage(file)
+    built = build_from([str(one), str(other)], IDENTITY, leave_out_bad=True)
+    whole = build_from([str(reference_dir), str(query_dir)], IDENTITY)
+    kept = [place for place in range(60) if place not in (2, 31, 50)]
+    np.testing.assert_array_equal(built.places.stamps, whole.places.stamps[kept])
+    for place, old in enumerate(kept):
+        assert built.places.thumbnail(place) == whole.places.thumbnail(old)
+    assert f"{one}: 2 of 60 frames cannot be read: left out (the first: a/0031.jpg: " in caplog.text
+    assert f"{other}: 1 of 60 frames cannot be read: left out" in caplog.text
+
+
+def test_where_no_frame_can_be_read_there_is_no_map(reference_dir: Path, tmp_path: Path) -> None:
+    damaged = copytree(reference_dir, tmp_path / "reference")
+    for file in damaged.iterdir():
+        damage(file)
+    with pytest.raises(SourceError, match=r"reference: no frame can be read \(reference/0000\.jpg"):
+        build_from([str(damaged)], IDENTITY, leave_out_bad=True)
+
+
+def a_video(path: Path, count: int) -> Path:
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48)
+    )
+    for frame in np.random.default_rng(1).integers(0, 256, (count, 48, 64, 3), np.uint8):
+        writer.write(frame)
+    writer.release()
+    return path
+
+
+def test_a_video_that_gives_fewer_frames_than_it_promised_is_refused_unless_they_are_left_out(
+    tmp_path: Path,
+) -> None:
+    video = a_video(tmp_path / "a.avi", 60)
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    with pytest.raises(
+        SourceError, match=r"a\.avi: 31 frames of it are missing; .*--leave-out-bad"
+    ):
+        build_from([str(video)], IDENTITY)
+    assert build_from([str(video)], IDENTITY, leave_out_bad=True).places.count == 29
+
+
+def test_each_traverse_is_cut_as_asked(reference_dir: Path, query_dir: Path) -> None:
+    parts = Parts(start=4, stop=59, stride=2)
+    cut = build_from([str(reference_dir), str(query_dir)], IDENTITY, parts=parts)
+    whole = build_from([str(reference_dir)], IDENTITY)
+    np.testing.assert_array_equal(cut.places.stamps, whole.places.stamps[4:59:2])
 
 
 @pytest.mark.parametrize("config", [IDENTITY, LEARNED], ids=["identity", "lmnn"])

@@ -14,7 +14,7 @@ from placefield.errors import PlacefieldError
 from placefield.evaluation.plots import style
 from placefield.files import write_whole, written_whole
 from placefield.maps.geography import Origin
-from placefield.maps.map import Map
+from placefield.maps.map import NO_DIGEST, Map
 from placefield.maps.store import save_map
 from placefield_tools.datasets.ground_truth import write_runs
 from placefield_tools.datasets.sums import write_sums
@@ -137,7 +137,9 @@ def test_a_recording_that_finds_no_room_is_a_known_error_of_one_line(
 ) -> None:
     path = tmp_path / f"drive{suffix}"
     header = Header(stream="s", sequence=0, stamp_ns=0)
-    match = MatchMessage(place=1, score=0.5, probability=0.9, known=True, pose=(1.0, 2.0, 0.5))
+    match = MatchMessage(
+        map=NO_DIGEST, place=1, score=0.5, probability=0.9, known=True, pose=(1.0, 2.0, 0.5)
+    )
     rng = np.random.default_rng(1)
     rich = suffix in (".mcap", ".rrd")
     origin = Origin(52.0, 13.0) if rich else None

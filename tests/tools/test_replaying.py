@@ -19,9 +19,10 @@ from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
+from placefield.maps.map import NO_DIGEST
 from placefield_tools import replaying
 from placefield_tools.replaying import replay
-from placefield_tools.sources import Source, open_source
+from placefield_tools.sources import Parts, Source, open_source
 from placefield_tools.sources.metered import Metered
 
 KEYS = Keys("test")
@@ -74,7 +75,7 @@ class Services:
         frame = header.stream, header.sequence
         if frame not in self._matched:
             self._matched.add(frame)
-            self._matches.put(header, MatchMessage(place=0, score=1.0))
+            self._matches.put(header, MatchMessage(map=NO_DIGEST, place=0, score=1.0))
 
     def acknowledge(self, header: Header) -> None:
         self._acks.put(header)
@@ -139,7 +140,7 @@ def test_every_frame_is_sent_once_in_order_with_the_end_behind(
     services: Services, bus: Bus, config: Config, query_dir: Path
 ) -> None:
     with open_source(str(query_dir)) as source:
-        assert replay(source, bus, config, threading.Event()) == 60
+        assert replay(source, bus, config, threading.Event()).sent == 60
     assert services.images == [file.read_bytes() for file in sorted(query_dir.iterdir())]
     assert services.sequences == list(range(60))
     assert services.headers[-1].end
@@ -151,8 +152,8 @@ def test_every_frame_is_sent_once_in_order_with_the_end_behind(
 def test_start_and_stride_choose_the_frames_but_numbers_have_no_gaps(
     services: Services, bus: Bus, config: Config, query_dir: Path
 ) -> None:
-    with open_source(str(query_dir), start=10, stride=7) as source:
-        assert replay(source, bus, config, threading.Event()) == 8
+    with open_source(str(query_dir), parts=Parts(start=10, stride=7)) as source:
+        assert replay(source, bus, config, threading.Event()).sent == 8
     files = sorted(query_dir.iterdir())[10::7]
     assert services.images == [file.read_bytes() for file in files]
     assert services.sequences == list(range(8))
@@ -163,7 +164,7 @@ def test_an_uneven_drive_is_sent_as_the_even_one_when_it_is_spaced(
 ) -> None:
     uneven = uneven_drive(query_dir, tmp_path / "uneven")
     with open_source(str(uneven), spacing_m=0.1) as source:
-        assert replay(source, bus, config, threading.Event()) == 60
+        assert replay(source, bus, config, threading.Event()).sent == 60
     assert services.images == [file.read_bytes() for file in sorted(query_dir.iterdir())]
     assert services.sequences == list(range(60))
 
@@ -177,7 +178,7 @@ def test_each_frame_carries_its_odometry_where_it_is_known(
     services: Services, bus: Bus, config: Config, query_dir: Path, tmp_path: Path
 ) -> None:
     drive = uneven_drive(query_dir, tmp_path / "uneven")
-    with open_source(str(drive), start=1, stride=3) as source:
+    with open_source(str(drive), parts=Parts(start=1, stride=3)) as source:
         expected = [frame.odometry_m for frame in source]
         replay(source, bus, config, threading.Event())
     assert services.odometry == expected
@@ -327,7 +328,7 @@ def test_a_live_source_waits_for_no_credit(services: Services, bus: Bus, config:
 def test_a_live_source_is_stopped_too(services: Services, bus: Bus, config: Config) -> None:
     stop = threading.Event()
     stop.set()
-    assert replay(LiveMadeUp(10**9), bus, config, stop) == 0
+    assert replay(LiveMadeUp(10**9), bus, config, stop).sent == 0
 
 
 def test_a_loop_goes_on_in_the_same_stream_until_it_is_stopped(
@@ -340,7 +341,7 @@ def test_a_loop_goes_on_in_the_same_stream_until_it_is_stopped(
         stop.set()
 
     threading.Thread(target=stop_after_35).start()
-    sent = replay(MadeUp(10), bus, config, stop, loop=True)
+    sent = replay(MadeUp(10), bus, config, stop, loop=True).sent
     assert sent >= 35
     wait_for(services, sent)
     assert services.sequences == list(range(sent))
@@ -430,7 +431,7 @@ def test_a_source_that_is_slow_to_give_a_frame_does_not_count_as_silent_services
                 services.answering = True
 
     services.answering = False  # the first is lost
-    assert replay(Slow(3), bus, config, threading.Event()) == 3
+    assert replay(Slow(3), bus, config, threading.Event()).sent == 3
     assert services.sequences.count(0) > 1
     assert {*services.sequences} == {0, 1, 2}
 
@@ -440,7 +441,7 @@ def test_a_source_that_is_cut_short_before_its_first_frame_has_not_failed(
 ) -> None:
     stop = threading.Event()
     stop.set()
-    assert replay(MadeUp(0, fails=True), bus, config, stop) == 0
+    assert replay(MadeUp(0, fails=True), bus, config, stop).sent == 0
 
 
 @pytest.mark.parametrize(

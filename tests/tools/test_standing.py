@@ -150,3 +150,22 @@ def test_counts_are_told_by_name_and_those_that_are_too_fast_in_words() -> None:
     )
     assert counts_in_words({"too_fast": 1}) == "1 frame faster than the map resolves"
     assert counts_in_words({}) == ""
+
+
+@pytest.mark.parametrize("digest", [None, "a" * 16, "b" * 16])
+def test_a_service_with_another_map_than_the_fuser_or_the_one_that_is_shown_is_missing(
+    digest: str | None,
+) -> None:
+    record = RunRecord(digest)
+    maps = {"featurizer/f1": "a", "fuser/u1": "a", "channel/c1": "b", "channel/old": "c"}
+    for name, of in maps.items():
+        service, process = name.split("/")
+        stats = told(service, 1, channels=2).model_copy(update={"map": of * 16})
+        record.tell(service, process, stats, 5.0)
+    own = digest or "a" * 16
+    lacking = record.standing(tokens(*WHOLE), 6.0).missing
+    assert sorted(lacking) == sorted(
+        f"{name.replace('/', ' ')} on map {own}: it has {of * 16}"
+        for name, of in maps.items()
+        if of * 16 != own and name != "channel/old"  # that one is dead
+    )

@@ -10,15 +10,15 @@ from pathlib import Path
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
-from placefield.features.extract import Feature, feature_of, network_of
+from placefield.features.extract import feature_of, network_of
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.maps.traverse import ROUTE, Traverse, describe_frame, traverse_of
 from placefield_tools.parallel import map_in_order
-from placefield_tools.progress import channel_progress, tracked
+from placefield_tools.progress import channel_progress
+from placefield_tools.references import describe_reference, without_bad
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.secrets import without_secrets
 
@@ -29,6 +29,7 @@ def build_from(
     *,
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
+    leave_out_bad: bool = False,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -37,31 +38,30 @@ def build_from(
         config: of the map.
         spacing_m: metres between the frames, by odometry; None: take every frame.
         parts: of the sources; the poses are the first's, whose frames are the places.
+        leave_out_bad: build without frames that cannot be read, in any of the sources, or that a
+            source has promised and not given; how many they are is logged.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or is a camera.
         MapError: the traverses do not make a map, see ``build_map``.
     """
     feature = feature_of(config.features.kind)
-    first, *others = references
-    unlocated = replace(parts, poses=None)
-    traverses = [_describe(first, spacing_m, parts, feature)]
-    traverses += [_describe(other, spacing_m, unlocated, feature) for other in others]
+    of_each = [parts, *[replace(parts, poses=None)] * (len(references) - 1)]
+    described = [
+        describe_reference(
+            _open_reference(reference, spacing_m, own),
+            reference,
+            feature,
+            leave_out_bad=leave_out_bad,
+        )
+        for reference, own in zip(references, of_each, strict=True)
+    ]
+    traverses = [each.traverse() for each in without_bad(described)]
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
         return build_map(
             traverses, config, progress, cut, network=feature.network, run=map_in_order
         )
-
-
-def _describe(reference: str, spacing_m: float | None, parts: Parts, feature: Feature) -> Traverse:
-    describe = partial(describe_frame, feature=feature)
-    with (
-        _open_reference(reference, spacing_m, parts) as source,
-        tracked(source, f"describing {Path(reference).name}", source.count) as frames,
-    ):
-        pose_frame = source.origin.frame if source.origin else ROUTE
-        return traverse_of(reference, map_in_order(describe, frames), pose_frame)
 
 
 def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> Source:

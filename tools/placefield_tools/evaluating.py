@@ -148,7 +148,7 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
 
 
 def describe_query(
-    source: Source, describe: Callable[[bytes | NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
     """Describe the images of a query's frames.
 
@@ -165,7 +165,7 @@ def describe_query(
 
     def describe_frame(frame: Frame) -> tuple[Description | None, float | None]:
         try:
-            return describe(frame.image), frame.odometry_m
+            return describe(frame.pixels()), frame.odometry_m
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None, frame.odometry_m

@@ -3,7 +3,7 @@
 import logging
 import queue
 import time
-from collections import Counter, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Iterable, Iterator
 
 from placefield.bus.history import LENGTH, Recall, recalling
@@ -12,11 +12,13 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
+from placefield.errors import MessageError
 from placefield_tools.standing import other_runs
 
 log = logging.getLogger(__name__)
 
 _QUIET_S = 2.0
+_STREAMS = 16  # of which it is known which map they are of
 
 Taken = tuple[Header, MatchMessage | None]
 
@@ -31,17 +33,23 @@ class MatchQueue:
     """The matches of a run from now on, each once; smoothed ones, too, if they are wanted.
 
     Either come in order, and the end of a stream after the last of all. In a lossless stream what
-    was lost on the way is asked for.
+    was lost on the way is asked for. All are of one map.
     """
 
-    def __init__(self, bus: Bus, keys: Keys, *, smoothed: bool = False) -> None:
-        """Take whether smoothed matches are wanted: they are taken as ``SmoothedMessage``."""
+    def __init__(
+        self, bus: Bus, keys: Keys, *, smoothed: bool = False, digest: str | None = None
+    ) -> None:
+        """Take whether smoothed matches are wanted: they are taken as ``SmoothedMessage``.
+
+        ``digest`` is that of the map which they have to be of; None: the map of a stream's first.
+        """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._taken: deque[Taken] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
+        maps = _Maps(digest)
         self._in_order = {
-            key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts)
+            key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts, maps)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
@@ -52,7 +60,7 @@ class MatchQueue:
         """Return the next match with its header, no match at the end of a stream; None: none yet.
 
         Raises:
-            MessageError: it does not parse.
+            MessageError: it does not parse, or is of another map.
         """
         end = time.monotonic() + timeout
         while not self._taken:
@@ -74,11 +82,34 @@ class MatchQueue:
                 self._taken.append((header, match))
 
 
+class _Maps:
+    """Which map the matches of each stream are of: the given one, or that of the first match."""
+
+    def __init__(self, digest: str | None) -> None:
+        self._digest = digest
+        self._by_stream: OrderedDict[str, str] = OrderedDict()
+
+    def check(self, header: Header, match: MatchMessage) -> None:
+        """Refuse a match of another map.
+
+        Raises:
+            OtherMapError: it is.
+        """
+        match.check_map(self._digest or self._by_stream.setdefault(header.stream, match.map))
+        if self._digest is None:
+            self._by_stream.move_to_end(header.stream)
+            if len(self._by_stream) > _STREAMS:
+                self._by_stream.popitem(last=False)
+
+
 class _InOrder:
     """Puts what comes on one key in order, and asks for what is missing."""
 
-    def __init__(self, kind: type[MatchMessage], recall: Recall, counts: Counter[str]) -> None:
+    def __init__(
+        self, kind: type[MatchMessage], recall: Recall, counts: Counter[str], maps: _Maps
+    ) -> None:
         self._kind = kind
+        self._maps = maps
         self._recall = recall
         self._follower = StreamFollower(counts, lambda header: header.sequence)
         self._open_stream: str | None = None
@@ -91,12 +122,17 @@ class _InOrder:
         self._ask_at = time.monotonic() + _QUIET_S
         first = self._follower.next
         recalled = self._recall(self._open_stream, first, first + LENGTH).values()
-        return [taken for old in recalled for taken in self.receive(*old)]
+        return [
+            taken
+            for header, payload in recalled
+            if header.end or self._decoded(header, payload)
+            for taken in self.receive(header, payload)
+        ]
 
     def receive(self, header: Header, payload: bytes) -> list[Taken]:
         """Return what has its turn now."""
         self._ask_at = time.monotonic() + _QUIET_S
-        match = None if header.end else self._kind.decode(payload)
+        match = None if header.end else self._decode(header, payload)
         turn = self._follower.follow(header)
         taken: list[Taken] = []
         if turn is Turn.AHEAD:
@@ -110,7 +146,20 @@ class _InOrder:
 
     def _missed(self, header: Header) -> list[Taken]:
         recalled = self._recall(header.stream, self._follower.next, header.sequence)
-        return [(old, self._kind.decode(payload)) for old, payload in recalled.values()]
+        decoded = ((old, self._decoded(old, payload)) for old, payload in recalled.values())
+        return [(old, match) for old, match in decoded if match is not None]
+
+    def _decode(self, header: Header, payload: bytes) -> MatchMessage:
+        match = self._kind.decode(payload)
+        self._maps.check(header, match)
+        return match
+
+    def _decoded(self, header: Header, payload: bytes) -> MatchMessage | None:
+        """Return a match that was asked for; none if it is to be refused."""
+        try:
+            return self._decode(header, payload)
+        except MessageError:
+            return None
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:

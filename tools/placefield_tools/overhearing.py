@@ -6,11 +6,30 @@ from collections import Counter
 from collections.abc import Callable
 
 from placefield.bus.inbox import Received
-from placefield.bus.keys import Keys, service_and_identity
+from placefield.bus.keys import EVERY_TOKEN, Keys, run_of, service_and_identity
 from placefield.bus.messages import StatsMessage
 from placefield.bus.session import LONGEST_STATS, MOST_TOKENS, Bus
 from placefield.errors import MessageError
 from placefield_tools.standing import RunRecord, RunStanding, process_of
+
+
+class RunsListener:
+    """Keeps a record of which runs have a living service, from now on."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._tokens: set[str] = set()
+        bus.watch_alive(EVERY_TOKEN, self._note_life)
+
+    @property
+    def runs(self) -> set[str]:
+        """The runs that have one now."""
+        return {run_of(token) for token in tuple(self._tokens)}
+
+    def _note_life(self, key: str, is_alive: bool) -> None:
+        if not is_alive:
+            self._tokens.discard(key)
+        elif len(self._tokens) < 16 * MOST_TOKENS:  # of all runs
+            self._tokens.add(key)
 
 
 class RunListener:
@@ -20,11 +39,18 @@ class RunListener:
     """
 
     def __init__(
-        self, bus: Bus, keys: Keys, on_malformed: Callable[[str, MessageError], None]
+        self,
+        bus: Bus,
+        keys: Keys,
+        on_malformed: Callable[[str, MessageError], None],
+        digest: str | None = None,
     ) -> None:
-        """Listen; what does not parse is told by its key, on the bus's thread."""
+        """Listen; what does not parse is told by its key, on the bus's thread.
+
+        ``digest`` is that of the map which the services should have; None: the fuser's.
+        """
         self._on_malformed = on_malformed
-        self._record = RunRecord()
+        self._record = RunRecord(digest)
         self._tokens: set[str] = set()
         self._processes: Counter[tuple[str, str]] = Counter()
         """How many tokens each has."""

@@ -6,13 +6,13 @@ import threading
 import time
 import uuid
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import FrameMessage, Header, MatchMessage
+from placefield.bus.messages import FrameMessage, Header, MatchMessage, UnseenMessage
 from placefield.bus.session import Bus
 from placefield.config import Config
 from placefield.errors import BusError, MessageError, SourceError
@@ -29,6 +29,19 @@ _SEND_AGAIN_S = 0.5  # after the last answer, and again after twice as long, and
 _STALLED_S = 15.0
 
 
+@dataclass(frozen=True)
+class Replayed:
+    """What became of a replay.
+
+    Attributes:
+        sent: how many frames.
+        unseen: how many of them were no image, or a blank one, to the featurizer, by which.
+    """
+
+    sent: int
+    unseen: Mapping[str, int]
+
+
 def replay(
     source: Source,
     bus: Bus,
@@ -37,8 +50,8 @@ def replay(
     *,
     rate: float | None = None,
     loop: bool = False,
-) -> int:
-    """Publish the frames of a source; return how many.
+) -> Replayed:
+    """Publish the frames of a source.
 
     A camera is live: what the services cannot follow is dropped. Any other source is lossless: a
     frame is sent when one before it has been answered, and the end is awaited.
@@ -72,7 +85,7 @@ def replay(
             if not stop.is_set():  # else it may have been cut short before its first frame
                 raise
         stream.end(stop)
-        return stream.sent
+        return Replayed(stream.sent, stream.unseen)
 
 
 class _Stream:
@@ -80,6 +93,8 @@ class _Stream:
 
     def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
         self.sent = 0
+        self.unseen: Counter[str] = Counter()
+        self._last_unseen = -1
         self._has_ended = False
         self._name = uuid.uuid4().hex
         self._live = live
@@ -96,6 +111,7 @@ class _Stream:
         if not live:
             bus.subscribe(keys.match, self._note_match, self._counts)
         bus.subscribe(keys.ack, self._answered, self._counts)
+        bus.subscribe(keys.unseen, self._note_unseen, Counter())
         for service in ("featurizer", "fuser"):
             bus.watch_alive(keys.all_alive(service), self._note_life)
 
@@ -125,6 +141,13 @@ class _Stream:
         proven = self._proof.proven(self.sent)
         if proven is not None:
             self._credits.answer(proven)
+
+    def _note_unseen(self, received: Received) -> None:
+        header = received.header
+        is_new = self._last_unseen < header.sequence < self.sent  # else it was sent again, or never
+        if header.stream == self._name and is_new:
+            self.unseen[UnseenMessage.decode(received.payload).reason] += 1
+            self._last_unseen = header.sequence
 
     def _note_life(self, key: str, is_alive: bool) -> None:
         service, _ = service_and_identity(key)

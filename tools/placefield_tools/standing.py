@@ -80,7 +80,9 @@ class _Told:
 class RunRecord:
     """What has been heard of a run, with the time in seconds of any clock that never goes back."""
 
-    def __init__(self) -> None:
+    def __init__(self, digest: str | None = None) -> None:
+        """Take the digest of the map that the services should have; None: the fuser's."""
+        self._digest = digest
         self._announced: Header | None = None
         self._told: dict[tuple[str, str], _Told] = {}
 
@@ -112,7 +114,19 @@ class RunRecord:
         )
         expected = [of.stats.channels for of in told.values() if of.stats.channels is not None]
         channels = max(expected, default=None)
-        return RunStanding(stream, newest, channels, services, tuple(missing(alive, channels)))
+        lacking = [*missing(alive, channels), *self._on_other_maps(told)]
+        return RunStanding(stream, newest, channels, services, tuple(lacking))
+
+    def _on_other_maps(self, told: Mapping[tuple[str, str], _Told]) -> list[str]:
+        """Say which services have another map than they should."""
+        maps = {key: of.stats.map for key, of in told.items() if of.stats.map is not None}
+        of_fusers = (digest for (service, _), digest in maps.items() if service == "fuser")
+        own = self._digest or next(of_fusers, None)
+        return [
+            f"{service} {process} on map {own}: it has {digest}"
+            for (service, process), digest in maps.items()
+            if own not in (None, digest)
+        ]
 
     def _newest(self, told: dict[tuple[str, str], _Told]) -> tuple[str | None, int | None]:
         """Return the stream that is on, and its newest frame."""

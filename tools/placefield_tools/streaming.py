@@ -37,7 +37,7 @@ def match_through_services(
     alone = config.model_copy(update={"bus": bus})
     with _host(map_path, alone), open_bus(bus) as session:
         matches = MatchQueue(session, Keys(alone.run), smoothed=True)
-        sent = replay(source, session, alone, threading.Event())
+        sent = replay(source, session, alone, threading.Event()).sent
         answered, smoothed = [], []
         for header, message in stream_matches(matches, _LAST_MATCH_S):
             if isinstance(message, SmoothedMessage):

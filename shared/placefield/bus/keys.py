@@ -27,6 +27,11 @@ class Keys:
         """Descriptors, from the featurizer to the channels."""
         return f"{ROOT}/{self.run}/feature"
 
+    @property
+    def unseen(self) -> str:
+        """Frames that go on as ones not seen, from the featurizer to their source."""
+        return f"{ROOT}/{self.run}/unseen"
+
     def candidates(self, worker: str) -> str:
         """Candidates of all channels of one worker, to the fuser."""
         return f"{ROOT}/{self.run}/candidate/{worker}"

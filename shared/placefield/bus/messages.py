@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from placefield.bus.wire import FloatVector, Image, IndexVector, NumberVector, Sums, unpack
 from placefield.config import Rule
-from placefield.errors import MessageError
+from placefield.errors import MessageError, OtherMapError
 from placefield.fusion.match import Match
 from placefield.matching.candidate import UNANSWERED, Candidate
 
@@ -29,6 +29,7 @@ MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
 
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Metres = Annotated[FiniteFloat, Field(ge=0)]
 """What an odometer says: travelled since any start of its own. If it falls, it began anew."""
@@ -124,6 +125,33 @@ class FeatureMessage(Message):
     odometry_m: Metres | None = None
 
 
+class UnseenMessage(Message):
+    """Why a frame goes on as one not seen: no image can be made of it, or it shows nothing."""
+
+    reason: Literal["unreadable", "blank"]
+
+
+class _OfMap(Message):
+    """Root of what names places, and so says of which map they are.
+
+    Attributes:
+        map: its digest, see ``placefield.maps.map.Map``.
+    """
+
+    map: Digest
+
+    def check_map(self, digest: str) -> None:
+        """Refuse what is of another map than the one of this digest.
+
+        Raises:
+            OtherMapError: it is.
+        """
+        if self.map != digest:
+            raise OtherMapError(
+                f"{type(self).__name__} of map {self.map}, not {digest}: give all one map"
+            )
+
+
 class ChannelCandidate(_Strict):
     """A channel's candidate, as part of a message.
 
@@ -155,7 +183,7 @@ class ChannelCandidate(_Strict):
         return Candidate(self.place, self.score, self.places, self.evidence, self.too_fast)
 
 
-class _OfShard(Message):
+class _OfShard(_OfMap):
     """Root of what is about a shard of a worker's channels.
 
     Attributes:
@@ -322,7 +350,7 @@ class BordersMessage(_OfShard):
     summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
 
 
-class MatchMessage(Message):
+class MatchMessage(_OfMap):
     """The match of a frame.
 
     Attributes:
@@ -403,6 +431,7 @@ class StatsMessage(Message):
         stream: of the newest frame that it has answered; none if it has answered none.
         sequence: of that frame; at the end of the stream, the number of its frames.
         channels: of the map, where the service awaits them all.
+        map: digest of the service's map; none if it has none.
     """
 
     service: str = Field(max_length=64)
@@ -410,3 +439,4 @@ class StatsMessage(Message):
     stream: str | None = Field(None, max_length=64)
     sequence: int | None = Field(None, ge=0, lt=2**48)
     channels: int | None = Field(None, ge=1, lt=2**16)
+    map: Digest | None = None

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.errors import FrameError
+from placefield.features.images import decode
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:
@@ -24,7 +27,8 @@ class Frame:
     ``image`` is an encoded image as it lies in its file, or pixels: uint8, (H, W) grey or
     (H, W, 3) BGR. ``odometry_m`` is how far the vehicle had travelled, in metres since any fixed
     start, 0 or more; within a traverse it never goes down. None: nobody has said since the frame
-    before.
+    before. ``fault`` says why the source could not read the image, which is empty bytes then: the
+    frame keeps its turn.
     """
 
     index: int
@@ -33,3 +37,14 @@ class Frame:
     image: bytes | NDArray[np.uint8]
     pose: Pose | None = None
     odometry_m: float | None = None
+    fault: str = ""
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return the image decoded, (H, W) grey or (H, W, 3) BGR.
+
+        Raises:
+            FrameError: it cannot be read.
+        """
+        if self.fault:
+            raise FrameError(self.fault)
+        return decode(self.image) if isinstance(self.image, bytes) else self.image

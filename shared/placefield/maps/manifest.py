@@ -30,6 +30,9 @@ MOST_PLACES = 10**7
 REBUILD = "build the map again with 'placefield build'"
 """What is to be done about a map that is refused."""
 
+DIGEST_LENGTH = 16
+"""So many hexadecimal digits tell one map from another; see ``short_digest``."""
+
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
@@ -109,6 +112,14 @@ def seal_of(written: bytes) -> bytes:
     return f"{hashlib.sha256(written).hexdigest()}  {MANIFEST}\n".encode()
 
 
+def short_digest(written: bytes) -> str:
+    """Return which map a manifest is of, as it is written: the first digits of its SHA-256.
+
+    The manifest has the checksums of all files, so that no two maps share one.
+    """
+    return hashlib.sha256(written).hexdigest()[:DIGEST_LENGTH]
+
+
 def parse_manifest(written: bytes, source: str) -> Manifest:
     """Read a manifest as it is written; ``source`` says whose it is, should it be refused.
 
@@ -131,6 +142,19 @@ def read_manifest(path: Path) -> Manifest:
     Raises:
         MapError: there is none, it is of another format, too long or damaged.
     """
+    return read_identified(path)[0]
+
+
+def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, str]:
+    """Read a map's manifest, and which map it is of; see ``short_digest``.
+
+    Args:
+        path: of the map.
+        digest: of the map that it has to be; None: any.
+
+    Raises:
+        MapError: there is none, it is of another format, damaged, or of another map.
+    """
     try:
         written = _read(path, MANIFEST)
     except OSError:
@@ -142,7 +166,13 @@ def read_manifest(path: Path) -> Manifest:
         raise MapError(f"{path / SEAL}: missing or unreadable; {REBUILD}") from None
     if seal != seal_of(written):
         raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {REBUILD}")
-    return manifest
+    found = short_digest(written)
+    if digest not in (None, found):
+        raise MapError(
+            f"{path}: is the map {found} now, not {digest}, which is served: put that one back, or "
+            "end all that serves it and start it with this one"
+        )
+    return manifest, found
 
 
 def _read(path: Path, name: str) -> bytes:

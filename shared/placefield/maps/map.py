@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.manifest import TraverseRecord
+from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
 from placefield.metric.coarse import Coarse
 from placefield.metric.codes import Codes
 from placefield.presets import Preset
 
 Array = NDArray[np.float32]
+
+NO_DIGEST = "0" * DIGEST_LENGTH
+"""Stands for the digest of a map that is not on disk, or that an old recording does not name."""
 
 STEPS = 6
 """Places between those whose distances a map keeps: a vehicle may go as many per frame."""
@@ -119,6 +122,7 @@ class Map:
 
     Attributes:
         preset: by which it was made, for the record; its settings are below.
+        digest: which map it is, 16 hexadecimal digits; see ``placefield.maps.manifest``.
         check_unchanged: raises ``MapError`` when a file that arrays are mapped from was written to
             since the map was opened; what was worked out of it in the meantime may be wrong.
     """
@@ -133,6 +137,7 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
+    digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
     @property

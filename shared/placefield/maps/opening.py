@@ -21,7 +21,7 @@ from placefield.maps.layout import (
     PLACE_FILES,
     Layout,
 )
-from placefield.maps.manifest import REBUILD, Manifest, read_manifest
+from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
 from placefield.maps.reading import ArrayFile, Header, open_inside
 from placefield.metric.coarse import Coarse
@@ -32,20 +32,23 @@ _MOST_BYTES = 2**30
 _MOST_BYTES_OF_A_PLACE = 2**16
 
 
-def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
+def open_map(
+    path: Path | str, channels: Collection[int] | None = None, *, digest: str | None = None
+) -> Map:
     """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
         path: of the map.
         channels: that are read and checked now, None for all; another one is when it is first asked
             for, which may then raise what is below.
+        digest: of the map that it has to be, see ``Map.digest``; None: any.
 
     Raises:
         MapError: there is no map, it is of another format, or a file's checksum, dtype or shape is
-            wrong.
+            wrong; it is another map than the one of this digest.
     """
     path = Path(path)
-    manifest = read_manifest(path)
+    manifest, found = read_identified(path, digest)
     files = _Files(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
@@ -78,6 +81,7 @@ def open_map(path: Path | str, channels: Collection[int] | None = None) -> Map:
         model=model,
         places=places,
         channels=tuple(all_channels) if channels is None else all_channels,
+        digest=found,
         check_unchanged=files.check_unchanged,
     )
 

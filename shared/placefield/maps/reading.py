@@ -7,6 +7,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +49,15 @@ class Header:
 
 
 class ArrayFile:
-    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it."""
+    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it.
+
+    The file is closed with its last holder: a map has no end at which somebody could do it.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         """Take the file as it is now."""
         self._file = file
+        self._closing = finalize(self, file.close)
         self._state = self._state_now()
         self.is_mapped = self._state[0] >= _MAPPED_FROM
 
@@ -62,7 +67,7 @@ class ArrayFile:
 
     def close(self) -> None:
         """Let go of the file; what is mapped stays."""
-        self._file.close()
+        self._closing()
 
     @property
     def length(self) -> int:

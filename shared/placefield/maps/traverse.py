@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.errors import FrameError, MapError, SourceError
+from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
-from placefield.features.images import decode, small_jpeg
+from placefield.features.images import small_jpeg
 from placefield.maps.trajectory import MAX_GAP_NS, Trajectory, travelled
 
 log = logging.getLogger(__name__)
@@ -60,11 +60,13 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """Describe a reference frame.
 
     Raises:
-        SourceError: it cannot be read. A map is built once and used for long: one broken frame
-            would shift every place behind it, so that the build ends here.
+        FrameError: it cannot be read; the error begins with its name.
     """
-    pixels = _pixels(frame)
-    raw = feature.describe(pixels)
+    try:
+        pixels = frame.pixels()
+        raw = feature.describe(pixels)
+    except FrameError as error:
+        raise FrameError(f"{frame.name}: {error}") from None
     thumbnail = small_jpeg(pixels, _THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
 
@@ -145,14 +147,3 @@ def _travelled(
             "mend it, or leave it out"
         )
     return np.asarray(metres - metres[:1])
-
-
-def _pixels(frame: Frame) -> NDArray[np.uint8]:
-    if not isinstance(frame.image, bytes):
-        return frame.image
-    try:
-        return decode(frame.image)
-    except FrameError as error:
-        raise SourceError(
-            f"{frame.name}: {error}; a reference needs every frame: extract it again or remove it"
-        ) from None

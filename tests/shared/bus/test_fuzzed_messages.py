@@ -30,6 +30,7 @@ from placefield.bus.messages import (
     StatsMessage,
 )
 from placefield.errors import MessageError
+from placefield.maps.map import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 VECTOR = np.linspace(-1, 1, 5, dtype=np.float32)
@@ -48,6 +49,7 @@ EXAMPLES: list[Message] = [
     FrameMessage(image=np.zeros((3, 4, 3), np.uint8)),
     FeatureMessage(model="0123456789abcdef", descriptor=VECTOR, odometry_m=0.0),
     CandidatesMessage(
+        map=NO_DIGEST,
         rule="filter",
         candidates=(
             ChannelCandidate(
@@ -57,6 +59,7 @@ EXAMPLES: list[Message] = [
         settled=SETTLED,
     ),
     BordersMessage(
+        map=NO_DIGEST,
         shard=1,
         shards=2,
         summaries=(ChannelSummary(channel=3, summary=VECTOR.astype(np.float64)),),
@@ -64,10 +67,18 @@ EXAMPLES: list[Message] = [
     MomentsMessage(frames=21.0, sums=np.ones((2, 5))),
     HistoryQuery(stream="s", first=0, end=2**48),
     MatchMessage(
-        place=7, score=0.9, missing=(1, 2), probability=0.4, known=False, pose=(1.0, 2.0, 3.0)
+        map=NO_DIGEST,
+        place=7,
+        score=0.9,
+        missing=(1, 2),
+        probability=0.4,
+        known=False,
+        pose=(1.0, 2.0, 3.0),
     ),
-    FinishedMessage(rule="filter", channels=(3, 4), settled=SETTLED),
-    SmoothedMessage(place=7, score=0.9, missing=(1,), probability=0.4, known=False, lag=3),
+    FinishedMessage(map=NO_DIGEST, rule="filter", channels=(3, 4), settled=SETTLED),
+    SmoothedMessage(
+        map=NO_DIGEST, place=7, score=0.9, missing=(1,), probability=0.4, known=False, lag=3
+    ),
     OdometryMessage(metres=12.5),
     StatsMessage(service="fuser", counts={"matches": 9, "stale": 0}),
 ]

@@ -25,6 +25,7 @@ from placefield.bus.messages import (
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
+from placefield.maps.map import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -61,11 +62,13 @@ all_messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
     st.builds(
         CandidatesMessage,
+        map=st.just(NO_DIGEST),
         rule=st.sampled_from(get_args(Rule)),
         candidates=st.lists(channel_candidates, min_size=1, max_size=3).map(tuple),
     ),
     st.builds(
         MatchMessage,
+        map=st.just(NO_DIGEST),
         place=st.integers(-1, 2**31 - 1),
         score=finite,
         missing=st.lists(st.integers(0, 64)).map(tuple),
@@ -197,8 +200,8 @@ def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
         Header(stream="s", sequence=0, stamp_ns=0),
         FrameMessage(image=b"image"),
         FeatureMessage(model="m", descriptor=None),
-        CandidatesMessage(rule="evidence", candidates=(candidate(0),)),
-        MatchMessage(place=0, score=0.0),
+        CandidatesMessage(map=NO_DIGEST, rule="evidence", candidates=(candidate(0),)),
+        MatchMessage(map=NO_DIGEST, place=0, score=0.0),
         StatsMessage(service="s", counts={}),
     ]
     taken = [decode_or_refuse(kind, example.encode()) for example in examples]
@@ -268,7 +271,9 @@ def test_odometry_is_none_or_a_distance_as_the_vehicle_tells_it(message: Message
 @pytest.mark.parametrize("places", [wire(), wire(dtype="int32", shape=(1, 2)), [1, 2], None])
 def test_places_that_are_no_vector_of_indices_are_refused(places: Any) -> None:
     fields = msgpack.unpackb(
-        CandidatesMessage(rule="filter", candidates=(candidate(0), candidate(1))).encode()
+        CandidatesMessage(
+            map=NO_DIGEST, rule="filter", candidates=(candidate(0), candidate(1))
+        ).encode()
     )
     fields["candidates"][1]["places"] = places
     with pytest.raises(MessageError, match=r"CandidatesMessage: 'candidates.1.places'"):
@@ -276,7 +281,9 @@ def test_places_that_are_no_vector_of_indices_are_refused(places: Any) -> None:
 
 
 def test_a_message_has_room_for_64_channels_and_is_of_one_at_least() -> None:
-    full = CandidatesMessage(rule="filter", candidates=tuple(map(candidate, range(64))))
+    full = CandidatesMessage(
+        map=NO_DIGEST, rule="filter", candidates=tuple(map(candidate, range(64)))
+    )
     assert same(CandidatesMessage.decode(full.encode()).candidates, full.candidates)
     fields = msgpack.unpackb(full.encode()) | {"candidates": []}
     with pytest.raises(MessageError, match="candidates"):
@@ -295,7 +302,7 @@ def test_pixels_that_make_no_image_are_refused(shape: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("score", [float("nan"), float("inf"), -float("inf"), "0", None, True])
 def test_a_score_that_is_no_finite_number_is_refused(score: Any) -> None:
-    fields = msgpack.unpackb(MatchMessage(place=0, score=0.0).encode())
+    fields = msgpack.unpackb(MatchMessage(map=NO_DIGEST, place=0, score=0.0).encode())
     assert decode_or_refuse(MatchMessage, msgpack.packb(fields | {"score": score})) is None
 
 
@@ -304,7 +311,7 @@ def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
     told = Candidate(1, 0.25, places, evidence, too_fast=0.625)
     assert ChannelCandidate.of(3, told).candidate == told
     match = Match(7, -2.0, (), 0.125, known=False, too_fast=True)
-    sent = MatchMessage.of(match, lambda place: None)
+    sent = MatchMessage.of(match, lambda place: None, map=NO_DIGEST)
     assert MatchMessage.decode(sent.encode()).match == match
 
 
@@ -321,10 +328,10 @@ def test_settled_frames_come_back_with_how_likely_each_is_too_fast() -> None:
 
 
 def test_a_message_that_does_not_say_whether_it_is_too_fast_is_not() -> None:
-    fields = msgpack.unpackb(MatchMessage(place=0, score=0.0).encode())
+    fields = msgpack.unpackb(MatchMessage(map=NO_DIGEST, place=0, score=0.0).encode())
     del fields["too_fast"]
     assert MatchMessage.decode(msgpack.packb(fields)).too_fast is False
-    message = CandidatesMessage(rule="filter", candidates=(candidate(0),))
+    message = CandidatesMessage(map=NO_DIGEST, rule="filter", candidates=(candidate(0),))
     fields = msgpack.unpackb(message.encode())
     del fields["candidates"][0]["too_fast"]
     assert CandidatesMessage.decode(msgpack.packb(fields)).candidates[0].too_fast == 0
@@ -332,7 +339,7 @@ def test_a_message_that_does_not_say_whether_it_is_too_fast_is_not() -> None:
 
 @pytest.mark.parametrize("posterior", [-0.01, 1.01, float("nan"), float("inf"), "0", None, True])
 def test_a_posterior_that_is_none_is_refused(posterior: Any) -> None:
-    message = CandidatesMessage(rule="filter", candidates=(candidate(0),))
+    message = CandidatesMessage(map=NO_DIGEST, rule="filter", candidates=(candidate(0),))
     fields = msgpack.unpackb(message.encode())
     fields["candidates"][0]["too_fast"] = posterior
     with pytest.raises(MessageError, match="too_fast"):
@@ -342,7 +349,9 @@ def test_a_posterior_that_is_none_is_refused(posterior: Any) -> None:
 @pytest.mark.parametrize("posterior", [-0.01, 1.01, float("nan"), float("inf")])
 def test_a_posterior_of_a_settled_frame_that_is_none_is_refused(posterior: float) -> None:
     packed = SettledFrames.of(9, [SettledFrame(3, 5, 4, NO_CANDIDATE)])
-    message = CandidatesMessage(rule="filter", candidates=(candidate(0),), settled=packed)
+    message = CandidatesMessage(
+        map=NO_DIGEST, rule="filter", candidates=(candidate(0),), settled=packed
+    )
     fields = msgpack.unpackb(message.encode())
     fields["settled"]["too_fast"]["data"] = np.float64(posterior).tobytes()
     with pytest.raises(MessageError, match="settled"):
@@ -370,7 +379,9 @@ def test_a_strangers_field_name_can_forge_no_log_line() -> None:
 
 def test_a_shard_that_does_not_exist_is_refused() -> None:
     summary = ChannelSummary(channel=0, summary=np.zeros(1))
-    message = BordersMessage.model_construct(shard=3, shards=3, summaries=(summary,), version=1)
+    message = BordersMessage.model_construct(
+        map=NO_DIGEST, shard=3, shards=3, summaries=(summary,), version=1
+    )
     with pytest.raises(MessageError, match="there is no such shard"):
         BordersMessage.decode(message.encode())
 

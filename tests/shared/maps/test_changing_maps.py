@@ -1,5 +1,6 @@
-"""What becomes of an open map when somebody writes to its files."""
+"""What becomes of an open map when somebody writes to its files, and of its files with it."""
 
+import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -88,3 +89,20 @@ def test_a_mapped_array_is_the_one_that_is_read(saved: Path, posed_map: Map) -> 
 
 def test_a_map_that_lies_in_memory_cannot_change(posed_map: Map) -> None:
     posed_map.check_unchanged()
+
+
+@pytest.mark.usefixtures("all_mapped")
+@pytest.mark.parametrize("is_damaged", [False, True])
+@pytest.mark.filterwarnings("error")
+def test_no_file_is_left_open_when_a_map_is_gone_or_refused(saved: Path, is_damaged: bool) -> None:
+    if is_damaged:
+        overwrite(saved / PLACES)
+    gc.collect()  # maps of tests before this one
+    before = os.listdir("/proc/self/fd")
+    if is_damaged:
+        with pytest.raises(MapError, match="damaged"):
+            open_map(saved)
+    else:
+        open_map(saved)
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == len(before)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from placefield.errors import MapError, SourceError
+from placefield.errors import FrameError, MapError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import decode
@@ -143,6 +143,6 @@ def test_a_thumbnail_is_the_frame_small() -> None:
 @pytest.mark.parametrize("share", [0, 0.3, 0.95])
 def test_a_truncated_image_is_refused_by_its_name(share: float) -> None:
     broken = frame(7, jpeg()[: int(share * len(jpeg()))])
-    with pytest.raises(SourceError, match=r"^007\.jpg: ") as refused:
+    with pytest.raises(FrameError, match=r"^007\.jpg: ") as refused:
         describe_frame(broken, GIST)
     assert "\n" not in str(refused.value)

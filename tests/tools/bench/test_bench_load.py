@@ -11,6 +11,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, Header, MatchMessage, Message
 from placefield.bus.session import Bus
 from placefield.errors import BusError
+from placefield.maps.map import NO_DIGEST
 from placefield_tools.bench.load import LiveCamera, play
 
 
@@ -38,7 +39,11 @@ class AnsweringBus:
         if not header.end and header.sequence % 5 == 0:
             return
         missing = (1,) if header.sequence % 2 else ()
-        match = b"" if header.end else MatchMessage(place=0, score=0.0, missing=missing).encode()
+        match = (
+            b""
+            if header.end
+            else MatchMessage(map=NO_DIGEST, place=0, score=0.0, missing=missing).encode()
+        )
         self._answer[Keys(run).match](Received(Keys(run).match, header, match))
 
 

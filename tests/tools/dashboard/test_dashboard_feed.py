@@ -1,5 +1,6 @@
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import cast
 
 import pytest
@@ -8,7 +9,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus
-from placefield.maps.map import Map
+from placefield.maps.map import NO_DIGEST, Map
 from placefield_tools.dashboard.feed import Feed, Newest
 from placefield_tools.dashboard.state import LiveState
 
@@ -54,7 +55,7 @@ def bus() -> PlainBus:
 
 @pytest.fixture
 def state(route_map: Map) -> LiveState:
-    return LiveState(route_map)
+    return LiveState(replace(route_map, digest=NO_DIGEST))
 
 
 @pytest.fixture
@@ -63,7 +64,7 @@ def feed(bus: PlainBus, state: LiveState) -> Feed:
 
 
 def test_a_match_waits_for_what_it_was_made_of(bus: PlainBus, feed: Feed, state: LiveState) -> None:
-    bus.put(KEYS.match, 0, MatchMessage(place=1, score=1.0).encode())
+    bus.put(KEYS.match, 0, MatchMessage(map=NO_DIGEST, place=1, score=1.0).encode())
     feed.drain()
     assert not state.answers
     bus.put(KEYS.frame, 0, b"a frame")
@@ -74,7 +75,7 @@ def test_a_match_waits_for_what_it_was_made_of(bus: PlainBus, feed: Feed, state:
 
 def test_the_newest_smoothed_match_is_told(bus: PlainBus, feed: Feed, state: LiveState) -> None:
     for sequence in (4, 5, 3):
-        smoothed = SmoothedMessage(place=sequence, score=1.0, lag=7)
+        smoothed = SmoothedMessage(map=NO_DIGEST, place=sequence, score=1.0, lag=7)
         bus.put(KEYS.smoothed, sequence, smoothed.encode())
     feed.drain()
     assert state.smoothed is not None
@@ -87,7 +88,7 @@ def test_garbage_is_counted_and_holds_nothing_up(
     for key in (KEYS.feature, KEYS.all_candidates, KEYS.match):
         bus.put(key, 0, b"garbage")
     bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), b"garbage")
-    bus.put(KEYS.match, 1, MatchMessage(place=1, score=1.0).encode())
+    bus.put(KEYS.match, 1, MatchMessage(map=NO_DIGEST, place=1, score=1.0).encode())
     feed.drain()
     feed.drain()
     assert feed.counts["malformed"] == 4

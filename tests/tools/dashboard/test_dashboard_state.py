@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,10 +11,11 @@ from placefield.bus.messages import (
     FeatureMessage,
     Header,
     MatchMessage,
+    SmoothedMessage,
 )
 from placefield.config import Rule
 from placefield.errors import MessageError
-from placefield.maps.map import Map, fingerprint
+from placefield.maps.map import NO_DIGEST, Map, fingerprint
 from placefield.matching.comparing import distance_matrix
 from placefield_tools.dashboard.state import KEPT, LiveState
 
@@ -22,7 +25,9 @@ def header(sequence: int, stream: str = "s", *, live: bool = False, end: bool = 
 
 
 def match(place: int = 3) -> bytes:
-    return MatchMessage(place=place, score=1.5, probability=0.75, known=False).encode()
+    return MatchMessage(
+        map=NO_DIGEST, place=place, score=1.5, probability=0.75, known=False
+    ).encode()
 
 
 def candidate(channel: int, place: int, belief: float = 0.5) -> ChannelCandidate:
@@ -38,12 +43,14 @@ def candidate(channel: int, place: int, belief: float = 0.5) -> ChannelCandidate
 def candidates(
     *told: ChannelCandidate, rule: Rule = "filter", shard: int = 0, of: int = 1
 ) -> bytes:
-    return CandidatesMessage(rule=rule, candidates=told, shard=shard, shards=of).encode()
+    return CandidatesMessage(
+        map=NO_DIGEST, rule=rule, candidates=told, shard=shard, shards=of
+    ).encode()
 
 
 @pytest.fixture
 def state(route_map: Map) -> LiveState:
-    return LiveState(route_map)
+    return LiveState(replace(route_map, digest=NO_DIGEST))
 
 
 def numbers(state: LiveState) -> list[int]:
@@ -73,12 +80,14 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
 @pytest.mark.parametrize(
     ("told", "verdict"),
     [
-        (MatchMessage(place=-1, score=0.0), "no answer"),
-        (MatchMessage(place=3, score=1.0), "matched"),
-        (MatchMessage(place=3, score=1.0, probability=0.999, known=True), "known"),
-        (MatchMessage(place=3, score=1.0, probability=0.5, known=False), "unknown"),
+        (MatchMessage(map=NO_DIGEST, place=-1, score=0.0), "no answer"),
+        (MatchMessage(map=NO_DIGEST, place=3, score=1.0), "matched"),
+        (MatchMessage(map=NO_DIGEST, place=3, score=1.0, probability=0.999, known=True), "known"),
+        (MatchMessage(map=NO_DIGEST, place=3, score=1.0, probability=0.5, known=False), "unknown"),
         (
-            MatchMessage(place=3, score=1.0, probability=0.1, known=False, too_fast=True),
+            MatchMessage(
+                map=NO_DIGEST, place=3, score=1.0, probability=0.1, known=False, too_fast=True
+            ),
             "faster than the map resolves",
         ),
     ],
@@ -190,3 +199,18 @@ def test_no_garbage_does_more_than_raise_message_error(route_map: Map, garbage: 
         with pytest.raises(MessageError):
             take(header(0), garbage)
     assert not state.answers
+
+
+def test_what_is_of_another_map_is_counted_and_not_shown(state: LiveState) -> None:
+    other = {"map": "f" * 16}
+    told = candidate(0, 7)
+    state.take_candidates(
+        header(0), CandidatesMessage(**other, rule="filter", candidates=(told,)).encode()
+    )
+    state.take_match(header(0), MatchMessage(**other, place=7, score=1.0).encode())
+    state.take_smoothed(header(0), SmoothedMessage(**other, place=7, score=1.0, lag=1).encode())
+    assert not state.answers
+    assert state.smoothed is None
+    assert state.counts["foreign"] == 3
+    state.take_match(header(0), match())
+    assert state.answers[-1].candidates == {}

@@ -7,6 +7,7 @@ import pytest
 from turning_route import ORIGIN, PLACES, STAMP_NS
 
 from placefield.bus.messages import Header, MatchMessage
+from placefield.maps.map import NO_DIGEST
 from placefield_tools.exporting.traverse import Localised, QueryTraverse
 
 
@@ -14,9 +15,11 @@ from placefield_tools.exporting.traverse import Localised, QueryTraverse
 def traverse() -> QueryTraverse:
     """Three frames, of which the one between the second and the third was not matched."""
     matched = {
-        0: MatchMessage(place=1, score=1.0, probability=0.995, known=True),
-        1: MatchMessage(place=2, score=2.0, probability=1.0, known=True, pose=(4, 0, math.pi / 2)),
-        3: MatchMessage(place=4, score=0.1, probability=None),
+        0: MatchMessage(map=NO_DIGEST, place=1, score=1.0, probability=0.995, known=True),
+        1: MatchMessage(
+            map=NO_DIGEST, place=2, score=2.0, probability=1.0, known=True, pose=(4, 0, math.pi / 2)
+        ),
+        3: MatchMessage(map=NO_DIGEST, place=4, score=0.1, probability=None),
     }
     matches = [
         Localised(

@@ -13,7 +13,9 @@ from typer.testing import CliRunner, Result
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import ConfigError, MapError, PlacefieldError
 from placefield.maps.geography import Origin
-from placefield.maps.map import Map
+from placefield.maps.manifest import read_identified
+from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.cli.main import app
 from placefield_tools.recording.opening import recorder_of
@@ -34,18 +36,20 @@ def earth_map(tmp_path_factory: pytest.TempPathFactory, route_map: Map) -> Path:
 
 def match(place: int, *, known: bool | None = True, **fields: object) -> MatchMessage:
     pose = tuple(POSES[place].tolist()) if place >= 0 else None
-    return MatchMessage(place=place, score=1.0, known=known, pose=pose, **fields)
+    return MatchMessage(map=NO_DIGEST, place=place, score=1.0, known=known, pose=pose, **fields)
 
 
 DRIVE = (match(3), match(4, known=False), match(5), match(-1, known=None), match(6))
 
 
-def recorded(path: Path, *streams: Sequence[MatchMessage]) -> Path:
+def recorded(map_path: Path, path: Path, *streams: Sequence[MatchMessage]) -> Path:
+    """Record matches on a map."""
+    digest = {"map": read_identified(map_path)[1]}
     with recorder_of(path) as recorder:
         for name, matches in zip(("first", "second"), streams, strict=False):
             for number, one in enumerate(matches):
                 header = Header(stream=name, sequence=number, stamp_ns=number * 10**9)
-                recorder.write_match(header, one)
+                recorder.write_match(header, one.model_copy(update=digest))
     return path
 
 
@@ -66,12 +70,13 @@ def test_of_a_frame_that_has_a_smoothed_match_that_one_is_exported(
     earth_map: Path, tmp_path: Path, recording: str
 ) -> None:
     drive, out = tmp_path / recording, tmp_path / "out.tum"
+    digest = {"map": read_identified(earth_map)[1]}
     with recorder_of(drive) as recorder:
         for number, (at_once, later) in enumerate([(3, 4), (9, 5), (6, None)]):
             header = Header(stream="first", sequence=number, stamp_ns=number * 10**9)
-            recorder.write_match(header, match(at_once))
+            recorder.write_match(header, match(at_once).model_copy(update=digest))
             if later is not None:
-                smoothed = SmoothedMessage(**match(later).model_dump(), lag=2)
+                smoothed = SmoothedMessage(**match(later).model_dump() | digest, lag=2)
                 recorder.write_match(header, smoothed)
     ended = run_export(drive, out, "--map", earth_map)
     assert ended.output == f"{out}: 3 of 3 matches\n"
@@ -86,7 +91,7 @@ def test_of_a_frame_that_has_a_smoothed_match_that_one_is_exported(
 def test_known_matches_are_exported_and_all_if_asked_for(
     earth_map: Path, tmp_path: Path, recording: str, flags: Sequence[str], places: Sequence[int]
 ) -> None:
-    drive, out = recorded(tmp_path / recording, DRIVE), tmp_path / "out.tum"
+    drive, out = recorded(earth_map, tmp_path / recording, DRIVE), tmp_path / "out.tum"
     ended = run_export(drive, out, "--map", earth_map, *flags)
     assert ended.exit_code == 0, ended.output
     assert ended.output == f"{out}: {len(places)} of 5 matches\n"
@@ -96,7 +101,7 @@ def test_known_matches_are_exported_and_all_if_asked_for(
 
 @pytest.mark.parametrize("suffix", ["g2o", "tum", "geojson", "gpx"])
 def test_every_format_is_written_again_alike(earth_map: Path, tmp_path: Path, suffix: str) -> None:
-    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
+    drive = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE)
     written = []
     for name in ("one", "other"):
         out = tmp_path / f"{name}.{suffix}"
@@ -107,14 +112,14 @@ def test_every_format_is_written_again_alike(earth_map: Path, tmp_path: Path, su
 
 
 def test_a_file_that_is_there_is_not_replaced(earth_map: Path, tmp_path: Path) -> None:
-    drive, out = recorded(tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.tum"
+    drive, out = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.tum"
     out.write_text("mine")
     assert "is there already" in refusal(RecordingError, drive, out, "--map", earth_map)
     assert out.read_text() == "mine"
 
 
 def test_the_tolerance_widens_what_a_loop_closure_allows(earth_map: Path, tmp_path: Path) -> None:
-    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
+    drive = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE)
     information = []
     for tolerance in ("1", "4"):
         out = tmp_path / f"out-{tolerance}.g2o"
@@ -125,7 +130,7 @@ def test_the_tolerance_widens_what_a_loop_closure_allows(earth_map: Path, tmp_pa
 
 
 def test_of_several_streams_one_is_to_be_named(earth_map: Path, tmp_path: Path) -> None:
-    drive = recorded(tmp_path / "drive.jsonl", DRIVE, [match(9), match(10)])
+    drive = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE, [match(9), match(10)])
     out = tmp_path / "out.tum"
     asked = refusal(RecordingError, drive, out, "--map", earth_map)
     named = "name one of its streams with --stream: first (5 matches), second (2 matches)"
@@ -137,17 +142,41 @@ def test_of_several_streams_one_is_to_be_named(earth_map: Path, tmp_path: Path) 
     assert len(out.read_text().splitlines()) == 2
 
 
+@pytest.mark.parametrize("recording", ["drive.jsonl", "drive.csv"])
+def test_a_recording_of_another_map_is_refused_though_its_places_lie_alike(
+    earth_map: Path, tmp_path: Path, recording: str
+) -> None:
+    other = tmp_path / "other.pfmap"
+    save_map(dataclasses.replace(open_map(earth_map), seed=99), other)
+    drive, out = recorded(other, tmp_path / recording, DRIVE), tmp_path / "out.tum"
+    refused = refusal(MapError, drive, out, "--map", earth_map)
+    assert str(earth_map) in refused
+    assert "that was matched against" in refused
+    assert not out.exists()
+    assert run_export(drive, out, "--map", other).exit_code == 0
+
+
 def test_what_cannot_be_exported_is_refused_in_one_line_with_what_to_do(
     earth_map: Path, map_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     at = ("--map", earth_map)
-    drive = recorded(tmp_path / "drive.jsonl", DRIVE)
-    empty = recorded(tmp_path / "empty.jsonl")
-    untold = recorded(tmp_path / "untold.jsonl", [match(3, known=None)])
-    other = recorded(tmp_path / "other.jsonl", [MatchMessage(place=3, score=0, known=True)] * 2)
-    beyond = recorded(tmp_path / "beyond.csv", [MatchMessage(place=60, score=0, known=True)])
+    drive = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE)
+    empty = recorded(earth_map, tmp_path / "empty.jsonl")
+    untold = recorded(earth_map, tmp_path / "untold.jsonl", [match(3, known=None)])
+    other = recorded(
+        earth_map,
+        tmp_path / "other.jsonl",
+        [MatchMessage(map=NO_DIGEST, place=3, score=0, known=True)] * 2,
+    )
+    beyond = recorded(
+        earth_map,
+        tmp_path / "beyond.csv",
+        [MatchMessage(map=NO_DIGEST, place=60, score=0, known=True)],
+    )
     moved = recorded(
-        tmp_path / "moved.csv", [MatchMessage(place=3, score=0, known=True, pose=(0, 0, 0))]
+        earth_map,
+        tmp_path / "moved.csv",
+        [MatchMessage(map=NO_DIGEST, place=3, score=0, known=True, pose=(0, 0, 0))],
     )
     out = tmp_path / "out.tum"
     assert ".g2o, .tum, .geojson, .gpx" in refusal(ConfigError, drive, tmp_path / "out.kml", *at)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from hypothesis import strategies as st
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.maps.map import NO_DIGEST
 
 Written = tuple[Header, MatchMessage | None]
 
@@ -22,10 +23,14 @@ def stream_of(matches: Sequence[MatchMessage], name: str = "drive") -> list[Writ
     return [*written, (end, None)]
 
 
-KNOWN = MatchMessage(place=7, score=1 / 3, probability=0.999, known=True, pose=(1.5, -2.25, 0.5))
-UNKNOWN = MatchMessage(place=9, score=-2.0, probability=0.25, known=False, pose=(8.0, 9.0, 0.0))
-UNTOLD = MatchMessage(place=3, score=4.0, missing=(0, 12), pose=(3.0, 4.0, -3.0))
-UNANSWERED = MatchMessage(place=-1, score=0.0, missing=(1,))
+KNOWN = MatchMessage(
+    map=NO_DIGEST, place=7, score=1 / 3, probability=0.999, known=True, pose=(1.5, -2.25, 0.5)
+)
+UNKNOWN = MatchMessage(
+    map=NO_DIGEST, place=9, score=-2.0, probability=0.25, known=False, pose=(8.0, 9.0, 0.0)
+)
+UNTOLD = MatchMessage(map=NO_DIGEST, place=3, score=4.0, missing=(0, 12), pose=(3.0, 4.0, -3.0))
+UNANSWERED = MatchMessage(map=NO_DIGEST, place=-1, score=0.0, missing=(1,))
 ALL_KINDS = (KNOWN, UNKNOWN, UNTOLD, UNANSWERED)
 
 SMOOTHED = SmoothedMessage(**KNOWN.model_dump() | {"place": 8}, lag=3)
@@ -39,6 +44,7 @@ headers = st.builds(
 )
 matches = st.builds(
     MatchMessage,
+    map=st.just(NO_DIGEST),
     place=st.integers(-1, 2**31 - 1),
     score=finite,
     missing=st.lists(st.integers(0, 2**16 - 1), max_size=4).map(tuple),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from made_matches import ALL_KINDS, KNOWN, SMOOTHED, headers, matches, stream_of
 
 from placefield.bus.messages import Header, MatchMessage
+from placefield.maps.map import NO_DIGEST
 from placefield_tools.recording.opening import recorder_of
 from placefield_tools.recording.records import Record, RecordingError, as_object, read_records
 
@@ -30,6 +31,7 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
         "stamp_ns": -1,
         "end": False,
         "smoothed": False,
+        "map": NO_DIGEST,
         "place": 7,
         "score": 1 / 3,
         "missing": (),
@@ -46,7 +48,7 @@ def test_a_recording_of_before_it_was_told_is_of_matches_that_are_not_too_fast(
     path = tmp_path / "matches.csv"
     path.write_text("stream,sequence,stamp_ns,place,score\ns,0,0,1,2\n")
     [record] = read_records(path)
-    assert record.match == MatchMessage(place=1, score=2.0)
+    assert record.match == MatchMessage(map=NO_DIGEST, place=1, score=2.0)
     assert not record.match.too_fast
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from placefield.errors import SourceError
-from placefield_tools.sources import camera, open_source
+from placefield_tools.sources import Parts, camera, open_source
 
 FRAMES = 6
 
@@ -64,7 +64,7 @@ def capture(monkeypatch):
 
 def test_a_camera_is_live_and_stamps_its_frames_on_arrival(capture):
     before = time.time_ns()
-    with open_source("/dev/video2", start=1, stride=2) as source:
+    with open_source("/dev/video2", parts=Parts(start=1, stride=2)) as source:
         assert source.live
         assert source.count is None
         arriving = iter(source)

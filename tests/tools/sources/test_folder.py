@@ -13,7 +13,7 @@ from placefield.errors import FrameError, SourceError
 from placefield.features.frames import Pose
 from placefield.features.images import decode
 from placefield.maps.geography import Origin
-from placefield_tools.sources import open_source
+from placefield_tools.sources import Parts, open_source
 from placefield_tools.sources.frames_csv import COLUMNS, read_frames_csv
 
 CELLS = st.sampled_from([*COLUMNS, "a.png", "0", "1", "-91", "1e99999", "nan", '"', "", " "])
@@ -97,7 +97,7 @@ def test_bytes_are_passed_on_as_they_lie_on_the_disk(tmp_path):
 
 def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
     fill(tmp_path, *(f"{at}.png" for at in range(10)))
-    source = open_source(str(tmp_path), start=1, stride=4)
+    source = open_source(str(tmp_path), parts=Parts(start=1, stride=4))
     frames = list(source)
     assert [frame.index for frame in frames] == [1, 5, 9]
     assert [decode(frame.image).mean() for frame in frames] == [10, 50, 90]
@@ -106,7 +106,7 @@ def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
 
 def test_without_stamps_the_rate_is_nominal(tmp_path):
     fill(tmp_path, "0.png", "1.png", "2.png", "3.png", "4.png")
-    source = open_source(str(tmp_path), stride=2)
+    source = open_source(str(tmp_path), parts=Parts(stride=2))
     assert source.origin is None
     assert [frame.stamp_ns for frame in source] == [0, 200_000_000, 400_000_000]
     assert {(frame.pose, frame.odometry_m) for frame in source} == {(None, None)}
@@ -188,7 +188,7 @@ def test_frames_csv_may_say_where_on_earth_the_frames_were_taken(tmp_path):
     (tmp_path / "frames.csv").write_text(
         "file,latitude,longitude,yaw\na.png,,,\nb.png,-27.5,153,0.25\nc.png,-27.499,153.001,1\n"
     )
-    source = open_source(str(tmp_path), start=1, stride=1)
+    source = open_source(str(tmp_path), parts=Parts(start=1, stride=1))
     poses = [frame.pose for frame in source]
     assert source.origin == Origin(-27.5, 153)
     assert poses[0] == Pose(0, 0, 0.25)
@@ -261,9 +261,9 @@ def test_an_empty_folder_is_refused(tmp_path):
 
 def test_a_start_beyond_the_end_is_refused(tmp_path):
     fill(tmp_path, "0.png", "1.png")
-    assert names(open_source(str(tmp_path), start=1)) == ["1.png"]
+    assert names(open_source(str(tmp_path), parts=Parts(start=1))) == ["1.png"]
     with pytest.raises(SourceError, match=r"--start 2.* 2 frames"):
-        open_source(str(tmp_path), start=2)
+        open_source(str(tmp_path), parts=Parts(start=2))
 
 
 def test_a_file_that_goes_away_is_a_known_error(tmp_path):

@@ -92,7 +92,7 @@ def test_images_come_as_they_were_recorded(tmp_path: Path, form: str) -> None:
     assert [frame.image for frame in frames] == IMAGES
     assert [frame.stamp_ns for frame in frames] == [stamps(index) for index in range(len(IMAGES))]
     assert [frame.name for frame in frames[:2]] == ["a.mcap#0", "a.mcap#1"]
-    chosen = list(open_source(str(tmp_path / "a.mcap"), start=1, stride=2))
+    chosen = list(open_source(str(tmp_path / "a.mcap"), parts=Parts(start=1, stride=2)))
     assert [(frame.index, frame.image) for frame in chosen] == [(1, IMAGES[1]), (3, IMAGES[3])]
 
 

@@ -42,12 +42,18 @@ def test_one_image_is_no_source(tmp_path):
 @pytest.mark.parametrize("stride", [0, -1])
 def test_a_stride_below_one_is_refused(tmp_path, stride):
     with pytest.raises(SourceError, match=f"--stride {stride}"):
-        open_source(str(tmp_path), stride=stride)
+        open_source(str(tmp_path), parts=Parts(stride=stride))
 
 
 def test_a_negative_start_is_refused(tmp_path):
     with pytest.raises(SourceError, match="--start -1"):
-        open_source(str(tmp_path), start=-1)
+        open_source(str(tmp_path), parts=Parts(start=-1))
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0, 0), (3, 3), (3, 2), (0, -1)])
+def test_a_stop_that_is_not_behind_the_start_is_refused(tmp_path, start, stop):
+    with pytest.raises(SourceError, match=f"--stop {stop}"):
+        open_source(str(tmp_path), parts=Parts(start=start, stop=stop))
 
 
 @pytest.mark.parametrize("spacing", [0, -1, float("nan"), float("inf")])

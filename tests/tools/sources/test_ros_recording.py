@@ -101,8 +101,8 @@ def pose(x: float, y: float, yaw: float = 0) -> dict[str, Any]:
     return {"position": {"x": x, "y": y}, "orientation": turn}
 
 
-def frames_of(where: str, parts: Parts = Parts(), **how: int) -> list[Frame]:  # noqa: B008
-    with open_source(where, parts=parts, **how) as source:
+def frames_of(where: str, parts: Parts = Parts()) -> list[Frame]:  # noqa: B008
+    with open_source(where, parts=parts) as source:
         frames = list(source)
         assert source.count == len(frames)
         assert [frame.index for frame in source] == [frame.index for frame in frames]
@@ -120,7 +120,7 @@ def test_compressed_images_come_as_they_were_recorded(tmp_path: Path, form: str)
     ]
     assert frames[3].name == f"{Path(where).name}#3"
     assert {frame.pose for frame in frames} == {None}
-    chosen = frames_of(where, start=1, stride=3)
+    chosen = frames_of(where, Parts(start=1, stride=3))
     assert [frame.index for frame in chosen] == [1, 4, 7]
     assert chosen[1].image == frames[4].image
 
@@ -261,7 +261,7 @@ def test_a_recording_says_what_is_to_be_installed_to_read_it(
 
 def test_a_start_beyond_the_end_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"--start 8: .*/camera/compressed holds 8 frames only"):
-        open_source(record(tmp_path / "drive", images()), start=COUNT)
+        open_source(record(tmp_path / "drive", images()), parts=Parts(start=COUNT))
 
 
 def test_a_bag_with_a_chunk_of_more_memory_than_is_allowed_is_refused(

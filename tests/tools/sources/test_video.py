@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from placefield.errors import SourceError
-from placefield_tools.sources import open_source
+from placefield.errors import FrameError, SourceError
+from placefield_tools.sources import Parts, open_source
 
 RATE = 25
 
@@ -23,6 +23,19 @@ def write_video(path, codec="MJPG", count=10):
         writer.write(np.full((48, 64, 3), brightness(index), np.uint8))
     writer.release()
     return str(path)
+
+
+NOISE = 60
+"""Frames of a video that is large enough to be damaged here and there."""
+
+
+def write_noise(path, codec):
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), RATE, (64, 48)
+    )
+    for frame in np.random.default_rng(0).integers(0, 256, (NOISE, 48, 64, 3), np.uint8):
+        writer.write(frame)
+    writer.release()
 
 
 @pytest.mark.parametrize(("name", "codec"), [("a.avi", "MJPG"), ("a.mp4", "mp4v")])
@@ -67,7 +80,7 @@ def uneven(data):
 
 
 def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
-    source = open_source(write_video(tmp_path / "a.avi"), start=2, stride=3)
+    source = open_source(write_video(tmp_path / "a.avi"), parts=Parts(start=2, stride=3))
     frames = list(source)
     assert [frame.index for frame in frames] == [2, 5, 8]
     assert [frame.stamp_ns for frame in frames] == [80_000_000, 200_000_000, 320_000_000]
@@ -76,18 +89,76 @@ def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
 
 
 def test_a_start_beyond_the_end_is_told_on_reading(tmp_path):
-    source = open_source(write_video(tmp_path / "a.avi"), start=10)
+    source = open_source(write_video(tmp_path / "a.avi"), parts=Parts(start=10))
     with pytest.raises(SourceError, match="--start 10"):
         list(source)
 
 
-def test_a_container_that_counts_wrong_does_no_harm(tmp_path):
-    whole = tmp_path / "a.avi"
-    write_video(whole)
-    cut = tmp_path / "cut.avi"
-    cut.write_bytes(whole.read_bytes()[: 9 * whole.stat().st_size // 10])
+@pytest.mark.parametrize(
+    ("parts", "numbers"),
+    [
+        (Parts(stop=4), range(4)),
+        (Parts(start=1, stop=8, stride=3), [1, 4, 7]),
+        (Parts(start=8, stop=99), [8, 9]),
+    ],
+)
+def test_a_stop_ends_the_frames_before_it(tmp_path, parts, numbers):
+    source = open_source(write_video(tmp_path / "a.avi"), parts=parts)
+    assert [frame.index for frame in source] == [*numbers]
+    assert source.count == len(numbers)
+
+
+CONTAINERS = [("a.avi", "MJPG"), ("b.avi", "mp4v"), ("a.mkv", "MJPG"), ("b.mkv", "mp4v")]
+
+
+@pytest.mark.parametrize(("name", "codec"), CONTAINERS)
+def test_what_a_video_that_was_cut_off_lacks_is_counted_and_told(tmp_path, caplog, name, codec):
+    whole = tmp_path / name
+    write_noise(whole, codec)
+    assert len(list(open_source(str(whole)))) == NOISE
+    assert not caplog.records
+    cut = tmp_path / f"cut-{name}"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     source = open_source(str(cut))
-    assert 0 < len(list(source)) < source.count
+    given = len(list(source))
+    assert 0 < given < NOISE
+    assert source.not_given["missing"] == NOISE - given
+    assert f"{cut}: {given} frames came and {NOISE - given} did not" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [*CONTAINERS, ("a.mp4", "mp4v"), ("b.mp4", "MJPG"), ("c.webm", "VP80")]
+)
+def test_frames_behind_damage_in_a_video_come_and_none_goes_without_a_word(tmp_path, name, codec):
+    whole, damaged = tmp_path / name, tmp_path / f"damaged-{name}"
+    write_noise(whole, codec)
+    data = bytearray(whole.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 6000] = bytes(6000)
+    damaged.write_bytes(data)
+    source = open_source(str(damaged))
+    frames = list(source)
+    bad = [frame for frame in frames if frame.fault]
+    assert len(frames) + source.not_given["missing"] == NOISE
+    assert bad or source.not_given["missing"]
+    *_, last = open_source(str(whole))
+    np.testing.assert_array_equal(frames[-1].image, last.image)
+    stamps = [frame.stamp_ns for frame in frames]
+    assert stamps == sorted(stamps)
+    for frame in bad:
+        assert frame.image == b""
+        with pytest.raises(FrameError, match="does not decode"):
+            frame.pixels()
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.mkv", "a.mp4"])
+def test_a_whole_video_is_missing_nothing_whatever_part_of_it_is_taken(tmp_path, caplog, name):
+    video = write_video(tmp_path / name, "MJPG")
+    for parts in (Parts(), Parts(start=3, stride=4), Parts(stop=2)):
+        source = open_source(video, parts=parts)
+        assert list(source)
+        assert source.not_given["missing"] == 0
+    assert not caplog.records
 
 
 def test_frames_without_a_container_have_no_count(tmp_path):

@@ -112,7 +112,7 @@ def _frames_per_s(chain: Chain, bus: Bus, query: Path) -> float:
     config = Config(bus=BusConfig(endpoint=chain.endpoint))
     with open_source(str(query)) as source:
         start = time.perf_counter()
-        sent = replay(source, bus, config, threading.Event())
+        sent = replay(source, bus, config, threading.Event()).sent
         return sent / (time.perf_counter() - start)
 
 

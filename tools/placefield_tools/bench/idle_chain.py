@@ -19,6 +19,7 @@ from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import MatchMessage, Message
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
+from placefield.maps.map import NO_DIGEST
 from placefield_services.host import run_host
 from placefield_services.process import ServiceProcess, stop_event
 
@@ -120,7 +121,7 @@ def _channels(shape: Shape, channels: tuple[int, ...], bus: Bus, stop: threading
 
 def _fuser(shape: Shape, bus: Bus, stop: threading.Event) -> None:
     matches, acks = bus.publisher(_KEYS.match), bus.publisher(_KEYS.ack)
-    match = MatchMessage(place=0, score=0.0, probability=1.0, known=True)
+    match = MatchMessage(map=NO_DIGEST, place=0, score=0.0, probability=1.0, known=True)
     come: Counter[tuple[str, int]] = Counter()
 
     def handle(received: Received) -> None:

@@ -55,18 +55,22 @@ def disturbed_replay(
     Raises:
         BusError: the services do not start.
     """
-    recognizer = Recognizer(open_map(map_path), config.matching)
+    placemap = open_map(map_path)
+    recognizer = Recognizer(placemap, config.matching)
     undisturbed = [
         recognizer.push(frame.image, frame.odometry_m) for frame in looped(source, frames)
     ]
     bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
     config = config.model_copy(update={"bus": bus_config})
-    with _services(map_path, channels, config, clock) as children, open_bus(config.bus) as bus:
+    with (
+        _services(map_path, placemap.digest, channels, config, clock) as children,
+        open_bus(config.bus) as bus,
+    ):
         _await_ready(bus, Keys(config.run), channels, clock)
         mischief = Mischief(children, bus, Keys(config.run))
         disturbing = Disturbing(source, frames, faults, mischief.begin, mischief.end, clock)
         with open_bus(config.bus) as apart, _listening(apart, config, clock) as answers:
-            sent = replay(disturbing, bus, config, threading.Event(), rate=rate)
+            sent = replay(disturbing, bus, config, threading.Event(), rate=rate).sent
     return judge(undisturbed, answers, disturbing.happened, sent)
 
 
@@ -102,30 +106,36 @@ def _listening(bus: Bus, config: Config, clock: Clock) -> Iterator[dict[int, Ans
 
 @contextmanager
 def _services(
-    map_path: Path, channels: Sequence[Sequence[int]], config: Config, clock: Clock
+    map_path: Path,
+    digest: str,
+    channels: Sequence[Sequence[int]],
+    config: Config,
+    clock: Clock,
 ) -> Iterator[Children]:
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         file.write_text(config.to_toml())
-        with Children(_commands(map_path, channels, file), clock) as children:
+        with Children(_commands(map_path, digest, channels, file), clock) as children:
             yield children
 
 
 def _commands(
-    map_path: Path, channels: Sequence[Sequence[int]], config: Path
+    map_path: Path, digest: str, channels: Sequence[Sequence[int]], config: Path
 ) -> Mapping[str, Sequence[str]]:
+    the_map = (map_path, "--digest", digest)
+
     def command(service: str, *own: object) -> list[str]:
         flags = [*map(str, own), "--config", str(config)]
         return [sys.executable, "-m", "placefield_tools", service, *flags]
 
     workers = {
-        f"channel {number}": command("channel", map_path, *(f"--channel={each}" for each in own))
+        f"channel {number}": command("channel", *the_map, *(f"--channel={each}" for each in own))
         for number, own in enumerate(channels)
     }
     return {
         "router": command("router"),
-        "featurizer": command("featurizer", map_path),
-        "fuser": command("fuser", map_path),
+        "featurizer": command("featurizer", *the_map),
+        "fuser": command("fuser", *the_map),
     } | workers
 
 

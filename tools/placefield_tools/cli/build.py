@@ -25,6 +25,10 @@ def _build(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="a map of this name that is there already")
     ] = False,
+    start: options.Start = 0,
+    stop: options.Stop = None,
+    stride: options.Stride = 1,
+    leave_out_bad: options.LeaveOutBad = False,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -44,7 +48,8 @@ def _build(
     """Build a map from one or more traverses of a route.
 
     The places are the first traverse's frames, and --poses theirs; the metric and the PCA learn
-    from all.
+    from all. --start, --stop and --stride are of each traverse; with --leave-out-bad a frame that
+    cannot be read in one is left out of all.
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
@@ -74,8 +79,10 @@ def _build(
             f"{output}: a map is there already, which services may be using; choose another name, "
             "or give --overwrite"
         )
-    parts = Parts(topic, odometry_topic, poses)
-    built = build_from(references, effective, spacing_m=spacing, parts=parts)
+    parts = Parts(topic, odometry_topic, poses, start, stop, stride)
+    built = build_from(
+        references, effective, spacing_m=spacing, parts=parts, leave_out_bad=leave_out_bad
+    )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")

@@ -1,6 +1,7 @@
 """``placefield listen``: matches as they come."""
 
 import json
+import logging
 from typing import Annotated
 
 import typer
@@ -9,6 +10,8 @@ from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield_tools.cli import options
 from placefield_tools.recording.records import as_object
+
+log = logging.getLogger(__name__)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -33,10 +36,12 @@ def _listen(
       placefield listen --run rear --json
     """
     from placefield.bus.keys import Keys
+    from placefield.bus.refusing import count_refused
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError
     from placefield_services.process import stop_event
     from placefield_tools.listening import MatchQueue, warn_of_other_runs
+    from placefield_tools.natural import counted
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
@@ -50,10 +55,13 @@ def _listen(
             try:
                 taken = matches.take(0.1)
             except MessageError as error:
+                count_refused(matches.counts, error)
                 bus.log_dropped("match", error)
                 continue
             if taken is not None:
                 print((_as_json if as_json else _as_line)(*taken), flush=True)
+    if others := matches.counts["other_map"]:
+        log.warning("%s of another map refused", counted(others, "message"))
 
 
 def _as_line(header: Header, match: MatchMessage | None) -> str:

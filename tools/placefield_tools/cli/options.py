@@ -75,6 +75,14 @@ MetricsPort = Annotated[
         show_default="none",
     ),
 ]
+Digest = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DIGITS",
+        help="serve no other map than this: first 16 of sha256sum MAP/manifest.json",
+        show_default="any",
+    ),
+]
 LogJson = Annotated[
     bool,
     typer.Option(
@@ -200,6 +208,18 @@ Spacing = Annotated[
         metavar="METRES",
         help="take a frame every so many metres, by odometry",
         show_default="every frame",
+    ),
+]
+Start = Annotated[int, typer.Option("--start", metavar="N", help="the first frame, from 0")]
+Stop = Annotated[
+    int | None,
+    typer.Option("--stop", metavar="N", help="the frame to end before", show_default="the end"),
+]
+Stride = Annotated[int, typer.Option("--stride", metavar="N", help="take every N-th frame")]
+LeaveOutBad = Annotated[
+    bool,
+    typer.Option(
+        "--leave-out-bad", help="build without frames that cannot be read, or did not come"
     ),
 ]
 Topic = Annotated[

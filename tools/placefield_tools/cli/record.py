@@ -51,7 +51,7 @@ def _record(
       placefield record drive.jsonl
       placefield record drive.mcap --frames
     """
-    from placefield.maps.manifest import read_manifest
+    from placefield.maps.manifest import read_identified
     from placefield_services.process import stop_event
     from placefield_tools.recording.earth import origin_of
     from placefield_tools.recording.opening import recorder_of
@@ -60,15 +60,17 @@ def _record(
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
-    origin = None
+    origin = digest = None
     if map_path:
-        origin = origin_of(read_manifest(map_path).pose_frame, map_path, "leave --map out")
+        manifest, digest = read_identified(map_path)
+        origin = origin_of(manifest.pose_frame, map_path, "leave --map out")
     into = recorder_of(file, origin=origin, frames=frames)
     counts = record(
         effective,
         into,
         stop_event(),
         frames=frames,
+        digest=digest,
         ready=lambda: print(f"recording run {effective.run!r} into {file}", flush=True),
     )
     _report(file, counts, frames=frames)

@@ -1,5 +1,6 @@
 """``placefield replay``: a source of frames onto the bus."""
 
+from collections import Counter
 from typing import Annotated
 
 import typer
@@ -28,8 +29,9 @@ def _replay(
         ),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
-    start: Annotated[int, typer.Option(help="first frame")] = 0,
-    stride: Annotated[int, typer.Option(help="take every n-th frame")] = 1,
+    start: options.Start = 0,
+    stop: options.Stop = None,
+    stride: options.Stride = 1,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -54,27 +56,31 @@ def _replay(
     """
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
+    from placefield.errors import SourceError
     from placefield_services.process import stop_event
     from placefield_tools.odometry import Odometry
     from placefield_tools.replaying import replay
     from placefield_tools.sources import Parts, open_source
+    from placefield_tools.sources.secrets import without_secrets
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
     keys = Keys(effective.run)
-    stop = stop_event()
+    stopped = stop_event()
     odometry = Odometry()
     opened = open_source(
         source,
-        start=start,
-        stride=stride,
         spacing_m=spacing,
         metres=odometry.metres,
-        parts=Parts(topic, odometry_topic, poses),
-        stop=stop,
+        parts=Parts(topic, odometry_topic, poses, start, stop, stride),
+        stop=stopped,
     )
-    with opened as frames, open_bus(effective.bus, stop) as bus:
+    with opened as frames, open_bus(effective.bus, stopped) as bus:
         odometry.listen(bus, keys)
-        sent = replay(frames, bus, effective, stop, rate=rate, loop=loop and not frames.live)
-    print(f"{sent} frames replayed")
+        replayed = replay(frames, bus, effective, stopped, rate=rate, loop=loop and not frames.live)
+    counts = Counter(replayed.unseen) + frames.not_given
+    faults = ", ".join(f"{count} {what}" for what, count in counts.items())
+    print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
+    if 0 < replayed.sent == counts["unreadable"]:
+        raise SourceError(f"{without_secrets(source)}: no frame of it could be read; mend them")

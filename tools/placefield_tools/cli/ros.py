@@ -26,6 +26,7 @@ def _ros(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     metrics_port: options.MetricsPort = None,
+    digest: options.Digest = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -57,5 +58,6 @@ def _ros(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
     topics = Topics(domain, topic, odometry, spacing)
-    run_ros(open_map(map_path, channels=()), topics, effective, stop_of_service())
+    placemap = open_map(map_path, channels=(), digest=digest)
+    run_ros(placemap, topics, effective, stop_of_service())
     leave()

@@ -23,6 +23,7 @@ def _featurizer(
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     metrics_port: options.MetricsPort = None,
+    digest: options.Digest = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -46,7 +47,8 @@ def _featurizer(
         bus__credentials=credentials,
         monitoring__port=metrics_port,
     )
-    run_featurizer(open_map(map_path, channels=()), effective, stop_of_service())
+    placemap = open_map(map_path, channels=(), digest=digest)
+    run_featurizer(placemap, effective, stop_of_service())
     leave()
 
 
@@ -68,6 +70,7 @@ def _channel(
     rule: options.RuleOption = None,
     exact: options.Exact = None,
     metrics_port: options.MetricsPort = None,
+    digest: options.Digest = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -96,7 +99,7 @@ def _channel(
         matching__exact=exact,
     )
     number, shards = _shard(shard)
-    placemap = open_map(map_path, channels=channel)
+    placemap = open_map(map_path, channels=channel, digest=digest)
     run_channels(placemap, channel, effective, stop_of_service(), shard=number, shards=shards)
     leave()
 
@@ -125,6 +128,7 @@ def _fuser(
         ),
     ] = None,
     metrics_port: options.MetricsPort = None,
+    digest: options.Digest = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -152,5 +156,5 @@ def _fuser(
         matching__precision=precision,
         fusion__deadline_s=deadline,
     )
-    run_fuser(open_map(map_path, channels=()), effective, stop_of_service())
+    run_fuser(open_map(map_path, channels=(), digest=digest), effective, stop_of_service())
     leave()

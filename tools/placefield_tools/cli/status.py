@@ -56,7 +56,7 @@ def _status(
     from placefield.errors import BusError, ConfigError
     from placefield_services.process import stop_event
     from placefield_tools.listening import warn_of_other_runs
-    from placefield_tools.overhearing import RunListener
+    from placefield_tools.overhearing import RunListener, RunsListener
     from placefield_tools.standing import other_runs
 
     if watch and json_:
@@ -67,6 +67,7 @@ def _status(
     name = effective.run
     stop = stop_event() if watch else None
     with open_bus(effective.bus, stop) as bus:
+        runs = RunsListener(bus)  # a router that is busy may be late with one answer
         listener = RunListener(bus, Keys(name), lambda key, error: None)
         bus.subscribe(Keys(name).feature, listener.announce, Counter())
         if stop:
@@ -75,7 +76,7 @@ def _status(
             return
         time.sleep(_LISTEN_S)
         standing = listener.standing()
-        others = other_runs(name, bus.runs())
+        others = None if standing.services else other_runs(name, runs.runs | bus.runs())
     if json_:
         print(json.dumps({"run": name, **asdict(standing)}))
     else:

@@ -79,7 +79,7 @@ def _up(
     """
     from placefield.config import MonitoringConfig
     from placefield.errors import ConfigError
-    from placefield.maps.manifest import read_manifest
+    from placefield.maps.manifest import read_identified
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.parallel import cores
@@ -103,7 +103,7 @@ def _up(
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
     options.check_preset(effective, map_path)
-    manifest = read_manifest(map_path)
+    manifest, digest = read_identified(map_path)
     manifest.features.check_rule(effective.matching.rule)
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
@@ -128,10 +128,11 @@ def _up(
             deal([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
             _credentials_beside(effective.bus.credentials),
+            digest,
         )
         if ros is not None:
             commands["gateway to ROS 2"] = _ros_command(
-                common, ros, ros_odometry, ros_spacing, ros_domain
+                common, ros, ros_odometry, ros_spacing, ros_domain, digest
             )
         run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
 
@@ -171,15 +172,19 @@ def _commands(
     channels: Sequence[Sequence[int]],
     runs: Sequence[Sequence[str]],
     credentials: Mapping[str, Path],
+    digest: str,
 ) -> dict[str, list[str]]:
     """Return the command lines of the services, by a name for each.
 
     There is a worker for each lot of channels, a featurizer and a fuser for each lot of runs, and
-    one map server. The credentials are by command; none where there are none.
+    one map server. The credentials are by command; none where there are none. What
+    is started again refuses a map of another digest: somebody has built it anew meanwhile.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
         flags = [part for value in own for part in (flag, str(value))]
+        if service != "serve":  # that one offers whatever is there
+            flags += ["--digest", digest]
         if service in credentials:
             flags += ["--credentials", str(credentials[service])]
         return [*_PLACEFIELD, service, *common, *flags]
@@ -195,9 +200,14 @@ def _commands(
 
 
 def _ros_command(
-    common: Sequence[str], topic: str, odometry: str | None, spacing_m: float | None, domain: int
+    common: Sequence[str],
+    topic: str,
+    odometry: str | None,
+    spacing_m: float | None,
+    domain: int,
+    digest: str,
 ) -> list[str]:
-    flags = ["--topic", topic, "--domain", str(domain)]
+    flags = ["--topic", topic, "--domain", str(domain), "--digest", digest]
     if odometry is not None:
         flags += ["--odometry", odometry]
     if spacing_m is not None:

@@ -59,7 +59,7 @@ class Feed:
         self._state = state
         self._newest = Newest()
         self._matches: list[Received] = []
-        self._listener = RunListener(bus, keys, self._count_malformed)
+        self._listener = RunListener(bus, keys, self._count_malformed, state.digest)
         self._match_key = keys.match
         self._take = {
             keys.frame: state.take_frame,

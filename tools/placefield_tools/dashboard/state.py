@@ -80,8 +80,8 @@ _Key = tuple[str, int]  # stream and sequence
 class LiveState:
     """The newest answers of a run; bounded, however fast they come.
 
-    Counts answers that were ``missed`` between two of a stream that drops none, and descriptors and
-    candidates that are ``foreign``: of another map than this one.
+    Counts answers that were ``missed`` between two of a stream that drops none, and messages that
+    are ``foreign``: of another map than this one. They are not shown.
     """
 
     def __init__(self, placemap: Map) -> None:
@@ -92,6 +92,8 @@ class LiveState:
         self.smoothed: tuple[Header, SmoothedMessage] | None = None
         """The newest smoothed match, of the stream that was smoothed last."""
         self.columns = DistanceColumns(placemap)
+        self.digest = placemap.digest
+        """Which map is shown."""
         self._model = fingerprint(placemap.model)
         self._descriptors = placemap.model
         self._places = placemap.places.count
@@ -140,6 +142,8 @@ class LiveState:
         if header.end:
             return
         message = CandidatesMessage.decode(payload)
+        if self._is_foreign(message.map):
+            return
         under_way = self._of(header)
         if under_way.shards is None or under_way.rule != message.rule:
             under_way.rule, under_way.shards = message.rule, ShardJoiner(message.rule)
@@ -150,6 +154,12 @@ class LiveState:
             )
             if joined is not None:
                 under_way.candidates[told.channel] = thinned(joined, message.rule)
+
+    def _is_foreign(self, digest: str) -> bool:
+        if digest == self.digest:
+            return False
+        self.counts["foreign"] += 1
+        return True
 
     def _check(self, told: ChannelCandidate, rule: Rule) -> None:
         if rule == "filter" and len(told.places) != len(told.evidence):
@@ -167,6 +177,8 @@ class LiveState:
             self.ended = header
             return
         match = MatchMessage.decode(payload)
+        if self._is_foreign(match.map):
+            return
         last = self.answers[-1] if self.answers else None
         if last is not None and last.header.stream == header.stream:
             ahead = header.sequence - last.header.sequence - 1
@@ -188,6 +200,8 @@ class LiveState:
         if header.end:
             return
         smoothed = SmoothedMessage.decode(payload)
+        if self._is_foreign(smoothed.map):
+            return
         last = self.smoothed[0] if self.smoothed else None
         if last is None or last.stream != header.stream or last.sequence < header.sequence:
             self.smoothed = header, smoothed

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import MapError
-from placefield.maps.map import Map
+from placefield.maps.map import NO_DIGEST, Map
 from placefield_tools.recording.earth import origin_of
 from placefield_tools.recording.records import Record, RecordingError
 
@@ -70,6 +70,11 @@ def localise(
     matches = []
     for record in records:
         match = record.match
+        if match.map not in (NO_DIGEST, placemap.digest):
+            raise MapError(
+                f"{map_path}: is the map {placemap.digest}, and the recording is of {match.map}; "
+                "give the map that was matched against"
+            )
         if match.place < 0 or not (match.known or unknown):
             continue
         pose = places.pose(match.place) if match.place < places.count else None

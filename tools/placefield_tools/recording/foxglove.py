@@ -51,6 +51,7 @@ MATCH = _object(
         "sequence": _NUMBER,
         "stamp_ns": _NUMBER,
         "end": _BOOLEAN,
+        "map": _STRING,
         "smoothed": _BOOLEAN,
         "place": _NUMBER,
         "score": _NUMBER,

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, ExitStack
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, SmoothedMessage
+from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
@@ -27,6 +28,7 @@ def record(
     stop: threading.Event,
     *,
     frames: bool = False,
+    digest: str | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> Counter[str]:
     """Record the matches of a run from now on, of all its streams, until ``stop`` is set.
@@ -38,6 +40,7 @@ def record(
         into: the recorder; entered once the bus is open.
         stop: ends it.
         frames: whether the query frames are recorded, too.
+        digest: of the map that matches have to be of; None: that of the first of each stream.
         ready: called when nothing that comes is missed any more.
 
     Returns:
@@ -51,7 +54,7 @@ def record(
         with open_bus(config.bus, stop, watches=True) as bus:
             warn_of_other_runs(bus, config.run)
             recorder = stack.enter_context(into)
-            recording = Recording(bus, Keys(config.run), recorder, frames=frames)
+            recording = Recording(bus, Keys(config.run), recorder, frames=frames, digest=digest)
             ready()
             while not stop.is_set():
                 recording.take(_POLL_S)
@@ -66,7 +69,15 @@ class Recording:
     A picture is written when its frame comes, which is before its match does.
     """
 
-    def __init__(self, bus: Bus, keys: Keys, recorder: Recorder, *, frames: bool) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        recorder: Recorder,
+        *,
+        frames: bool,
+        digest: str | None = None,
+    ) -> None:
         self._bus, self._keys, self._recorder = bus, keys, recorder
         self._written: Counter[str] = Counter()
         self._frame_counts: Counter[str] = Counter()
@@ -74,7 +85,7 @@ class Recording:
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
         if frames:  # first: a match has its frame, then
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
-        self._matches = MatchQueue(bus, keys, smoothed=True)
+        self._matches = MatchQueue(bus, keys, smoothed=True, digest=digest)
 
     @property
     def counts(self) -> Counter[str]:
@@ -83,6 +94,7 @@ class Recording:
         lost = {
             "lost matches": self._matches.counts["gaps"],
             "malformed matches": self._matches.counts["malformed"],
+            "matches of another map": self._matches.counts["other_map"],
             "matches of a stream that was left": self._matches.counts["stale"],
             "lost frames": max(0, self._frame_counts["gaps"] - too_late),  # which are gaps, too
             "frames too late for a picture": too_late,
@@ -106,7 +118,7 @@ class Recording:
         try:
             taken = self._matches.take(timeout)
         except MessageError as error:
-            self._matches.counts["malformed"] += 1
+            count_refused(self._matches.counts, error)
             self._bus.log_dropped(self._keys.match, error)
             return True
         if taken is not None:

@@ -12,12 +12,24 @@ from pydantic import ValidationError
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import PlacefieldError
+from placefield.maps.map import NO_DIGEST
 
 log = logging.getLogger(__name__)
 
 _HEADER = ("stream", "sequence", "stamp_ns")
 _POSE = ("x", "y", "yaw")
-COLUMNS = (*_HEADER, "place", "score", "probability", "known", "too_fast", *_POSE, "missing", "lag")
+COLUMNS = (
+    *_HEADER,
+    "place",
+    "score",
+    "probability",
+    "known",
+    "too_fast",
+    *_POSE,
+    "missing",
+    "lag",
+    "map",
+)
 """Of a CSV file; a smoothed match has a lag."""
 
 
@@ -47,7 +59,7 @@ def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     channels.
     """
     row = {name: getattr(header, name) for name in _HEADER}
-    row |= match.model_dump(include={"place", "score", "probability"})
+    row |= match.model_dump(include={"place", "score", "probability", "map"})
     row["known"] = "" if match.known is None else str(match.known).lower()
     row["too_fast"] = str(match.too_fast).lower()
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)
@@ -126,6 +138,7 @@ def _record(fields: dict[str, Any]) -> Record | None:
     if header.end:
         return None
     fields.pop("smoothed", None)
+    fields.setdefault("map", NO_DIGEST)  # it was not told at first
     kind = SmoothedMessage if "lag" in fields else MatchMessage
     return Record(header, kind.model_validate(fields, strict=False))
 

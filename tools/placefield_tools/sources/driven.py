@@ -1,5 +1,6 @@
 """A source's frames in the order in which another drive would have taken them."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -59,6 +60,7 @@ class Driven(Source):
         """
         self._query = _held(query)
         self._other = [] if other is None else _held(other)
+        self.not_given = query.not_given + (Counter() if other is None else other.not_given)
         self.undriven_count = len(self._query)
         self.drive: Drive = drive_of(
             protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every

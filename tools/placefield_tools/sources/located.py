@@ -10,12 +10,12 @@ from placefield.errors import SourceError
 from placefield.features.frames import Frame, Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Derived, Source
 
 log = logging.getLogger(__name__)
 
 
-class Located(Source):
+class Located(Derived):
     """The frames from the trajectory's first pose to its last, each with its pose.
 
     A recorder's topics do not begin at one instant, and a SLAM's trajectory begins where it finds
@@ -45,9 +45,9 @@ class Located(Source):
             key: the instant of a frame in the trajectory.
             origin: of the trajectory.
         """
+        super().__init__(source)
         self.count = source.count
         self.origin = origin
-        self._source = source
         self._trajectory = trajectory
         self._name = name
         self._key = key
@@ -67,6 +67,7 @@ class Located(Source):
                 f"{self._name}: none of the {left_out} frames was taken between its first pose and "
                 "its last; do their stamps come from one clock?"
             )
+        self.not_given["left out"] = left_out
         if left_out:
             log.warning(
                 "%s: %d of %d frames were taken before its first pose or after its last: left out",
@@ -81,7 +82,3 @@ class Located(Source):
             return replace(frame, pose=None)
         odometry_m = metres if frame.odometry_m is None else frame.odometry_m
         return replace(frame, pose=Pose(x, y, yaw), odometry_m=odometry_m)
-
-    def close(self) -> None:
-        """Give back what the source holds."""
-        self._source.close()

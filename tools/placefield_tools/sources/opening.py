@@ -15,7 +15,7 @@ from placefield_tools.sources.located import Located
 from placefield_tools.sources.metered import Metered
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.secrets import without_secrets
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
 
@@ -37,11 +37,17 @@ class Parts:
         topic: of images in a recording; None: the only one.
         odometry_topic: of poses in a recording, ``none`` for none; None: the only one, if it is.
         poses: a file of the frames' poses; None: those that the source has itself.
+        start: the first frame.
+        stop: the frame before which it ends; None: at its end.
+        stride: from one frame to the next.
     """
 
     topic: str | None = None
     odometry_topic: str | None = None
     poses: Path | None = None
+    start: int = 0
+    stop: int | None = None
+    stride: int = 1
 
 
 NO_PARTS = Parts()
@@ -50,8 +56,6 @@ NO_PARTS = Parts()
 def open_source(
     where: str,
     *,
-    start: int = 0,
-    stride: int = 1,
     spacing_m: float | None = None,
     metres: Callable[[], float | None] | None = None,
     parts: Parts = NO_PARTS,
@@ -62,19 +66,22 @@ def open_source(
     A recording is a bag of ROS or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or of
     the network ``rtsp://…`` or ``http://…``.
 
-    The source gives the frames ``start``, ``start + stride``, …, and of these, if asked to, only
-    one every ``spacing_m`` metres (see ``Spaced``). The odometry of a camera's frames is what
+    The source gives the frames that ``parts`` says, and of these, if asked to, only one every
+    ``spacing_m`` metres (see ``Spaced``). The odometry of a camera's frames is what
     ``metres`` tells, None where that is no news. ``stop`` ends the frames; a camera that is away is
     waited for until then.
 
     Raises:
-        SourceError: nothing of the kind is there, it cannot be read, or ``start``, ``stride``,
-            ``spacing_m`` or ``parts`` does not fit. A video tells only when it is read that it ends
-            before ``start``: its container's count may be wrong.
+        SourceError: nothing of the kind is there, it cannot be read, or ``spacing_m`` or ``parts``
+            does not fit. A video tells only when it is read that it ends before ``start``: its
+            container's count may be wrong.
         ConfigError: what reads it is not installed.
     """
+    start, stride = parts.start, parts.stride
     if start < 0:
         raise SourceError(f"--start {start}: must be 0 or more")
+    if parts.stop is not None and parts.stop <= start:
+        raise SourceError(f"--stop {parts.stop}: must be more than --start, which is {start}")
     if stride < 1:
         raise SourceError(f"--stride {stride}: must be 1 or more")
     if spacing_m is not None:
@@ -86,6 +93,8 @@ def open_source(
         raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
     if parts.poses is not None:
         source = _located(source, where, parts.poses, start, stride)
+    if parts.stop is not None:
+        source = Ended(source, start, parts.stop, stride)
     if source.live and metres is not None:
         source = Metered(source, metres)
     return source if spacing_m is None else Spaced(source, spacing_m)

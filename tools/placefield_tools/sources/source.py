@@ -2,7 +2,9 @@
 
 import threading
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from itertools import takewhile
 from types import TracebackType
 from typing import Self, TypeVar
@@ -21,6 +23,10 @@ class Source(ABC):
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
     unknown.
 
+    A frame that cannot be read is given all the same, with its ``fault``. ``not_given`` counts the
+    others, when it has been iterated to its end: those ``missing``, which it has promised and not
+    found, and those ``left out``, which have no place.
+
     A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
     and spacing leave out too. A source that is not live can be iterated again, with the same
     frames.
@@ -29,6 +35,11 @@ class Source(ABC):
     live: bool = False
     count: int | None
     origin: Origin | None = None
+
+    @cached_property
+    def not_given(self) -> Counter[str]:
+        """How many frames it has not given, by what is the matter with them."""
+        return Counter()
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -47,6 +58,36 @@ class Source(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+class Derived(Source):
+    """Root of sources that change, or leave out, frames of another."""
+
+    def __init__(self, source: Source) -> None:
+        """Take the other, which is given back with this one."""
+        self._source = source
+        self.live = source.live
+        self.origin = source.origin
+        self.not_given = source.not_given
+
+    def close(self) -> None:
+        """Give back what the source holds."""
+        self._source.close()
+
+
+class Ended(Derived):
+    """The frames of a source up to one."""
+
+    def __init__(self, source: Source, start: int, stop: int, stride: int) -> None:
+        """Take a source of frames ``start``, ``start + stride``, …; give those before ``stop``."""
+        super().__init__(source)
+        self._stop = stop
+        most = len(range(start, stop, stride))
+        self.count = most if source.count is None else min(most, source.count)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames."""
+        return takewhile(lambda frame: frame.index < self._stop, self._source)
 
 
 def until(stop: threading.Event | None, items: Iterable[T]) -> Iterator[T]:

@@ -7,19 +7,17 @@ from placefield.features.frames import Frame
 from placefield.features.spacing import Spacing
 from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.located import Located
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.source import Derived, Source
 
 
-class Spaced(Source):
+class Spaced(Derived):
     """The frames of a source that a ``Spacing`` takes."""
 
     count = None
 
     def __init__(self, source: Source, metres: float) -> None:
-        self._source = source
+        super().__init__(source)
         self._metres = metres
-        self.live = source.live
-        self.origin = source.origin
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; raise SourceError at one that has no odometry.
@@ -42,7 +40,3 @@ class Spaced(Source):
         if isinstance(self._source, Located):
             return f"give poses that are at most {MAX_GAP_NS / 1e9:g} s apart there"
         return "give a frames.csv with the column odometry, --odometry-topic or --poses"
-
-    def close(self) -> None:
-        """Give back what the source holds."""
-        self._source.close()

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from placefield.baselines.fabmap import Vocabulary, learn_words
 from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
-from placefield.errors import FrameError
+from placefield.errors import FrameError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame
-from placefield.features.images import decode, grey
+from placefield.features.images import grey
 from placefield.maps.traverse import DescribedFrame, Traverse, describe_frame, traverse_of
 from placefield_tools.evaluating import RawFeature, describe_query
 from placefield_tools.parallel import map_in_order
@@ -22,8 +22,6 @@ WORDS = 2000
 """Of FAB-MAP's vocabulary."""
 
 Array = NDArray[np.float32]
-Image = bytes | NDArray[np.uint8]
-
 _Look = tuple[Array, NDArray[np.bool_]]
 """A frame's image for SeqSLAM and words for FAB-MAP."""
 
@@ -58,7 +56,7 @@ def learn_vocabulary(source: Source, seed: int) -> Vocabulary:
         MapError: no frame has a keypoint.
     """
     with tracked(source, "learning words", source.count) as frames:
-        images = map_in_order(lambda frame: _grey_or_none(frame.image), frames)
+        images = map_in_order(_grey_or_none, frames)
         return learn_words((image for image in images if image is not None), WORDS, seed)
 
 
@@ -73,7 +71,10 @@ def describe_reference(
     """
 
     def describe(frame: Frame) -> tuple[DescribedFrame, _Look]:
-        return describe_frame(frame, feature), _look(frame.image, vocabulary)
+        try:
+            return describe_frame(frame, feature), _look(frame.pixels(), vocabulary)
+        except FrameError as error:
+            raise SourceError(f"{error}; a study's reference needs every frame") from None
 
     with tracked(source, f"describing {Path(name).name}", source.count) as frames:
         both = list(map_in_order(describe, frames))
@@ -90,8 +91,8 @@ def describe_query_frames(
         SourceError: it is live or has no frame that can be read.
     """
 
-    def describe(image: Image) -> tuple[Array, _Look]:
-        return feature.describe(image), _look(image, vocabulary)
+    def describe(pixels: NDArray[np.uint8]) -> tuple[Array, _Look]:
+        return feature.describe(pixels), _look(pixels, vocabulary)
 
     unseen = (None, _unseen(vocabulary))
     described, readings = describe_query(source, describe)
@@ -104,10 +105,10 @@ def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:
     return Described(raws, np.stack(images), np.stack(words))
 
 
-def _look(image: Image, vocabulary: Vocabulary | None) -> _Look:
-    pixels = _grey(image)
-    small = seqslam_image(pixels)
-    return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(pixels))
+def _look(pixels: NDArray[np.uint8], vocabulary: Vocabulary | None) -> _Look:
+    shades = grey(pixels)
+    small = seqslam_image(shades)
+    return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(shades))
 
 
 def _unseen(vocabulary: Vocabulary | None) -> _Look:
@@ -115,15 +116,11 @@ def _unseen(vocabulary: Vocabulary | None) -> _Look:
     return np.zeros((HEIGHT, WIDTH), np.float32), np.zeros(words, np.bool_)
 
 
-def _grey_or_none(image: Image) -> NDArray[np.uint8] | None:
+def _grey_or_none(frame: Frame) -> NDArray[np.uint8] | None:
     try:
-        return _rounded(_grey(image))
+        return _rounded(grey(frame.pixels()))
     except FrameError:
         return None
-
-
-def _grey(image: Image) -> Array:
-    return grey(decode(image) if isinstance(image, bytes) else image)
 
 
 def _rounded(pixels: Array) -> NDArray[np.uint8]:

@@ -1,0 +1,42 @@
+"""How many frames of a video did not come, by what its container says and by their stamps."""
+
+_EVEN_SHARE = 0.9
+_ROUNDING_NS = 1_500_000  # containers keep milliseconds
+
+
+class Completeness:
+    """Notes the frames of a video that come, and says how many have not.
+
+    AVI, and MP4 and its kin, count their frames. Of other containers the count is an estimate, by
+    how long they last, sound and all; there a gap tells in frames that else come evenly, and an end
+    that comes more than a second, and a tenth, too early.
+    """
+
+    def __init__(self, head: bytes, total: int, rate: float) -> None:
+        """Take the file's first 12 bytes, and the container's count and frames per second."""
+        self._is_counted = head[4:8] == b"ftyp" or (head[:4], head[8:]) == (b"RIFF", b"AVI ")
+        self.total = total
+        self._rate = rate if rate > 0 else 1.0
+        self._stamp_ns: int | None = None
+        self._steps = self._even = self._skipped = 0
+
+    def note(self, stamp_ns: int) -> None:
+        """Note the next frame that came."""
+        if self._stamp_ns is not None:
+            step_ns, even_ns = stamp_ns - self._stamp_ns, 1e9 / self._rate
+            turns = max(1, round(step_ns / even_ns))
+            self._steps += 1
+            self._even += abs(step_ns - turns * even_ns) <= _ROUNDING_NS and turns == 1
+            self._skipped += turns - 1
+        self._stamp_ns = stamp_ns
+
+    def missing(self, given: int) -> int:
+        """Return how many did not come, of whom ``given`` came or kept their turn."""
+        behind = max(0, self.total - given)
+        if self._is_counted:
+            return behind
+        is_even = self._steps > 0 and self._even >= _EVEN_SHARE * self._steps
+        skipped = self._skipped if is_even else 0
+        cut_off = behind - skipped
+        is_cut_off = cut_off > max(self._rate, self.total / 10)
+        return skipped + (cut_off if is_cut_off else 0)
