@@ -63,9 +63,14 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
             )
         featurizer = Featurizer(placemap.model, outlets, process.counts)
         featurizer.rehearse()
+
+        def handle(received: Received) -> None:
+            placemap.check_unchanged()  # what it is described by is mapped from there
+            featurizer.handle(received)
+
         with process.sole():
             # Frames share no work; one that waits may still make room for a newer one.
-            process.serve(inbox, featurizer.handle, stop, at_once=1)
+            process.serve(inbox, handle, stop, at_once=1)
 
 
 @dataclass(frozen=True)

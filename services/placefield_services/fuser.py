@@ -340,6 +340,7 @@ class Fuser:
         self._release(time.monotonic())
 
     def _release(self, now: float) -> None:
+        self._map.check_unchanged()  # poses of a map that was written to are nobody's
         last = None
         for joined in self._joiner.release(now):
             last = self._headers[joined.sequence]

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
-from placefield.bus.session import Bus, open_router
+from placefield.bus.session import MOST_TOKENS, Bus, open_router
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield.loading import ENV_PREFIX
@@ -94,7 +94,10 @@ class _Readiness:
             bus.watch_alive(Keys(run).all_alive(), self._change)
 
     def _change(self, key: str, is_alive: bool) -> None:
-        (self._alive.add if is_alive else self._alive.discard)(key)
+        if not is_alive:
+            self._alive.discard(key)
+        elif (run_of(key), _role(key)) in self._needed and len(self._alive) < MOST_TOKENS:
+            self._alive.add(key)
 
     def is_reached(self) -> bool:
         if self.was_told:

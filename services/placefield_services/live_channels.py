@@ -2,10 +2,11 @@
 
 import threading
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable
 
 from placefield.bus.keys import Part, part_of, service_and_identity
+from placefield.bus.session import MOST_TOKENS
 
 
 class LiveChannels:
@@ -16,18 +17,47 @@ class LiveChannels:
         self.alive: frozenset[int] = frozenset()
         """The channels that can answer now."""
         self._tokens: set[tuple[Part, str]] = set()
+        self._workers: Counter[Part] = Counter()
+        self._shards: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+        """Those that are there of each channel and number of shards."""
+        self._whole: set[tuple[int, int]] = set()
         self._changed = threading.Condition()
 
     def change(self, key: str, is_alive: bool) -> None:
-        """Take the birth or death of a worker's token."""
+        """Take the birth or death of a worker's token; of so many tokens that no more are real.
+
+        The work does not grow with how many there are.
+        """
         _, identity = service_and_identity(key)
         part = part_of(identity)
-        if part is None:
+        if part is None or part.channel not in self.all:
             return
         with self._changed:
-            (self._tokens.add if is_alive else self._tokens.discard)((part, identity))
-            self.alive = _whole({part for part, _ in self._tokens})
+            token = part, identity
+            if is_alive == (token in self._tokens):
+                return
+            if not is_alive:
+                self._tokens.discard(token)
+            elif len(self._tokens) < MOST_TOKENS:
+                self._tokens.add(token)
+            else:
+                return
+            self._workers[part] += 1 if is_alive else -1
+            self._note(part)
             self._changed.notify_all()
+
+    def _note(self, part: Part) -> None:
+        """Note whether a part of a channel is there, and so the channel."""
+        cut = part.channel, part.shards
+        is_there = self._workers[part] > 0
+        (self._shards[cut].add if is_there else self._shards[cut].discard)(part.shard)
+        is_whole = len(self._shards[cut]) == part.shards
+        (self._whole.add if is_whole else self._whole.discard)(cut)
+        self.alive = frozenset(channel for channel, _ in self._whole)
+        if not is_there:
+            del self._workers[part]
+        if not self._shards[cut]:
+            del self._shards[cut]
 
     def wait_for_all(self, timeout: float, is_over: Callable[[], bool]) -> None:
         """Wait until every channel can answer, or it is over, at most ``timeout`` seconds."""
@@ -38,11 +68,3 @@ class LiveChannels:
                 return
             with self._changed:
                 self._changed.wait(min(remaining, 0.1))
-
-
-def _whole(parts: set[Part]) -> frozenset[int]:
-    """Return the channels all of whose shards are there."""
-    shards: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
-    for part in parts:
-        shards[part.channel, part.shards].add(part.shard)
-    return frozenset(channel for (channel, count), there in shards.items() if len(there) == count)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from placefield.bus.keys import Keys, run_of, service_and_identity
 from placefield.bus.messages import StatsMessage
-from placefield.bus.session import Bus
+from placefield.bus.session import LONGEST_STATS, MOST_TOKENS, Bus
 from placefield.config import MonitoringConfig
 from placefield.errors import ConfigError, MessageError
 
@@ -90,6 +90,8 @@ class Overheard:
             bus.subscribe_raw(Keys(run).all_stats, self._hear)
 
     def _hear(self, key: str, payload: bytes) -> None:
+        if len(payload) > LONGEST_STATS:
+            return
         try:
             stats = StatsMessage.decode(payload)
         except MessageError:
@@ -97,8 +99,9 @@ class Overheard:
         service, identity = service_and_identity(key)
         told = Told(run_of(key), identity, stats.model_copy(update={"service": service}))
         with self._lock:
+            if key not in self._newest and len(self._newest) >= MOST_TOKENS:
+                return  # they are a stranger's
             self._newest[key] = time.monotonic(), told
-            self._forget_the_silent()
 
     def _forget_the_silent(self) -> None:
         since = time.monotonic() - _SILENT_S

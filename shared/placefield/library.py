@@ -13,6 +13,7 @@ from placefield.features.frames import Frame
 from placefield.features.images import Image, load
 from placefield.maps import build
 from placefield.maps.map import Map
+from placefield.maps.same_route import check_same_route
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 
 _DEFAULTS = Config()
@@ -30,8 +31,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     Raises:
         SourceError: a file cannot be read, or is something else.
         FrameError: an image does not decode, or pixels are of another shape or dtype.
-        MapError: the frames do not make a map: too few, traverses that differ in length, a pose
-            that is not finite, or odometry that goes back.
+        MapError: the frames do not make a map: too few, traverses that differ in length or
+            in their route, a pose that is not finite, or odometry that goes back.
         ConfigError: the features' network cannot be read.
     """
     if not traverses:
@@ -42,6 +43,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         for number, traverse in enumerate(traverses)
     ]
     with threadpool_limits(1):  # how many there are shows in the bits
+        check_same_route(described, config.features.kind)
         return build.build_map(described, config, network=feature.network)
 
 

@@ -106,3 +106,25 @@ def test_a_map_that_differs_in_a_seed_alone_is_another(route_map: Map, tmp_path:
     assert open_map(one, digest=open_map(one).digest).digest == open_map(one).digest
     with pytest.raises(MapError, match=rf"one.pfmap: is the map {open_map(one).digest} now"):
         open_map(one, digest=open_map(other).digest)
+
+
+def test_a_fuser_answers_no_more_once_its_map_was_written_to(
+    route_map: Map, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, written = Clock(), []
+
+    def check_unchanged() -> None:
+        if written:
+            raise MapError("was written to")
+
+    monkeypatch.setattr(fuser_module, "time", clock)
+    stage = Stage(replace(route_map, check_unchanged=check_unchanged), clock)
+    for sequence in range(2):
+        stage.announce(header(sequence))
+        if sequence == 1:
+            written.append("poses")
+            with pytest.raises(MapError):
+                stage.answer(tuple(range(CHANNELS)), header(sequence))
+        else:
+            stage.answer(tuple(range(CHANNELS)), header(sequence))
+    assert stage.published == [(0, stage.expected(0))]

@@ -74,7 +74,7 @@ def test_thousands_of_bad_messages_change_no_answer_take_no_memory_and_are_count
             assert answers_of(listener.answers()) == expected
             wait_until(lambda: all(listener.count(s, "received") for s in SERVICES), "counts")
             for service, part in zip(SERVICES, ("frame", "feature", "candidate"), strict=True):
-                dropped = ("malformed", "dropped_full", "dropped_old")
+                dropped = ("malformed", "other_map", "dropped_full", "dropped_old")
                 counted = sum(listener.count(service, name) for name in dropped)
                 assert counted >= sent_to(published, part) / 2, service
                 assert not listener.count(service, "failed"), service

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 
@@ -32,3 +34,8 @@ def test_how_many_places_have_no_pose_is_told(route_map: Map) -> None:
     assert told == "60, with poses on earth, from 1.000000 2.000000 on, 7 places without"
     assert located.places.pose(6) is None
     assert located.places.pose(7) == (0, 0, 0)
+
+
+def test_a_map_is_told_by_its_digest(map_path: Path, route_map: Map) -> None:
+    written = (map_path / "manifest.json").read_bytes()
+    assert map_facts(route_map)["digest"] == sha256(written).hexdigest()[:16]

@@ -14,11 +14,12 @@ from frame_folders import uneven_drive
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, Header
+from placefield.bus.messages import FrameMessage, Header, MatchMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
+from placefield.maps.map import NO_DIGEST
 from placefield_tools import replaying
 from placefield_tools.replaying import replay
 from placefield_tools.sources import Parts, Source, open_source
@@ -46,7 +47,8 @@ class Services:
         self.headers: list[Header] = []
         self.images: list[bytes] = []
         self.odometry: list[float | None] = []
-        self._acks = bus.publisher(KEYS.ack)
+        self._matched: set[tuple[str, int]] = set()
+        self._matches, self._acks = bus.publisher(KEYS.match), bus.publisher(KEYS.ack)
         bus.subscribe(KEYS.frame, self._receive, Counter())
         bus.declare_alive(KEYS.alive("featurizer", "stand-in"))
         bus.declare_alive(KEYS.alive("fuser", "stand-in"))
@@ -59,9 +61,23 @@ class Services:
             self.odometry.append(message.odometry_m)
             self.images.append(image if isinstance(image, bytes) else image.tobytes())
         if self.answering:
-            self._acks.put(received.header)
+            self.answer(received.header)
 
     def answer(self, header: Header) -> None:
+        """Publish the matches of all frames up to this one, and that they are answered."""
+        if not header.live:
+            for sequence in range(header.sequence + (not header.end)):
+                self.match(header.of_frame(sequence))
+        self.acknowledge(header)
+
+    def match(self, header: Header) -> None:
+        """Publish the match of a frame, once."""
+        frame = header.stream, header.sequence
+        if frame not in self._matched:
+            self._matched.add(frame)
+            self._matches.put(header, MatchMessage(map=NO_DIGEST, place=0, score=1.0))
+
+    def acknowledge(self, header: Header) -> None:
         self._acks.put(header)
 
     @property
@@ -241,11 +257,58 @@ def test_an_answer_to_what_was_not_sent_gives_no_credit_and_ends_nothing(
         with in_background(MadeUp(2 * WINDOW), bus, config):
             wait_for(services, WINDOW)
             last = services.headers[-1]
-            services.answer(last.model_copy(update={"sequence": WINDOW + beyond, "oldest": 0}))
+            services.acknowledge(last.model_copy(update={"sequence": WINDOW + beyond, "oldest": 0}))
             time.sleep(0.5)
             assert {*services.sequences} == {*range(WINDOW)}
             services.answer(services.headers[0])
             wait_for_sequence(services, WINDOW)
+
+
+@pytest.mark.parametrize("place", [0, 1, WINDOW // 2, WINDOW - 1])
+def test_an_answer_to_a_frame_whose_match_has_not_come_gives_no_credit(
+    router: Bus, bus: Bus, config: Config, place: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    with open_bus(config.bus) as apart:
+        services = Services(apart, answering=False)
+        with in_background(MadeUp(2 * WINDOW), bus, config):
+            wait_for(services, WINDOW)
+            if place:  # all but one before it
+                services.match(services.headers[0].of_frame(place))
+                for sequence in range(place - 1):
+                    services.match(services.headers[0].of_frame(sequence))
+            services.acknowledge(services.headers[place])
+            time.sleep(0.5)
+            assert {*services.sequences} == {*range(WINDOW)}
+            services.answering = True
+            services.answer(services.headers[WINDOW - 1])
+            wait_for_end(services)
+    assert {*services.sequences} == {*range(2 * WINDOW)}
+    assert any("1 answers were of no frame" in message for message in caplog.messages)
+
+
+@pytest.mark.parametrize("end", [False, True])
+def test_a_replay_ends_when_every_match_has_come_whatever_is_acknowledged(
+    router: Bus, bus: Bus, config: Config, end: bool
+) -> None:
+    with open_bus(config.bus) as apart:
+        services = Services(apart, answering=False)
+        thread = threading.Thread(target=replay, args=(MadeUp(3), bus, config, threading.Event()))
+        thread.start()
+        wait_for_end(services)
+        services.acknowledge(services.headers[3].model_copy(update={"end": end}))
+        services.match(services.headers[0].of_frame(1))
+        services.acknowledge(services.headers[3])
+        thread.join(0.5)
+        assert thread.is_alive()
+        services.answer(services.headers[3])
+        thread.join()
+
+
+def wait_for_end(services: Services) -> None:
+    end = time.monotonic() + 10
+    while not any(header.end for header in services.headers):
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
 
 
 def wait_for_sequence(services: Services, sequence: int) -> None:

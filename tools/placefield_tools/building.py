@@ -15,11 +15,14 @@ from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
+from placefield.maps.same_route import check_same_route
 from placefield.maps.store import save_map
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import channel_progress
 from placefield_tools.references import describe_reference, without_bad
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.opening import name_of
 from placefield_tools.sources.secrets import without_secrets
 
 
@@ -30,6 +33,7 @@ def build_from(
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
+    one_drive: bool | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -40,23 +44,26 @@ def build_from(
         parts: of the sources; the poses are the first's, whose frames are the places.
         leave_out_bad: build without frames that cannot be read, in any of the sources, or that a
             source has promised and not given; how many they are is logged.
+        one_drive: whether the sources are parts of one drive, see ``drives_of``.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or is a camera.
         MapError: the traverses do not make a map, see ``build_map``.
     """
     feature = feature_of(config.features.kind)
-    of_each = [parts, *[replace(parts, poses=None, pose_axes=None)] * (len(references) - 1)]
+    first, *others = drives_of(references, parts, one_drive)
+    unlocated = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
-            _open_reference(reference, spacing_m, own),
-            reference,
+            _open_reference(drive, spacing_m, own),
+            name_of(drive),
             feature,
             leave_out_bad=leave_out_bad,
         )
-        for reference, own in zip(references, of_each, strict=True)
+        for drive, own in [(first, parts), *((other, unlocated) for other in others)]
     ]
     traverses = [each.traverse() for each in without_bad(described)]
+    check_same_route(traverses, config.features.kind)
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
         return build_map(
@@ -64,11 +71,11 @@ def build_from(
         )
 
 
-def _open_reference(reference: str, spacing_m: float | None, parts: Parts) -> Source:
-    source = open_source(reference, spacing_m=spacing_m, parts=parts)
+def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+    source = open_source(drive, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
-            f"{without_secrets(reference)}: a camera gives no second look; "
+            f"{without_secrets(drive[0])}: a camera gives no second look; "
             "record a traverse and build from that"
         )
     return source

@@ -26,6 +26,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "metric": _metric(opened.metric),
         "search": "coarse look first" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
+        "digest": opened.digest,
     }
 
 

@@ -1,6 +1,7 @@
 """A source of frames onto the bus."""
 
 import itertools
+import logging
 import threading
 import time
 import uuid
@@ -11,14 +12,17 @@ from dataclasses import dataclass, replace
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import FrameMessage, Header, UnseenMessage
+from placefield.bus.messages import FrameMessage, Header, MatchMessage, UnseenMessage
 from placefield.bus.session import Bus
 from placefield.config import Config
 from placefield.errors import BusError, MessageError, SourceError
 from placefield.features.frames import Frame
 from placefield_tools.progress import tracked
+from placefield_tools.proving import Proof
 from placefield_tools.sources import Source
 from placefield_tools.sources.source import until
+
+log = logging.getLogger(__name__)
 
 _POLL_S = 0.1
 _SEND_AGAIN_S = 0.5  # after the last answer, and again after twice as long, and so on
@@ -102,7 +106,11 @@ class _Stream:
         self._looked, self._silent_s, self._wait_s = time.monotonic(), 0.0, _SEND_AGAIN_S
         self._gone: set[str] = set()
         self._is_back = threading.Event()  # a service that was gone: what was under way is lost
-        bus.subscribe(keys.ack, self._answered, Counter())
+        self._proof = Proof()
+        self._counts: Counter[str] = Counter()
+        if not live:
+            bus.subscribe(keys.match, self._note_match, self._counts)
+        bus.subscribe(keys.ack, self._answered, self._counts)
         bus.subscribe(keys.unseen, self._note_unseen, Counter())
         for service in ("featurizer", "fuser"):
             bus.watch_alive(keys.all_alive(service), self._note_life)
@@ -113,7 +121,26 @@ class _Stream:
             return
         if sequence > self.sent or (sequence == self.sent and not self._has_ended):
             raise MessageError(f"the answer to frame {sequence}, of {self.sent} that were sent")
-        self._credits.answer(sequence)
+        if self._live:
+            self._credits.answer(sequence)
+        else:
+            self._proof.claim(sequence)
+            self._prove()
+
+    def _note_match(self, received: Received) -> None:
+        header = received.header
+        if header.stream != self._name or header.end:
+            return
+        if header.sequence >= self.sent:
+            raise MessageError(f"the match of frame {header.sequence}, of {self.sent} sent")
+        MatchMessage.decode(received.payload)
+        self._proof.match(header.sequence)
+        self._prove()
+
+    def _prove(self) -> None:
+        proven = self._proof.proven(self.sent)
+        if proven is not None:
+            self._credits.answer(proven)
 
     def _note_unseen(self, received: Received) -> None:
         header = received.header
@@ -157,6 +184,17 @@ class _Stream:
         self._has_ended = True
         self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
+        if disbelieved := self._counts["malformed"] + self._proof.unproven:
+            log.warning(
+                "run %r: %d answers were of no frame that was sent and matched, and counted for "
+                "nothing: does somebody else publish on this run?",
+                self._run,
+                disbelieved,
+            )
+        if not self._live and self._proof.matched < self.sent:
+            log.warning(
+                "run %r: %d frames sent, and %d matched", self._run, self.sent, self._proof.matched
+            )
 
     def _put(self, header: Header, payload: bytes) -> None:
         self._publisher.send(header, payload)

@@ -3,6 +3,7 @@
 Pure: it is told what was heard, and when.
 """
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from placefield_tools.natural import counted, natural_key
 SILENT_S = 3.0
 """Every service tells of itself once a second; one that has not for so long is silent."""
 
+_NAMED = 100  # at most, of what there may be thousands
 _ONE_OF_A_RUN = ("featurizer", "fuser")
 _TELLING = (*_ONE_OF_A_RUN, "channel", "mapserver")
 
@@ -96,13 +98,19 @@ class RunRecord:
         rate = None if before is None else _rate(before, stats, now)
         self._told[service, process] = _Told(stats, now, self._announced, rate)
 
+    def forget(self, service: str, process: str) -> None:
+        """Forget what a process told that is no more."""
+        self._told.pop((service, process), None)
+
     def standing(self, tokens: Iterable[str], now: float) -> RunStanding:
         """Say how the services stand that have these liveliness tokens."""
         alive = sorted(map(service_and_identity, tokens))
-        told = {key: self._told[key] for key in map(_process, alive) if key in self._told}
+        told = {
+            key: self._told[key] for key in (process_of(*one) for one in alive) if key in self._told
+        }
         stream, newest = self._newest(told)
         services = tuple(
-            self._service(key, told.get(_process(key)), stream, newest, now) for key in alive
+            self._service(key, told.get(process_of(*key)), stream, newest, now) for key in alive
         )
         expected = [of.stats.channels for of in told.values() if of.stats.channels is not None]
         channels = max(expected, default=None)
@@ -177,7 +185,9 @@ def other_runs(run: str, runs: Collection[str]) -> str | None:
     """Say which runs there are where one of this name has no service; None if there is no other."""
     if not runs or run in runs:
         return None
-    return f"there is {', '.join(sorted(runs, key=natural_key))}: name one with --run"
+    names = sorted(runs, key=natural_key)
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"there is {', '.join(names[:_NAMED])}{more}: name one with --run"
 
 
 def missing(alive: Collection[tuple[str, str]], channels: int | None) -> list[str]:
@@ -194,11 +204,15 @@ def missing(alive: Collection[tuple[str, str]], channels: int | None) -> list[st
     lacking = [service for service in _ONE_OF_A_RUN if service not in services]
     parts = {part for service, name in alive if service == "channel" and (part := part_of(name))}
     numbers = range(channels) if channels is not None else sorted({part.channel for part in parts})
+    by_channel: defaultdict[int, set[Part]] = defaultdict(set)
+    for part in parts:
+        by_channel[part.channel].add(part)
     for number in numbers:
-        lacking += _missing_of(number, {part for part in parts if part.channel == number})
+        lacking += _missing_of(number, by_channel.get(number, set()))
     if channels is None and not parts:
         lacking.append("channel")
-    return lacking
+    more = len(lacking) - _NAMED
+    return lacking if more <= 0 else [*lacking[:_NAMED], f"and {more} more"]
 
 
 def _missing_of(channel: int, parts: set[Part]) -> list[str]:
@@ -217,9 +231,8 @@ def _missing_of(channel: int, parts: set[Part]) -> list[str]:
     ]
 
 
-def _process(key: tuple[str, str]) -> tuple[str, str]:
-    """Return under which name a process tells of itself that has this token."""
-    service, identity = key
+def process_of(service: str, identity: str) -> tuple[str, str]:
+    """Return the service and name under which a process tells of itself that has this token."""
     return service, identity.rpartition("-")[2]
 
 

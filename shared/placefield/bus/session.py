@@ -29,7 +29,14 @@ from placefield.errors import BusError, MessageError
 
 log = logging.getLogger(__name__)
 
+MOST_TOKENS = 4096
+"""Of a run, that are known of: the rest are a stranger's."""
+
+LONGEST_STATS = 2**16
+"""Bytes of a message in which a service tells what it has counted."""
+
 _LOG_EVERY_S = 10.0
+_ALIVE_S = 2.0
 _ATTEMPT_S = 0.5
 
 
@@ -156,7 +163,10 @@ class Bus:
         except zenoh.ZError as error:
             log.warning("asked in vain at %s: %s", key, error)
             return
+        end = time.monotonic() + timeout_s
         for reply in replies:
+            if time.monotonic() > end + timeout_s:  # they would go on for ever
+                return
             if reply.ok and len(reply.ok.payload) <= MAX_BYTES:
                 attachment = reply.ok.attachment
                 yield reply.ok.payload.to_bytes(), attachment.to_bytes() if attachment else b""
@@ -196,8 +206,18 @@ class Bus:
 
     def alive(self, key: str) -> set[str]:
         """Return the liveliness tokens of a key that are there now."""
-        replies = self._session.liveliness().get(key, timeout=2.0)
-        return {str(reply.ok.key_expr) for reply in replies if reply.ok}
+        found: set[str] = set()
+        is_over = threading.Event()
+
+        def call(reply: zenoh.Reply) -> None:
+            if reply.ok and len(found) < MOST_TOKENS:
+                found.add(str(reply.ok.key_expr))
+
+        # Through a channel, more replies than it has room for would stop the whole session.
+        handler = zenoh.handlers.Callback(call, is_over.set)
+        self._session.liveliness().get(key, handler, timeout=_ALIVE_S)
+        is_over.wait(_ALIVE_S)
+        return set(found)
 
     def runs(self) -> set[str]:
         """Return the runs that have a living service."""

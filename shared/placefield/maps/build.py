@@ -177,7 +177,8 @@ def _check_aligned(traverses: Sequence[Traverse]) -> None:
         if len(other.raw) != len(first.raw):
             raise MapError(
                 f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
-                "traverses of one map are aligned by index and need as many frames each"
+                "traverses of one map are aligned by index and need as many frames each; "
+                "parts of one drive take --one-drive"
             )
 
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.files import sync, write_whole
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import LONGEST_MANIFEST, MANIFEST, SEAL, seal_of
 from placefield.maps.map import Map
@@ -123,7 +124,10 @@ class PartialMap:
         Raises:
             MapError: it cannot be opened.
         """
-        (self.folder / SEAL).write_bytes(seal_of(self._begun.written))
+        for name in self._begun.files:
+            sync(file_in(self.folder, name))
+        write_whole(self.folder / MANIFEST, self._begun.written)
+        write_whole(self.folder / SEAL, seal_of(self._begun.written))
         opened = open_map(self.folder)
         self.folder.rename(self._path)
         (self._path / _LOCK).unlink()

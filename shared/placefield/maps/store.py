@@ -4,7 +4,6 @@ It is written beside its place and renamed, so that a build that is killed leave
 """
 
 import errno
-import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import numpy as np
 
 from placefield import __version__
 from placefield.errors import MapError
+from placefield.files import sync, write_whole
 from placefield.maps.checksums import checksum_of
 from placefield.maps.layout import arrays_of
 from placefield.maps.manifest import (
@@ -87,6 +87,7 @@ def _write(built: Map, folder: Path) -> None:
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
         np.save(file, array, allow_pickle=False)
+        sync(file)
         files[name] = checksum_of(file)
     manifest = Manifest(
         placefield=__version__,
@@ -124,12 +125,5 @@ def _write(built: Map, folder: Path) -> None:
             f"{MANIFEST}: more than {LONGEST_MANIFEST} bytes, for its many channels; "
             "build fewer of them"
         )
-    _write_durably(folder / MANIFEST, written)
-    _write_durably(folder / SEAL, seal_of(written))
-
-
-def _write_durably(file: Path, content: bytes) -> None:
-    with file.open("wb") as opened:
-        opened.write(content)
-        opened.flush()
-        os.fsync(opened.fileno())
+    write_whole(folder / MANIFEST, written)
+    write_whole(folder / SEAL, seal_of(written))

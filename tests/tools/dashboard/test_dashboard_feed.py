@@ -11,6 +11,7 @@ from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, Stats
 from placefield.bus.session import Bus
 from placefield.maps.map import NO_DIGEST, Map
 from placefield_tools.dashboard.feed import Feed, Newest
+from placefield_tools.dashboard.lacking import can_answer
 from placefield_tools.dashboard.state import LiveState
 
 KEYS = Keys("day")
@@ -106,6 +107,21 @@ def test_the_services_stand_as_they_tell(bus: PlainBus, feed: Feed) -> None:
     [fuser] = standing.services
     assert (fuser.behind, fuser.counts) == (2, {"gaps": 2})
     assert standing.missing == ("featurizer", "channel 0")
+
+
+def test_a_fuser_with_another_map_than_the_page_shows_is_no_fuser_of_the_run(
+    bus: PlainBus, feed: Feed
+) -> None:
+    for service, process in (("fuser", "ab"), ("featurizer", "cd"), ("channel", "ef")):
+        bus.change(KEYS.alive(service, f"0-{process}" if service == "channel" else process), True)
+        stats = StatsMessage(service=service, counts={}, channels=1, map=NO_DIGEST)
+        bus.receive_raw[KEYS.all_stats](KEYS.stats(service, process), stats.encode())
+    assert feed.standing().missing == ()
+    assert can_answer(feed.standing())
+    other = StatsMessage(service="fuser", counts={}, channels=1, map="f" * 16)
+    bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), other.encode())
+    assert feed.standing().missing == (f"fuser ab on map {NO_DIGEST}: it has {'f' * 16}",)
+    assert not can_answer(feed.standing())
 
 
 def received(sequence: int, size: int = 1) -> Received:

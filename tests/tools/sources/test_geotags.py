@@ -25,6 +25,7 @@ def photograph(
     path: Path, degrees: tuple[float, float] | None = None, when: dict[Base, str] | None = None
 ) -> Path:
     exif = Image.Exif()
+    exif[Base.Make] = "a camera"  # without one of these Pillow writes no tags into a PNG
     if degrees is not None:
         latitude, longitude = degrees
         exif.get_ifd(IFD.GPSInfo).update(
@@ -140,12 +141,78 @@ def test_photographs_without_a_position_have_no_pose_and_keep_their_turn(tmp_pat
     assert [frame.pose is None for frame in open_source(str(tmp_path))] == [1, 0, 1, 0, 1]
 
 
-def test_times_that_are_missing_or_go_back_are_left_out_and_this_is_logged(
+def timed(folder: Path, times: dict[str, str | None]) -> str:
+    """Write photographs taken at seconds of one minute, as ``5`` or ``5.25``."""
+    for name, second in times.items():
+        when = {}
+        if second is not None:
+            whole, _, fraction = second.partition(".")
+            when = {Base.DateTimeOriginal: f"2024:02:29 00:00:{int(whole):02}"}
+            if fraction:
+                when[Base.SubsecTimeOriginal] = fraction
+        photograph(folder / name, when=when)
+    return str(folder)
+
+
+def order_of(where: str) -> list[str]:
+    frames = list(open_source(where))
+    stamps = [frame.stamp_ns for frame in frames]
+    assert stamps == sorted(stamps)
+    return [frame.name.partition("/")[2] for frame in frames]
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "jpeg", "JPG", "png", "webp"])
+@given(seconds=st.lists(st.integers(0, 5999), min_size=2, max_size=7))
+def test_the_times_are_the_order_and_equal_ones_leave_that_of_the_names(
+    tmp_path_factory: pytest.TempPathFactory, suffix: str, seconds: list[int]
+) -> None:
+    names = [f"IMG_{at}.{suffix}" for at in range(len(seconds))]
+    times = {
+        name: f"{each // 100}.{each % 100:02}" for name, each in zip(names, seconds, strict=True)
+    }
+    where = timed(tmp_path_factory.mktemp("timed"), dict(times))
+    assert order_of(where) == sorted(names, key=lambda name: float(times[name]))
+
+
+def test_where_names_and_times_differ_one_line_says_so(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for at, second in enumerate([5, 4, 6]):
-        when = {Base.DateTimeOriginal: f"2024:02:29 00:00:0{second}"}
-        photograph(tmp_path / f"{at}.jpg", when=when)
-    stamps = [frame.stamp_ns for frame in open_source(str(tmp_path))]
-    assert stamps == [0, 10**8, 2 * 10**8]
-    assert "left out" in caplog.text
+    where = timed(tmp_path, {"1.jpg": "5", "2.jpg": "4", "10.jpg": "6"})
+    assert order_of(where) == ["2.jpg", "1.jpg", "10.jpg"]
+    [line] = caplog.messages
+    assert "frame 0 is 2.jpg, and not 1.jpg" in line
+    assert "the times count" in line
+
+
+def test_where_they_agree_nothing_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    where = timed(tmp_path, {"1.jpg": "4", "2.jpg": "4", "10.jpg": "6"})
+    assert order_of(where) == ["1.jpg", "2.jpg", "10.jpg"]
+    assert not caplog.messages
+
+
+def test_of_nearly_all_times_the_others_keep_their_turn(tmp_path: Path) -> None:
+    times: dict[str, str | None] = {f"{at:02}.jpg": str(40 - at) for at in range(20)}
+    times["07.jpg"] = None
+    order = order_of(timed(tmp_path, times))
+    assert [name for name in order if name != "07.jpg"] == [
+        f"{at:02}.jpg" for at in reversed(range(20)) if at != 7
+    ]
+    assert order[order.index("07.jpg") - 1] == "06.jpg"
+
+
+def test_of_a_few_times_the_names_are_the_order_and_this_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    where = timed(tmp_path, {"1.jpg": "5", "2.jpg": "4", "3.jpg": None, "4.jpg": None})
+    assert [frame.stamp_ns for frame in open_source(where)] == [at * 10**8 for at in range(4)]
+    assert order_of(where) == ["1.jpg", "2.jpg", "3.jpg", "4.jpg"]
+    assert "2 of 4 photographs say when" in caplog.text
+
+
+def test_times_settle_a_counter_that_wraps(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    names = [f"DSC_{number % 10_000:04}.jpg" for number in range(9990, 10_010)]
+    assert order_of(timed(tmp_path, {n: str(at) for at, n in enumerate(names)})) == names
+    assert "frame 0 is DSC_9990.jpg" in caplog.text
+    assert "begin again" not in caplog.text

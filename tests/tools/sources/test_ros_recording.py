@@ -1,8 +1,10 @@
 import re
+import sqlite3
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import cv2
@@ -14,9 +16,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from placefield.config import Config
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame, Pose
 from placefield.maps.geography import Origin
+from placefield_tools.building import build_from
 from placefield_tools.sources import Parts, mcap_summary, open_source
 
 SECOND = 1_000_000_000
@@ -156,7 +160,7 @@ def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
 
 def test_a_recording_without_images_says_what_it_holds(tmp_path: Path) -> None:
     where = record(tmp_path / "drive", [Said("/pose", POSE, 0, {"pose": pose(0, 0)})])
-    with pytest.raises(SourceError, match=r"no topic of sensor_msgs.*/pose \(geometry_msgs"):
+    with pytest.raises(SourceError, match=r"no topic of images.*/pose \(geometry_msgs"):
         open_source(where)
 
 
@@ -287,7 +291,7 @@ def test_a_recording_says_what_is_to_be_installed_to_read_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     where = record(tmp_path / "drive", images())
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     monkeypatch.delitem(sys.modules, "placefield_tools.sources.ros_recording", raising=False)
     with pytest.raises(ConfigError, match=r"drive needs rosbags.*pip install 'placefield\[ros\]'"):
         open_source(where)
@@ -309,11 +313,51 @@ def test_a_bag_with_a_chunk_of_more_memory_than_is_allowed_is_refused(
 
 def test_an_image_that_does_not_fit_its_fields_is_named(tmp_path: Path) -> None:
     fields = {"height": 9, "width": 9, "encoding": "rgb8", "data": np.zeros(9, np.uint8)}
-    with (
-        open_source(record(tmp_path / "drive", [Said("/raw", IMAGE, 0, fields)])) as source,
-        pytest.raises(SourceError, match=r"^drive#0: the image of 9×9"),
-    ):
-        list(source)
+    with open_source(record(tmp_path / "drive", [Said("/raw", IMAGE, 7, fields)])) as source:
+        [frame] = source
+    assert (frame.name, frame.image) == ("drive#0", b"")
+    assert frame.fault.startswith("the image of 9×9")
+
+
+def test_what_lies_in_a_databases_log_is_asked_for_and_read_when_it_was_brought_in(
+    tmp_path: Path,
+) -> None:
+    bag = Path(record(tmp_path / "drive", images(), "sqlite3"))
+    [database] = bag.glob("*.db3")
+    recorder = sqlite3.connect(database)
+    recorder.execute("PRAGMA journal_mode=WAL")
+    with recorder:
+        recorder.execute("DELETE FROM messages WHERE id > 4")
+    where = copytree(bag, tmp_path / "killed")
+    recorder.close()
+    with pytest.raises(SourceError, match=rf"{database.name}-wal: holds messages") as refused:
+        open_source(str(where))
+    remedy = re.search(r"sqlite3 (\S+) '(.*)'", str(refused.value))
+    assert remedy is not None
+    mended = sqlite3.connect(where / remedy[1])
+    mended.execute(remedy[2])
+    mended.close()
+    assert len(list(open_source(str(where)))) == 4
+
+
+def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = Path(record(tmp_path / "drive", images(), "sqlite3"))
+    with open_source(str(bag)) as whole:
+        assert len(list(whole)) == COUNT
+        assert not whole.not_given["missing"]
+    assert not caplog.records
+    [database] = bag.glob("*.db3")
+    with sqlite3.connect(database) as lost:
+        lost.execute("DELETE FROM messages WHERE id > 4")
+    source = open_source(str(bag))
+    assert len(list(source)) == 4
+    assert source.not_given["missing"] == COUNT - 4
+    assert f"says that it holds {COUNT} images" in caplog.text
+    assert f"{COUNT - 4} of them are not there" in caplog.text
+    with pytest.raises(SourceError, match=f"{COUNT - 4} frames of it are missing"):
+        build_from([str(bag)], Config())
 
 
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])

@@ -18,7 +18,8 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route, frame for frame the same places",
+            help="folders, videos or recordings of one route, frame for frame the same places; or "
+            "the parts of one drive",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
@@ -29,6 +30,14 @@ def _build(
     stop: options.Stop = None,
     stride: options.Stride = 1,
     leave_out_bad: options.LeaveOutBad = False,
+    one_drive: Annotated[
+        bool | None,
+        typer.Option(
+            "--one-drive/--traverses",
+            help="whether the references are parts of one drive, or traverses of one route",
+            show_default="parts where one begins as another ends",
+        ),
+    ] = None,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -82,7 +91,12 @@ def _build(
         )
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     built = build_from(
-        references, effective, spacing_m=spacing, parts=parts, leave_out_bad=leave_out_bad
+        references,
+        effective,
+        spacing_m=spacing,
+        parts=parts,
+        one_drive=one_drive,
+        leave_out_bad=leave_out_bad,
     )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")

@@ -1,6 +1,7 @@
 """``placefield status``: the services of a run, how far each is, and what is missing."""
 
 import json
+import logging
 import threading
 import time
 from collections import Counter
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from placefield_tools.overhearing import RunListener
     from placefield_tools.standing import RunStanding, ServiceStanding
+
+log = logging.getLogger(__name__)
 
 _LISTEN_S = 2.3  # every service tells of itself once a second: twice make a rate
 _REFRESH_S = 1.0
@@ -78,6 +81,12 @@ def _status(
         print(json.dumps({"run": name, **asdict(standing)}))
     else:
         Console(markup=False, highlight=False).print(_table(standing, name))
+    if listener.left_out:
+        log.warning(
+            "run %r: left out %d tokens, and senders that have none: they are no services",
+            name,
+            listener.left_out,
+        )
     if standing.missing:
         hint = f"; {others}" if others else ""
         raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")

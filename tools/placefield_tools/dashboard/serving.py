@@ -2,7 +2,10 @@
 
 import logging
 import socket
+import threading
+import time
 from collections.abc import Callable, Collection
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI, Response
@@ -10,6 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from nicegui import app, ui
 
 from placefield.errors import ConfigError, FrameError, MessageError
+from placefield_services.process import leave
 from placefield_tools.dashboard.live_page import live_page
 from placefield_tools.dashboard.map_page import map_page
 from placefield_tools.dashboard.own_site import LOOPBACK, OwnSite, names_of
@@ -21,6 +25,7 @@ log = logging.getLogger(__name__)
 
 _DRAIN_EVERY_S = 0.1
 _END_WITHIN_S = 1
+_LEAVE_AFTER_S = 1.5  # there is nothing to finish, and a replay ends with this process
 _BACK_WITHIN_S = 30.0  # a browser that is too busy to answer is not gone
 
 
@@ -47,7 +52,6 @@ def serve(
     ui.page("/", title="Placefield: live")(lambda: live_page(site))
     ui.page("/map", title="Placefield: map")(lambda: map_page(site))
     app.timer(_DRAIN_EVERY_S, site.feed.drain)
-    app.on_startup(on_ready)
     ui.run_with(
         web,
         title="Placefield",
@@ -66,7 +70,31 @@ def serve(
         ws="wsproto",
         timeout_graceful_shutdown=_END_WITHIN_S,
     )
-    uvicorn.Server(config).run()
+    _Server(config, on_ready).run()
+
+
+class _Server(uvicorn.Server):
+    """A server that ends soon after it is told to, whatever browsers and pictures still do."""
+
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_ready = on_ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to listen, and say so."""
+        await super().startup(sockets=sockets)
+        if self.started:
+            self._on_ready()
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Take a signal to end."""
+        threading.Thread(target=_leave_soon, daemon=True).start()
+        super().handle_exit(sig, frame)
+
+
+def _leave_soon() -> None:
+    time.sleep(_LEAVE_AFTER_S)
+    leave()
 
 
 def _check_free(host: str, port: int) -> None:

@@ -1,7 +1,6 @@
 """A benchmark's own ground truth as the table that ``--truth`` takes."""
 
 import csv
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from zipfile import BadZipFile
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import SourceError
+from placefield.files import written_whole
 
 _MATRIX = "GTsoft"
 """What counts as right: all places from which the query's can be seen, not the nearest one alone"""
@@ -54,9 +54,7 @@ def write_runs(rows: Iterable[tuple[int, int, int]], table: Path) -> None:
     Raises:
         OSError: they cannot be written.
     """
-    beside = table.with_name(f"{table.name}.new")
-    with beside.open("w", newline="", encoding="utf-8") as file:
+    with written_whole(table) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("query", "first", "last"))
         writer.writerows(rows)
-    os.replace(beside, table)

@@ -4,12 +4,12 @@ That does not say that they were right, but that later ones are the same.
 """
 
 import hashlib
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from placefield.errors import SourceError
+from placefield.files import write_whole
 
 _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
@@ -44,8 +44,4 @@ def write_sums(path: Path, sums: Mapping[str, str]) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    beside = path.with_name(f"{path.name}.new")
-    beside.write_text(
-        "".join(f"{digest}  {name}\n" for name, digest in sums.items()), encoding="utf-8"
-    )
-    os.replace(beside, path)
+    write_whole(path, "".join(f"{digest}  {name}\n" for name, digest in sums.items()))

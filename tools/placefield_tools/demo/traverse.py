@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from placefield.errors import ConfigError
+from placefield.files import write_whole
 from placefield_tools.demo.layout import make_street
 from placefield_tools.demo.light import LIGHTINGS, Light, develop
 from placefield_tools.demo.scene import draw_scene, make_scene
@@ -61,7 +62,7 @@ def render_traverse(
         rows.append(f"{file},{stamp:.1f},{x:.3f},{y:.3f},{street.route.heading(arc):.5f}")
         if on_frame:
             on_frame(number)
-    (folder / "frames.csv").write_text("\n".join(rows) + "\n")
+    write_whole(folder / "frames.csv", "\n".join(rows) + "\n")
 
 
 def _shift(light: Light, arc: float) -> float:

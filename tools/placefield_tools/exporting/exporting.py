@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from placefield.errors import ConfigError
+from placefield.files import write_whole
 from placefield_tools.exporting.g2o import to_g2o
 from placefield_tools.exporting.geojson import to_geojson
 from placefield_tools.exporting.traverse import QueryTraverse
@@ -29,8 +30,9 @@ def export(traverse: QueryTraverse, path: Path) -> None:
     Raises:
         MapError: the format is for maps on earth, and this one is not.
         ConfigError: a library is missing.
+        OSError: it cannot be written.
     """
-    path.write_text(_FORMATS[path.suffix](traverse), encoding="utf-8")
+    write_whole(path, _FORMATS[path.suffix](traverse))
 
 
 def _to_gpx(traverse: QueryTraverse) -> str:

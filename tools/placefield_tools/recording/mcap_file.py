@@ -35,7 +35,7 @@ def record_mcap(path: Path, origin: Origin | None) -> Iterator[Recorder]:
 
     Messages are at their frames' stamps.
     """
-    with path.open("wb") as file:
+    with path.open("xb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES)
         writer.start(profile="", library="placefield")
         channels = {topic: _register(writer, topic, schema) for topic, schema in _TOPICS.items()}

@@ -1,10 +1,11 @@
 """A file to record into, by its suffix."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from placefield.errors import ConfigError
+from placefield.files import sync
 from placefield.maps.geography import Origin
 from placefield_tools.recording.recorder import Recorder
 from placefield_tools.recording.records import RecordingError
@@ -25,7 +26,7 @@ def recorder_of(
         frames: whether pictures of the query frames are to be written, too.
 
     Raises:
-        RecordingError: the file is there already.
+        RecordingError: the file is there already; inside the block, it cannot be written.
         ConfigError: there is no such kind of recording, it does not hold what it is to hold, or a
             library is missing.
     """
@@ -34,11 +35,27 @@ def recorder_of(
     if path.exists():
         raise RecordingError(f"{path}: is there already; remove it, or name another file")
     if path.suffix in _RICH:
-        return _rich(path.suffix)(path, origin)
+        return _told(path, _rich(path.suffix)(path, origin))
     if frames or origin is not None:
         flag = "--frames" if frames else "--map"
         raise ConfigError(f"{flag}: only .mcap and .rrd hold that, and {path} is neither")
-    return _TEXT[path.suffix](path)
+    return _told(path, _TEXT[path.suffix](path))
+
+
+@contextmanager
+def _told(path: Path, into: AbstractContextManager[Recorder]) -> Iterator[Recorder]:
+    """Write as ``into`` does, until it is with the disk; what that refuses is a known error."""
+    try:
+        with into as recorder:
+            yield recorder
+        sync(path)
+    except OSError as error:
+        if error.filename not in (None, str(path)):
+            raise
+        reason = error.strerror or error
+        raise RecordingError(
+            f"{path}: cannot be written any more: {reason}; it ends there"
+        ) from None
 
 
 def _rich(suffix: str) -> Callable[[Path, Origin | None], AbstractContextManager[Recorder]]:

@@ -16,7 +16,7 @@ _LINE_BY_LINE = 1
 @contextmanager
 def record_json_lines(path: Path) -> Iterator[Recorder]:
     """Write the objects that ``placefield listen --json`` prints."""
-    with path.open("w", buffering=_LINE_BY_LINE, encoding="utf-8") as file:
+    with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8") as file:
 
         def write(header: Header, match: MatchMessage | None) -> None:
             file.write(json.dumps(as_object(header, match)) + "\n")
@@ -27,7 +27,7 @@ def record_json_lines(path: Path) -> Iterator[Recorder]:
 @contextmanager
 def record_csv(path: Path) -> Iterator[Recorder]:
     """Write a row for each match, with the names of the columns above."""
-    with path.open("w", buffering=_LINE_BY_LINE, encoding="utf-8", newline="") as file:
+    with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
 

@@ -2,14 +2,17 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from placefield.bus.credentials import AUTHORITY, CERTIFICATE, KEY, ROUTER_SETTINGS
 from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
 from placefield.errors import ConfigError
+from placefield.files import sync, write_whole
 from placefield_tools.security.access import access_control
 from placefield_tools.security.certificates import Certified, issue, make_authority
 from placefield_tools.security.roles import ROLES, ROUTER
@@ -42,39 +45,63 @@ def write_credentials(folder: Path, hosts: Sequence[str], days: int) -> list[str
     listens_at = [*_LOCAL, *(host for host in dict.fromkeys(hosts) if host not in _LOCAL)]
     issued = {ROUTER: issue(authority, ROUTER, days, listens_at)}
     issued |= {role: issue(authority, role, days) for role in ROLES}
-    _make_empty(folder)
-    _write_secret(folder / AUTHORITY_KEY, authority.key_pem)
-    (folder / AUTHORITY).write_bytes(authority.certificate_pem)
-    for role, certified in issued.items():
-        _write_role(folder / role, authority, certified)
-    _write_router_settings(folder / ROUTER, "0.0.0.0" if hosts else "127.0.0.1")
+    with _filled_whole(folder) as beside:
+        _write_secret(beside / AUTHORITY_KEY, authority.key_pem)
+        write_whole(beside / AUTHORITY, authority.certificate_pem)
+        for role, certified in issued.items():
+            _write_role(beside / role, authority, certified)
+        settings = _router_settings(beside, folder, "0.0.0.0" if hosts else "127.0.0.1")
+        write_whole(beside / ROUTER / ROUTER_SETTINGS, settings)
     return list(issued)
 
 
-def _make_empty(folder: Path) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+@contextmanager
+def _filled_whole(folder: Path) -> Iterator[Path]:
+    """Give a folder to be filled in the block; what is in it is in the other one at the end.
+
+    If the block fails nothing is, and the folder is gone if it was not there.
+    """
+    was_there = folder.exists()
+    if was_there and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder}: there is something; credentials are written to a new folder")
     folder.mkdir(parents=True, exist_ok=True)
     folder.chmod(0o700)
+    try:
+        with TemporaryDirectory(prefix=".", dir=folder) as temporary:
+            yield Path(temporary)
+            for entry in Path(temporary).iterdir():
+                entry.rename(folder / entry.name)
+    except BaseException:
+        if not was_there:
+            folder.rmdir()
+        raise
 
 
 def _write_role(folder: Path, authority: Certified, certified: Certified) -> None:
     folder.mkdir()
-    (folder / AUTHORITY).write_bytes(authority.certificate_pem)
-    (folder / CERTIFICATE).write_bytes(certified.certificate_pem)
+    write_whole(folder / AUTHORITY, authority.certificate_pem)
+    write_whole(folder / CERTIFICATE, certified.certificate_pem)
     _write_secret(folder / KEY, certified.key_pem)
 
 
 def _write_secret(file: Path, secret: bytes) -> None:
     with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as opened:
         opened.write(secret)
+    sync(file)
 
 
-def _write_router_settings(folder: Path, address: str) -> None:
-    bus = BusConfig(endpoint=f"tls/{address}:{_PORT}", credentials=str(folder))
-    settings = _nested(router_settings(bus)) | {"access_control": access_control(ROLES)}
-    file = folder.resolve() / ROUTER_SETTINGS
-    file.write_text(_HEADING.format(file=file) + json.dumps(settings, indent=2) + "\n")
+def _router_settings(beside: Path, folder: Path, address: str) -> str:
+    """Return the router's settings, of credentials that will have moved to the folder."""
+    bus = BusConfig(endpoint=f"tls/{address}:{_PORT}", credentials=str(beside / ROUTER))
+    moved = {
+        path: value.replace(str(beside.resolve()), str(folder.resolve()))
+        if isinstance(value, str)
+        else value
+        for path, value in router_settings(bus).items()
+    }
+    settings = _nested(moved) | {"access_control": access_control(ROLES)}
+    file = folder.resolve() / ROUTER / ROUTER_SETTINGS
+    return _HEADING.format(file=file) + json.dumps(settings, indent=2) + "\n"
 
 
 def _nested(settings: Mapping[str, Any]) -> dict[str, Any]:

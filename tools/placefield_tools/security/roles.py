@@ -58,7 +58,7 @@ ROLES = {
     ),
     "camera": Role(
         publishes=(_ANY.frame, _ANY.odometry),
-        reads=(_ANY.ack, _ANY.unseen, _ANY.odometry),
+        reads=(_ANY.match, _ANY.ack, _ANY.unseen, _ANY.odometry),
         is_alive_as=(_ANY.all_alive("replay"),),
     ),
     "dashboard": Role(reads=(EVERYTHING,), asks=(_HISTORY,)),

@@ -3,7 +3,7 @@
 import logging
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from placefield.errors import SourceError
@@ -12,8 +12,8 @@ from placefield_tools.natural import in_natural_order
 from placefield_tools.sources.files import check_file
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
-from placefield_tools.sources.listing import Listing
-from placefield_tools.sources.source import Source, until
+from placefield_tools.sources.listing import Listed, Listing
+from placefield_tools.sources.source import Source, Span, until
 
 log = logging.getLogger(__name__)
 
@@ -26,8 +26,8 @@ NOMINAL_RATE = 10
 class Folder(Source):
     """The images of one folder, not of its sub-folders, as they lie on the disk.
 
-    Without a ``frames.csv`` these are all files with an image's suffix, in natural order (frame2
-    before frame10), stamped as their camera says (see ``geotags``), or as if taken at
+    Without a ``frames.csv`` these are all files with an image's suffix, in the order of their EXIF
+    times (see ``geotags``), or else in natural order (frame2 before frame10), as if taken at
     ``NOMINAL_RATE``. With one, they are the files that it lists (see ``frames_csv``). Hidden files
     do not count: some systems put one beside each image.
     """
@@ -46,6 +46,7 @@ class Folder(Source):
         self.stamped = listing.stamped
         self._path = path
         self._frames = listing.frames
+        self.span = _span(listing.frames)
         self._chosen = range(start, len(self._frames), stride)
         if not self._chosen:
             raise SourceError(f"--start {start}: {path} holds {len(self._frames)} frames only")
@@ -86,6 +87,13 @@ def _listing(folder: Path) -> Listing:
     for file in files:  # none may be passed over: all behind it would be another place
         check_file(folder / file)
     return list_photographs(folder, files, _nominal_stamp_ns)
+
+
+def _span(frames: Sequence[Listed]) -> Span | None:
+    """Return when the frames were taken; None of stamps that are made up."""
+    if all(frame.stamp_ns == _nominal_stamp_ns(at) for at, frame in enumerate(frames)):
+        return None
+    return Span(frames[0].stamp_ns, frames[-1].stamp_ns)
 
 
 def _nominal_stamp_ns(index: int) -> int:

@@ -19,10 +19,14 @@ from placefield_tools.sources.listing import (
     Position,
     with_positions,
 )
+from placefield_tools.sources.name_order import tell_of_copies, tell_of_wrap
 
 log = logging.getLogger(__name__)
 
-_SUFFIXES = (".jpeg", ".jpg")
+_SUFFIXES = (".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+
+_NEARLY_ALL = 0.9
+_LOOKED_AT = 8
 
 
 class Geotag(NamedTuple):
@@ -41,6 +45,8 @@ def read_geotag(path: Path) -> Geotag:
     """Read a photograph's tags, and not its pixels."""
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
+            if image.format == "PNG" and "exif" not in image.info:
+                return Geotag()  # Pillow would read the pixels to look behind them
             exif = image.getexif()
             when, where = exif.get_ifd(ExifTags.IFD.Exif), exif.get_ifd(ExifTags.IFD.GPSInfo)
     except Exception:  # Pillow raises whatever comes up; a damaged image is told of when it is read
@@ -49,21 +55,68 @@ def read_geotag(path: Path) -> Geotag:
 
 
 def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: DefaultStamp) -> Listing:
-    """List files with the stamps and poses that their tags hold.
+    """List files with the stamps and poses that their tags hold, in the order of the stamps.
 
-    The stamps count where all files have one and they never go back, which is logged if not;
-    otherwise frame i's is ``default_stamp_ns(i)``. The yaws are the direction of travel.
+    These decide where nearly all files have one, equal ones leaving the order of the names; that
+    the two differ is logged. A file without one comes right after the file before it in the order
+    of the names, at its time. Else frame i's stamp is ``default_stamp_ns(i)``, and what the names
+    say against their order is logged. The yaws are the direction of travel.
+
+    Args:
+        folder: of the files.
+        files: in the order of their names.
+        default_stamp_ns: of a frame by its number.
     """
-    tags = [_tag(folder / file) for file in files]
-    stamps = [tag.stamp_ns for tag in tags if tag.stamp_ns is not None]
-    stamped = len(stamps) == len(tags) and stamps == sorted(stamps)
-    if not stamped:
-        if stamps:
-            log.warning("%s: the photographs' times are not in their order: left out", folder)
-        stamps = [default_stamp_ns(at) for at in range(len(files))]
-    frames = [Listed(file, stamp_ns) for file, stamp_ns in zip(files, stamps, strict=True)]
-    listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
-    return replace(listing, stamped=stamped)
+    tell_of_copies(folder, files)
+    tags = _tags(folder, files)
+    times = [tag.stamp_ns for tag in tags]
+    if len(set(times)) == 1:  # one time for all says nothing of their order
+        times = [None] * len(times)
+    known = len(times) - times.count(None)
+    if known == 0 or known < _NEARLY_ALL * len(times):
+        if known:
+            log.warning(
+                "%s: %d of %d photographs say when they were taken: the names are their order",
+                folder,
+                known,
+                len(times),
+            )
+        tell_of_wrap(folder, files)
+        frames = [Listed(file, default_stamp_ns(at)) for at, file in enumerate(files)]
+        listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
+        return replace(listing, stamped=False)
+    stamps = _filled(times)
+    order = sorted(range(len(files)), key=lambda at: stamps[at])
+    if order != list(range(len(files))):
+        first = next(at for at, number in enumerate(order) if at != number)
+        log.warning(
+            "%s: the names are not in the order in which the photographs were taken (frame %d is "
+            "%s, and not %s): the times count; a frames.csv would overrule them",
+            folder,
+            first,
+            files[order[first]],
+            files[first],
+        )
+    frames = [Listed(files[at], stamps[at]) for at in order]
+    return with_positions(frames, [tags[at].degrees for at in order], in_degrees=True)
+
+
+def _tags(folder: Path, files: Sequence[str]) -> list[Geotag]:
+    """Read the tags of all files, where some of a few have any: a camera tags all, or none."""
+    few = {len(files) * part // _LOOKED_AT for part in range(_LOOKED_AT)} | {len(files) - 1}
+    if all(_tag(folder / files[at]) == Geotag() for at in few):
+        return [Geotag()] * len(files)
+    return [_tag(folder / file) for file in files]
+
+
+def _filled(times: Sequence[int | None]) -> list[int]:
+    """Give what has no time that of the one before it, and the first ones that of the first."""
+    last = next(time for time in times if time is not None)
+    filled = []
+    for time in times:
+        last = last if time is None else time
+        filled.append(last)
+    return filled
 
 
 def _tag(path: Path) -> Geotag:

@@ -6,6 +6,7 @@ from mcap.reader import make_reader
 from mcap.summary import Summary
 
 from placefield.errors import SourceError
+from placefield_tools.sources.source import Span
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """Readers decompress a whole chunk at once; recorders write chunks of a few MB."""
@@ -30,3 +31,9 @@ def read_summary(path: Path) -> Summary | None:
             f"{MAX_CHUNK_BYTES // 2**20} allowed; record in smaller chunks"
         )
     return summary
+
+
+def span_of(summary: Summary) -> Span:
+    """Return from when to when an MCAP file was recorded, by its summary with statistics."""
+    assert summary.statistics is not None
+    return Span(summary.statistics.message_start_time, summary.statistics.message_end_time)

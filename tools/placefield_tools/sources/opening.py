@@ -3,24 +3,29 @@
 import logging
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame
 from placefield.features.spacing import check_spacing
 from placefield.maps.trajectory import PoseAxes
+from placefield_tools.natural import in_natural_order
 from placefield_tools.sources.camera import Camera
-from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
+from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.metered import Metered
+from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
 
+if TYPE_CHECKING:
+    from placefield_tools.sources.recording import Recording
 log = logging.getLogger(__name__)
 
 _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
@@ -60,7 +65,7 @@ NO_PARTS = Parts()
 
 
 def open_source(
-    where: str,
+    where: str | Sequence[str],
     *,
     spacing_m: float | None = None,
     metres: Callable[[], float | None] | None = None,
@@ -68,6 +73,9 @@ def open_source(
     stop: threading.Event | None = None,
 ) -> Source:
     """Open a folder of images, a video file, a recording, or a camera.
+
+    Several sources are one drive in several parts, and so is a folder of recordings: they are read
+    one after the other, in the order of their stamps where all have some, else in that given.
 
     A recording is a bag of ROS or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or of
     the network ``rtsp://…`` or ``http://…``.
@@ -93,9 +101,15 @@ def open_source(
     if spacing_m is not None:
         check_spacing(spacing_m)
     try:
-        source = _open(where, start, stride, parts, stop)
+        if not isinstance(where, str) and len(where) == 1:
+            (where,) = where
+        if isinstance(where, str):
+            source = _open(where, start, stride, parts, stop)
+        else:
+            source = _open_parts(where, start, stride, parts, stop)
+            where = name_of(where)
     except OSError as error:
-        shown = without_secrets(where)
+        shown = without_secrets(where if isinstance(where, str) else name_of(where))
         raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
     if parts.poses is None and parts.pose_axes is not None:
         raise SourceError(f"--pose-axes {parts.pose_axes}: are of a file; give it with --poses")
@@ -113,7 +127,9 @@ def _open(
 ) -> Source:
     path = Path(where)
     if _is_recording(path):
-        return _open_recording(path, start, stride, parts, stop)
+        return _open_recordings(where, [path], start, stride, parts, stop)
+    if recordings := _recordings_in(path):
+        return _open_recordings(where, recordings, start, stride, parts, stop)
     if parts.topic is not None or parts.odometry_topic is not None:
         shown = without_secrets(where)
         raise SourceError(f"{shown}: has no topics: leave --topic and --odometry-topic out")
@@ -130,21 +146,81 @@ def _is_recording(path: Path) -> bool:
     return (path / _BAG_FOLDER).is_file()
 
 
+def name_of(parts: Sequence[str]) -> str:
+    """Return the name of a source, or of one drive in several: of the first and the last."""
+    return parts[0] if len(parts) == 1 else f"{parts[0]} to {parts[-1]}"
+
+
+def holds_recordings(path: Path) -> bool:
+    """Return whether a source is a recording, or a folder of recordings."""
+    return _is_recording(path) or bool(_recordings_in(path))
+
+
+def _recordings_in(path: Path) -> list[Path]:
+    """Return the recordings in a folder that holds no images, and is no bag itself."""
+    if not path.is_dir():
+        return []
+    files = [file for file in path.iterdir() if not file.name.startswith(".")]
+    if any(file.suffix.lower() in IMAGE_SUFFIXES or file.name == LISTING for file in files):
+        return []
+    by_name = {str(file): file for file in files if _is_recording(file)}
+    return [by_name[name] for name in in_natural_order(by_name)]
+
+
+def _open_parts(
+    wheres: Sequence[str], start: int, stride: int, parts: Parts, stop: threading.Event | None
+) -> Source:
+    """Open the parts of one drive."""
+    name = name_of(wheres)
+    if all(_is_recording(Path(where)) for where in wheres):
+        paths = [Path(where) for where in wheres]
+        return _open_recordings(name, paths, start, stride, parts, stop)
+    opened = [_open(where, 0, 1, parts, stop) for where in wheres]
+    for where, source in zip(wheres, opened, strict=True):
+        if source.live:
+            raise SourceError(f"{without_secrets(where)}: a camera is no part of a drive")
+    if all(source.span is not None for source in opened):
+        opened = [opened[number] for number in in_order_of_time(name, opened)]
+    return OneDrive(opened, name, start=start, stride=stride)
+
+
+def _open_recordings(
+    name: str,
+    paths: Sequence[Path],
+    start: int,
+    stride: int,
+    parts: Parts,
+    stop: threading.Event | None,
+) -> Source:
+    """Open a recording, or several of one drive; their poses are one way."""
+    try:
+        from placefield_tools.sources.recorded_poses import with_poses
+    except ModuleNotFoundError as missing:
+        raise _not_installed(name, missing) from None
+    if len(paths) == 1:
+        one = _open_recording(paths[0], start, stride, parts, stop)
+        return with_poses(one, [one], parts.odometry_topic)
+    opened = [_open_recording(path, 0, 1, parts, stop) for path in paths]
+    recordings = [opened[number] for number in in_order_of_time(name, opened)]
+    drive = OneDrive(recordings, name, start=start, stride=stride)
+    return with_poses(drive, recordings, parts.odometry_topic)
+
+
 def _open_recording(
     path: Path, start: int, stride: int, parts: Parts, stop: threading.Event | None
-) -> Source:
+) -> "Recording":
     try:
-        from placefield_tools.sources.foxglove_recording import (
-            holds_foxglove_images,
-            open_foxglove_recording,
-        )
+        from placefield_tools.sources.mcap_recording import lists_topics, open_mcap_recording
         from placefield_tools.sources.ros_recording import open_ros_recording
     except ModuleNotFoundError as missing:
-        raise ConfigError(f"{path} needs {missing.name}: pip install 'placefield[ros]'") from None
-    is_foxglove = path.suffix.lower() == ".mcap" and holds_foxglove_images(path, parts.topic)
-    opened = open_foxglove_recording if is_foxglove else open_ros_recording
-    topics = parts.topic, parts.odometry_topic
-    return opened(path, *topics, start=start, stride=stride, stop=stop)
+        raise _not_installed(str(path), missing) from None
+    is_mcap = path.suffix.lower() == ".mcap" and lists_topics(path)
+    opened = open_mcap_recording if is_mcap else open_ros_recording
+    return opened(path, parts.topic, start=start, stride=stride, stop=stop)
+
+
+def _not_installed(name: str, missing: ModuleNotFoundError) -> ConfigError:
+    return ConfigError(f"{name} needs {missing.name}: pip install 'placefield[ros]'")
 
 
 def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None) -> Source:

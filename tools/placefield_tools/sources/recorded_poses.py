@@ -1,8 +1,7 @@
 """Poses and positions in a recording, of ROS or Foxglove."""
 
 import logging
-from collections.abc import Callable, Collection, Iterable
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +14,9 @@ from placefield_tools.sources.degrees import is_fix, laid_out
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.pose_axes import forwards_of, ground_poses
 from placefield_tools.sources.pose_files import LARGEST
+from placefield_tools.sources.recording import Recording, known_errors
 from placefield_tools.sources.source import Source
-from placefield_tools.sources.topics import Types, pose_topic
+from placefield_tools.sources.topics import pose_topic
 
 log = logging.getLogger(__name__)
 
@@ -95,30 +95,30 @@ ROS_POSES, FOXGLOVE_POSES = tuple(_OF_ROS), tuple(_OF_FOXGLOVE)
 """The types of messages that tell where the vehicle is."""
 
 
-def with_poses(
-    source: Source,
-    path: Path,
-    types: Types,
-    kinds: Collection[str],
-    asked: str | None,
-    messages: Callable[[str], Iterable[tuple[int, Any]]],
-) -> Source:
-    """Give a recording's frames the poses of its topic of them, if one is meant.
+def with_poses(source: Source, recordings: Sequence[Recording], asked: str | None) -> Source:
+    """Give the frames of recordings of one drive the poses of their topic of them, if one is meant.
 
     Args:
         source: of the frames.
-        path: of the recording.
-        types: its topics.
-        kinds: the types that are poses.
+        recordings: that they are of, in the order of the drive.
         asked: ``--odometry-topic``, see ``pose_topic``.
-        messages: yields those of a topic, each behind its stamp in ns.
 
     Raises:
         SourceError: there is no such topic, or it does not say where.
     """
+    path = recordings[0].path
+    types = {topic: kind for each in recordings for topic, kind in each.types.items()}
+    kinds = {kind for each in recordings for kind in each.poses}
     topic = pose_topic(str(path), types, kinds, asked)
     if topic is None:
         return source
     name = f"{path.name}:{topic}"
-    way = way_of(name, types[topic], messages(topic))
+    way = way_of(name, types[topic], _messages(recordings, topic))
     return Located(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
+
+
+def _messages(recordings: Sequence[Recording], topic: str) -> Iterator[tuple[int, Any]]:
+    for recording in recordings:
+        if topic in recording.types:
+            with known_errors(recording.path):
+                yield from recording.messages(topic)

@@ -1,62 +1,111 @@
 """What recordings have in common, whoever wrote them."""
 
+import logging
 import threading
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
+from textwrap import shorten
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError, PlacefieldError, SourceError
 from placefield.features.frames import Frame
-from placefield_tools.sources.source import Source, until
+from placefield_tools.sources.cut_off import is_cut_off
+from placefield_tools.sources.source import Source, Span, until
+from placefield_tools.sources.topics import Types
 
-Stamped = tuple[int, bytes | NDArray[np.uint8]]
-"""A stamp in nanoseconds and an image."""
+log = logging.getLogger(__name__)
+
+_REASON = 150  # characters
+
+Stamped = tuple[int, bytes | NDArray[np.uint8] | FrameError]
+"""A stamp in nanoseconds, and an image or why there is none."""
 
 
 class Recording(Source):
-    """The images of one topic, by their own stamps, or the recorder's where they have none."""
+    """The images of one topic, by their own stamps, or the recorder's where they have none.
+
+    Attributes:
+        path: of the recording.
+        types: its topics, and the types of their messages.
+        poses: the types that tell where the vehicle is, as its writer calls them.
+    """
+
+    poses: tuple[str, ...]
 
     def __init__(
         self,
         path: Path,
         topic: str,
         total: int,
+        types: Types,
+        span: Span,
         *,
         start: int,
         stride: int,
         stop: threading.Event | None,
     ) -> None:
-        """Take a recording whose ``topic`` holds ``total`` images."""
+        """Take a recording of these topics, whose ``topic`` holds ``total`` images."""
         self._stop = stop
-        chosen = range(start, total, stride)
-        if not chosen:
+        self._total = total
+        self._start, self._stride = start, stride
+        self.count = len(range(start, total, stride))
+        if not self.count:
             raise SourceError(f"--start {start}: {path}: {topic} holds {total} frames only")
-        self.count = len(chosen)
-        self._path = path
+        self.types, self.span = types, span
+        self.path = path
         self._topic = topic
-        self._start = start
-        self._stride = stride
 
     @abstractmethod
     def _images(self) -> Iterator[Callable[[], Stamped]]:
         """Yield what decodes an image, for each of the topic."""
 
+    @abstractmethod
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Yield the messages of a topic, each behind its stamp in ns."""
+
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; those before ``start`` and between are not decoded."""
-        with known_errors(self._path):
-            images = enumerate(until(self._stop, self._images()))
-            for index, decode in islice(images, self._start, None, self._stride):
-                name = f"{self._path.name}#{index}"
-                try:
-                    stamp_ns, image = decode()
-                except FrameError as error:
-                    raise SourceError(f"{name}: {error}") from None
-                yield Frame(index, stamp_ns, name, image)
+        """Yield the frames; those before ``start`` and between are not decoded.
+
+        A message that cannot be parsed keeps its turn, with its ``fault``, and has the stamp of the
+        frame before.
+        """
+        index, stamp_ns = -1, 0
+        with known_errors(self.path):
+            for index, decode in enumerate(until(self._stop, self._images())):
+                if index >= self._start and (index - self._start) % self._stride == 0:
+                    stamp_ns, image = _decoded(decode, stamp_ns)
+                    name = f"{self.path.name}#{index}"
+                    if isinstance(image, FrameError):
+                        yield Frame(index, stamp_ns, name, b"", fault=str(image))
+                    else:
+                        yield Frame(index, stamp_ns, name, image)
+        if not (self._stop and self._stop.is_set()):
+            self._note_missing(max(0, self._total - index - 1))
+
+    def _note_missing(self, missing: int) -> None:
+        self.not_given["missing"] = missing
+        if missing:
+            log.warning(
+                "%s: says that it holds %d images on %s, and %d of them are not there",
+                self.path,
+                self._total,
+                self._topic,
+                missing,
+            )
+
+
+def _decoded(decode: Callable[[], Stamped], before_ns: int) -> Stamped:
+    try:
+        return decode()
+    except PlacefieldError:
+        raise
+    except Exception as error:  # parsers raise whatever comes up
+        return before_ns, FrameError(f"the message cannot be parsed ({_short(error)})")
 
 
 @contextmanager
@@ -70,7 +119,10 @@ def known_errors(path: Path) -> Iterator[None]:
     except PlacefieldError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise SourceError(
-            f"{path}: cannot be read as a recording ({reason}); was it cut off?"
-        ) from error
+        reason = _short(error)
+        question = "; was it cut off?" if is_cut_off(path) else ""
+        raise SourceError(f"{path}: cannot be read as a recording ({reason}){question}") from error
+
+
+def _short(error: Exception) -> str:
+    return shorten(str(error) or type(error).__name__, _REASON, placeholder=" …")

@@ -6,36 +6,45 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
 
 from placefield.errors import SourceError
-from placefield.ros.messages import IMAGES, image_of, stamp_of
+from placefield_tools.sources.mcap_messages import stamp_ns_of
 from placefield_tools.sources.mcap_summary import read_summary
-from placefield_tools.sources.recorded_poses import ROS_POSES, with_poses
+from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder, images_of
+from placefield_tools.sources.recorded_poses import ROS_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
-from placefield_tools.sources.source import Source
+from placefield_tools.sources.ros_types import parser_of
+from placefield_tools.sources.source import Span
 from placefield_tools.sources.topics import image_topic
 
 _DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # how rosbags knows MCAP to define messages
 
 
 class _RosRecording(Recording):
+    poses = ROS_POSES
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        with _reader(self.path) as reader:
+            for read in _messages(reader, topic):
+                yield read()
+
     def _images(self) -> Iterator[Callable[[], Stamped]]:
-        with _reader(self._path) as reader:
-            for kind, read in _messages(reader, self._topic):
-                yield partial(_image, kind, read)
+        name = f"{self.path.name}:{self._topic}"
+        with _reader(self.path) as reader:
+            yield from images_of(name, self.types[self._topic], _messages(reader, self._topic))
 
 
 def open_ros_recording(
     path: Path,
     topic: str | None,
-    odometry_topic: str | None,
     *,
     start: int,
     stride: int,
     stop: threading.Event | None,
-) -> Source:
+) -> Recording:
     """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
 
     How much memory it takes is checked of MCAP's chunks alone (see ``read_summary``); of a bag of
@@ -44,13 +53,12 @@ def open_ros_recording(
     Args:
         path: of the recording.
         topic: of images; None: the only one.
-        odometry_topic: of poses, ``none`` for none; None: the only one, if it is.
         start: the first frame.
         stride: from one frame to the next.
         stop: ends the frames.
 
     Raises:
-        SourceError: it cannot be read, holds no such topics, or ends before ``start``.
+        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
     """
     with known_errors(path):
         _check_files(path)
@@ -58,18 +66,18 @@ def open_ros_recording(
         held = [each for each in reader.connections if each.msgcount]
         types = {each.topic: each.msgtype for each in held}
         images = image_topic(str(path), types, IMAGES, topic)
+        check_decoder(path, types[images])
         total = sum(each.msgcount for each in held if each.topic == images)
-        source = _RosRecording(path, images, total, start=start, stride=stride, stop=stop)
-
-        def messages(of: str) -> Iterator[tuple[int, Any]]:
-            return (read() for _, read in _messages(reader, of))
-
-        return with_poses(source, path, types, ROS_POSES, odometry_topic, messages)
+        span = Span(reader.start_time, reader.end_time)
+        return _RosRecording(
+            path, images, total, types, span, start=start, stride=stride, stop=stop
+        )
 
 
 def _check_files(path: Path) -> None:
-    """Refuse MCAP files that rosbags would fail at, or take too much memory for."""
+    """Refuse files that rosbags would fail at, read in part, or take too much memory for."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        _check_no_log(file)
         if file.suffix.lower() != ".mcap":
             continue
         summary = read_summary(file)
@@ -81,24 +89,34 @@ def _check_files(path: Path) -> None:
             )
 
 
-def _reader(path: Path) -> AnyReader:
-    """Make a reader; a recording from before ROS 2 Iron does not say what its messages are."""
-    return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+def _check_no_log(file: Path) -> None:
+    """Refuse a database beside which a log lies, as when its recorder was killed."""
+    log = file.with_name(f"{file.name}-wal")
+    if file.suffix.lower() == ".db3" and log.is_file() and log.stat().st_size:
+        raise SourceError(
+            f"{log}: holds messages that are not in {file.name} yet: stop the recorder, or bring "
+            f"them in with: sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+        )
 
 
-def _messages(reader: AnyReader, topic: str) -> Iterator[tuple[str, Callable[[], tuple[int, Any]]]]:
-    """Yield the type of each message of a topic, and what reads its stamp and itself."""
+def _reader(path: Path) -> Reader1 | Reader2:
+    return Reader1(path) if path.suffix.lower() == ".bag" else Reader2(path)
+
+
+def _messages(reader: Reader1 | Reader2, topic: str) -> Iterator[Read]:
+    """Yield what reads a message, for each of a topic."""
+    is_ros1 = isinstance(reader, Reader1)
     connections = [each for each in reader.connections if each.topic == topic]
     for connection, recorded_ns, data in reader.messages(connections):
-        kind = connection.msgtype
-        yield kind, partial(_read, reader, kind, recorded_ns, data)
+        yield partial(_read, connection, is_ros1, recorded_ns, data)
 
 
-def _read(reader: AnyReader, kind: str, recorded_ns: int, data: bytes) -> tuple[int, Any]:
-    message: Any = reader.deserialize(data, kind)
-    return stamp_of(message) or recorded_ns, message
-
-
-def _image(kind: str, read: Callable[[], tuple[int, Any]]) -> Stamped:
-    stamp_ns, message = read()
-    return stamp_ns, image_of(kind, message)
+def _read(connection: Connection, is_ros1: bool, recorded_ns: int, data: bytes) -> tuple[int, Any]:
+    parse = parser_of(
+        connection.msgtype,
+        connection.msgdef.data,
+        is_idl=connection.msgdef.format == MessageDefinitionFormat.IDL,
+        is_ros1=is_ros1,
+    )
+    message = parse(data)
+    return stamp_ns_of(message) or recorded_ns, message

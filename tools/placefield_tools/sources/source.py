@@ -7,12 +7,19 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import takewhile
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 from placefield.features.frames import Frame
 from placefield.maps.geography import Origin
 
 T = TypeVar("T")
+
+
+class Span(NamedTuple):
+    """From when to when something was recorded, nanoseconds, both included."""
+
+    first_ns: int
+    last_ns: int
 
 
 class Source(ABC):
@@ -22,7 +29,8 @@ class Source(ABC):
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
     unknown. ``stamped`` tells whether the frames' stamps are their own; where nobody knows when
-    they were taken, they are as if of a steady rate.
+    they were taken, they are as if of a steady rate. ``span`` is from when to when it was recorded,
+    None where nobody wrote that down.
 
     A frame that cannot be read is given all the same, with its ``fault``. ``not_given`` counts the
     others, when it has been iterated to its end: those ``missing``, which it has promised and not
@@ -37,6 +45,7 @@ class Source(ABC):
     count: int | None
     origin: Origin | None = None
     stamped: bool = True
+    span: Span | None = None
 
     @cached_property
     def not_given(self) -> Counter[str]:
@@ -71,6 +80,7 @@ class Derived(Source):
         self.live = source.live
         self.origin = source.origin
         self.stamped = source.stamped
+        self.span = source.span
         self.not_given = source.not_given
 
     def close(self) -> None:

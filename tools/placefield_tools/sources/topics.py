@@ -7,6 +7,8 @@ from placefield.errors import SourceError
 
 log = logging.getLogger(__name__)
 
+_MOST = 12  # topics that a line names
+
 Types = Mapping[str, str]
 """A recording's topics and the types of their messages."""
 
@@ -29,9 +31,11 @@ def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | No
     if asked in found:
         return asked
     if not found:
-        every = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(types.items()))
+        every = [f"{topic} ({kind})" for topic, kind in sorted(types.items())]
+        more = f" and {len(every) - _MOST} more" if len(every) > _MOST else ""
         raise SourceError(
-            f"{name}: no topic of {' or '.join(sorted(kinds))}; it holds {every or 'nothing'}"
+            f"{name}: no topic of images of ROS or Foxglove; "
+            f"it holds {', '.join(every[:_MOST]) or 'nothing'}{more}"
         )
     wrong = "" if asked is None else f"--topic {asked}: there are no images; "
     raise SourceError(f"{name}: {wrong}choose with --topic one of {', '.join(found)}")

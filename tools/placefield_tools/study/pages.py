@@ -5,6 +5,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from placefield.files import write_whole
+
 
 def write_page(folder: Path, template: str, **shown: Any) -> Path:
     """Write a page as `report.html`, with its pictures inside, into a folder; return the file.
@@ -27,5 +29,5 @@ def write_page(folder: Path, template: str, **shown: Any) -> Path:
     page = environment.get_template(template).render(**shown)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "report.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path

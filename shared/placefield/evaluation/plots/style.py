@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from placefield.files import written_whole
+
 INK = "#222222"
 MUTED = "#6b6b6b"
 FAINT = "#e4e4e4"
@@ -47,4 +49,5 @@ def save(figure: Figure, path: Path) -> None:
         OSError: the file cannot be written.
 
     """
-    figure.savefig(path, format="png")
+    with written_whole(path) as beside:
+        figure.savefig(beside, format="png")

@@ -1,17 +1,28 @@
 import base64
 import json
 import math
+import os
 import struct
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, timestamp_pb2
+from mcap.reader import make_reader
 from mcap.writer import Writer
+from rosbags.typesys import Stores, get_typestore
 
-from placefield.errors import SourceError
+from placefield.errors import ConfigError, FrameError, SourceError
 from placefield.maps.geography import Origin
 from placefield_tools.sources import Parts, mcap_summary, open_source
+
+ROS_KIND = "sensor_msgs/msg/CompressedImage"
+ROS_STORE = get_typestore(Stores.ROS2_JAZZY)
+CASES = Path(os.environ.get("PLACEFIELD_CASES") or Path(__file__).parents[4] / "shared" / "cases")
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -197,6 +208,18 @@ def test_frames_have_the_poses_of_their_time(
     assert [frame.pose for frame in open_source(str(path), parts=Parts(None, "none"))] == [None] * 4
 
 
+def compressed(store: Any, image: bytes) -> Any:
+    kinds = store.types
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    more = {"seq": 0} if store is not ROS_STORE else {}
+    header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="", **more)
+    return kinds[ROS_KIND](header=header, format="jpeg", data=np.frombuffer(image, np.uint8))
+
+
+def as_cdr(image: bytes) -> bytes:
+    return bytes(ROS_STORE.serialize_cdr(compressed(ROS_STORE, image), ROS_KIND))
+
+
 def record_both(path: Path) -> str:
     """A recording of an image of Foxglove's on /fox and one of ROS's on /ros."""
     encoding, definition, encode = FORMS["json"]
@@ -205,14 +228,14 @@ def record_both(path: Path) -> str:
         writer.start(profile="ros2")
         fox = writer.register_schema(KIND, encoding, definition)
         of_ros = writer.register_schema(
-            "sensor_msgs/msg/CompressedImage", "ros2msg", b"uint8[] data\n"
+            ROS_KIND, "ros2msg", ROS_STORE.generate_msgdef(ROS_KIND)[0].encode()
         )
         channels = [
             writer.register_channel("/fox", "json", fox),
             writer.register_channel("/ros", "cdr", of_ros),
         ]
-        for channel in channels:
-            writer.add_message(channel, 1, encode(1, IMAGES[0]), publish_time=1)
+        for channel, data in zip(channels, (encode(1, IMAGES[0]), as_cdr(IMAGES[1])), strict=True):
+            writer.add_message(channel, 1, data, publish_time=1)
         writer.finish()
     return str(path)
 
@@ -223,8 +246,170 @@ def test_of_images_of_foxglove_and_of_ros_the_topic_decides(tmp_path: Path) -> N
         with pytest.raises(SourceError, match=r"choose with --topic one of /fox, /ros$"):
             open_source(where, parts=Parts(asked))
     assert [frame.image for frame in open_source(where, parts=Parts("/fox"))] == IMAGES[:1]
-    with pytest.raises(SourceError, match="defined by jsonschema, and topics of ROS"):
-        open_source(where, parts=Parts("/ros"))
+    assert [frame.image for frame in open_source(where, parts=Parts("/ros"))] == IMAGES[1:2]
+
+
+@pytest.mark.parametrize(
+    ("kind", "encoding", "definition", "form"),
+    [
+        (
+            "example_interfaces/srv/AddTwoInts_Event",
+            "ros2msg",
+            "int64 a\n---\nint64 sum\n" * 99,
+            "cdr",
+        ),
+        ("mine/msg/Broken", "ros2idl", "module { nonsense", "cdr"),
+        ("State", "jsonschema", "{", "json"),
+        ("mine.State", "protobuf", "no protobuf", "protobuf"),
+        ("State", "flatbuffer", "?", "flatbuffer"),
+    ],
+)
+def test_topics_that_nobody_asks_for_are_not_parsed(
+    tmp_path: Path, kind: str, encoding: str, definition: str, form: str
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        schemas = [
+            writer.register_schema(kind, encoding, definition.encode()),
+            writer.register_schema(
+                ROS_KIND, "ros2msg", ROS_STORE.generate_msgdef(ROS_KIND)[0].encode()
+            ),
+        ]
+        other = writer.register_channel("/other", form, schemas[0])
+        channel = writer.register_channel("/image", "cdr", schemas[1])
+        for at, image in enumerate(IMAGES):
+            writer.add_message(other, at, b"what nobody reads", publish_time=at)
+            writer.add_message(channel, at + 1, as_cdr(image), publish_time=at)
+        writer.finish()
+    assert [frame.image for frame in open_source(str(path))] == IMAGES
+    with pytest.raises(SourceError, match="--topic /other: there are no images") as refused:
+        open_source(str(path), parts=Parts("/other"))
+    assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize("form", ["ros1", "ros2"])
+def test_images_of_ros_1_and_2_in_one_file_format(tmp_path: Path, form: str) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC) if form == "ros1" else ROS_STORE
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        name = "sensor_msgs/CompressedImage" if form == "ros1" else ROS_KIND
+        definition = store.generate_msgdef(ROS_KIND, ros_version=int(form[-1]))[0].encode()
+        schema = writer.register_schema(name, f"{form}msg", definition)
+        channel = writer.register_channel("/image", "cdr" if form == "ros2" else "ros1", schema)
+        for at, image in enumerate(IMAGES):
+            message = compressed(store, image)
+            data = (
+                store.serialize_ros1(message, ROS_KIND)
+                if form == "ros1"
+                else store.serialize_cdr(message, ROS_KIND)
+            )
+            writer.add_message(channel, at, bytes(data), publish_time=at)
+        writer.finish()
+    assert [frame.image for frame in open_source(str(path))] == IMAGES
+
+
+@pytest.mark.parametrize("encoding", ["mono8", "rgb8", "bgr8"])
+def test_raw_images_of_foxglove_are_the_pixels_that_opencv_makes_of_them(
+    tmp_path: Path, encoding: str
+) -> None:
+    shape = (8, 10) if encoding == "mono8" else (8, 10, 3)
+    pixels = np.random.default_rng(1).integers(0, 255, shape, np.uint8)
+    where = record_json(
+        tmp_path / "a.mcap",
+        "foxglove.RawImage",
+        [
+            {
+                "width": 10,
+                "height": 8,
+                "encoding": encoding,
+                "step": pixels.strides[0],
+                "data": base64.b64encode(pixels.tobytes()).decode(),
+            }
+        ],
+    )
+    expected = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if encoding == "rgb8" else pixels
+    [frame] = open_source(where)
+    np.testing.assert_array_equal(frame.image, expected)
+
+
+def h264(pictures: list[np.ndarray]) -> list[bytes]:
+    av = pytest.importorskip("av")
+    codec = av.CodecContext.create("libx264", "w")
+    codec.width, codec.height, codec.pix_fmt, codec.framerate = 64, 48, "yuv420p", 10
+    codec.options = {"tune": "zerolatency", "g": "5", "x264-params": "repeat-headers=1"}
+    packets = [
+        packet
+        for picture in pictures
+        for packet in codec.encode(av.VideoFrame.from_ndarray(picture, format="bgr24"))
+    ]
+    return [bytes(packet) for packet in [*packets, *codec.encode(None)]]
+
+
+def video(path: Path, packets: list[bytes]) -> str:
+    fields = [{"format": "h264", "data": base64.b64encode(each).decode()} for each in packets]
+    return record_json(path, "foxglove.CompressedVideo", fields)
+
+
+def test_compressed_video_is_decoded_frame_by_frame(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    greys = [20 * at + 10 for at in range(12)]
+    packets = h264([np.full((48, 64, 3), grey, np.uint8) for grey in greys])
+    assert len(packets) == 12
+    frames = list(open_source(video(tmp_path / "a.mcap", packets)))
+    assert [np.median(frame.image) for frame in frames] == pytest.approx(greys, abs=4)
+    assert [
+        frame.index
+        for frame in open_source(str(tmp_path / "a.mcap"), parts=Parts(start=3, stride=4))
+    ] == [
+        3,
+        7,
+        11,
+    ]
+    assert not caplog.messages
+    later = list(open_source(video(tmp_path / "b.mcap", packets[2:])))
+    assert [np.median(frame.image) for frame in later] == pytest.approx(greys[5:], abs=4)
+    assert "begins with 3 messages of no picture" in caplog.text
+
+
+def test_video_that_nothing_here_decodes_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(ConfigError, match=r"a\.mcap: .*needs av: pip install 'placefield\[ros\]'"):
+        open_source(video(tmp_path / "a.mcap", [b"?"]))
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\0\0\1 no video"])
+def test_video_that_does_not_decode_is_one_line(tmp_path: Path, data: bytes) -> None:
+    pytest.importorskip("av")
+    with pytest.raises(SourceError, match=r"^[^\n]{1,300}$"):
+        list(open_source(video(tmp_path / "a.mcap", [data])))
+
+
+def record_json(path: Path, kind: str, messages: Sequence[dict[str, object]]) -> str:
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel(
+            "/image", "json", writer.register_schema(kind, "jsonschema", b"{}")
+        )
+        for at, fields in enumerate(messages):
+            writer.add_message(channel, at, stamped(stamps(at), **fields), publish_time=at)
+        writer.finish()
+    return str(path)
+
+
+@pytest.mark.parametrize("case", ["mcap_service_event", "foxglove_raw_and_video"])
+def test_a_recording_of_which_one_topic_is_wanted_is_read(case: str) -> None:
+    if not (CASES / case).is_dir():
+        pytest.skip(f"no cases at {CASES}; say where they are with PLACEFIELD_CASES")
+    [where] = (CASES / case).glob("*.mcap")
+    assert len(list(open_source(str(where)))) == 24
 
 
 def test_a_chunk_that_unpacks_to_more_than_is_allowed_is_refused_unread(
@@ -256,20 +441,32 @@ def test_a_file_that_does_not_say_what_it_holds_is_refused(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("damage", ["cut", "content"])
-def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, form: str, damage: str) -> None:
+def test_a_message_that_cannot_be_parsed_keeps_its_turn(tmp_path: Path, form: str) -> None:
     path = Path(record(tmp_path / "a.mcap", form, "/image"))
-    if damage == "cut":
-        path.write_bytes(path.read_bytes()[:-40])
-    else:
-        encoding, definition, _ = FORMS[form]
-        with path.open("wb") as file:
-            writer = Writer(file)
-            writer.start()
-            schema = writer.register_schema(KIND, encoding, definition)
-            channel = writer.register_channel("/image", form, schema)
-            writer.add_message(channel, 1, b"\xff{no message", publish_time=1)
-            writer.finish()
+    with path.open("rb") as file:
+        whole = list(make_reader(file).iter_messages())
+    encoding, definition, _ = FORMS[form]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(KIND, encoding, definition)
+        channel = writer.register_channel("/image", form, schema)
+        for number, (_, _, message) in enumerate(whole):
+            data = b"\xff{no message" if number == 1 else message.data
+            writer.add_message(channel, message.log_time, data, publish_time=1)
+        writer.finish()
+    frames = list(open_source(str(path)))
+    assert [bool(frame.fault) for frame in frames] == [at == 1 for at in range(len(IMAGES))]
+    assert [frame.image for frame in frames if not frame.fault] == [IMAGES[0], *IMAGES[2:]]
+    assert frames[1].stamp_ns == frames[0].stamp_ns
+    with pytest.raises(FrameError, match="the message cannot be parsed"):
+        frames[1].pixels()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, form: str) -> None:
+    path = Path(record(tmp_path / "a.mcap", form, "/image"))
+    path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(SourceError, match=r"a\.mcap: cannot be read as a recording") as refused:
         list(open_source(str(path)))
     assert "\n" not in str(refused.value)

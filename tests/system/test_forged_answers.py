@@ -1,0 +1,82 @@
+"""Answers that a stranger makes up, for frames that are under way: they change nothing."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from hosting import Host, Listener, answers_of, offline, placefield
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.session import Bus, open_bus
+from placefield.config import BusConfig
+from placefield.maps.map import NO_DIGEST, Map
+
+KEYS = Keys("default")
+
+
+@pytest.fixture
+def stranger(host: Host) -> Iterator[Bus]:
+    with open_bus(BusConfig(endpoint=host.endpoint)) as bus:
+        yield bus
+
+
+class Forger:
+    """Answers each frame as it is sent, ahead of the services."""
+
+    def __init__(self, bus: Bus, kind: str) -> None:
+        self._kind = kind
+        self._acks, self._matches = bus.publisher(KEYS.ack), bus.publisher(KEYS.match)
+        self.forged = 0
+        bus.subscribe(KEYS.frame, self._forge, Counter())
+
+    def _forge(self, received: Received) -> None:
+        header = received.header
+        if header.end and self._kind != "end":
+            return
+        self.forged += 1
+        for forged in self._forgeries(header):
+            self._acks.put(forged)
+        if self._kind == "match" and header.sequence % 5 == 1:
+            self._matches.put(header, MatchMessage(map=NO_DIGEST, place=0, score=9.0))
+
+    def _forgeries(self, header: Header) -> Sequence[Header]:
+        match self._kind:
+            case "one":
+                return [header] if header.sequence == 20 else []
+            case "each":
+                return [header]
+            case "end":
+                end = header.model_copy(update={"end": True, "sequence": header.sequence + 1})
+                return [end, header]
+            case "beyond":
+                return [header.of_frame(header.sequence + 1), header.of_frame(2**40)]
+        return []
+
+
+@pytest.mark.parametrize("kind", ["one", "each", "end", "beyond", "match"])
+def test_forged_answers_leave_each_frame_matched_and_the_source_knows(
+    host: Host,
+    listener: Listener,
+    stranger: Bus,
+    route_map: Map,
+    query_dir: Path,
+    kind: str,
+) -> None:
+    forger = Forger(stranger, kind)
+    ended = host.replay(query_dir)
+    assert ended.returncode == 0, ended.stderr
+    assert "60 frames replayed" in ended.stdout
+    assert forger.forged >= 60
+    if kind != "match":
+        answered = listener.answers()
+        assert answers_of(answered) == offline(route_map, sorted(query_dir.iterdir()))
+    status = placefield("status", "--json", "--endpoint", host.endpoint)
+    services = json.loads(status.stdout)["services"]
+    fuser = next(each for each in services if each["service"] == "fuser")
+    assert fuser["counts"]["matches"] % 60 == 0  # none was passed over
+    if kind == "beyond":
+        assert "counted for nothing" in ended.stderr

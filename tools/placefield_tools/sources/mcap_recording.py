@@ -1,0 +1,97 @@
+"""An MCAP recording of ROS's or Foxglove's messages as a source of frames."""
+
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.reader import make_reader
+
+from placefield.errors import SourceError
+from placefield_tools.sources.mcap_messages import kind_of, read_message
+from placefield_tools.sources.mcap_summary import read_summary, span_of
+from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder, images_of
+from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, ROS_POSES
+from placefield_tools.sources.recording import Recording, Stamped, known_errors
+from placefield_tools.sources.source import Span
+from placefield_tools.sources.topics import image_topic
+
+
+class _Topic(NamedTuple):
+    kind: str
+    messages: int
+
+
+class _McapRecording(Recording):
+    poses = (*ROS_POSES, *FOXGLOVE_POSES)
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        return (read() for read in _messages(self.path, topic))
+
+    def _images(self) -> Iterator[Callable[[], Stamped]]:
+        name = f"{self.path.name}:{self._topic}"
+        return images_of(name, self.types[self._topic], _messages(self.path, self._topic))
+
+
+def open_mcap_recording(
+    path: Path,
+    topic: str | None,
+    *,
+    start: int,
+    stride: int,
+    stop: threading.Event | None,
+) -> Recording:
+    """Open an MCAP file with images of ROS 1 or 2 or Foxglove; other topics may hold anything.
+
+    Args:
+        path: of the file.
+        topic: of images; None: the only one.
+        start: the first frame.
+        stride: from one frame to the next.
+        stop: ends the frames.
+
+    Raises:
+        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
+        ConfigError: the images are video, and what decodes it is not installed.
+    """
+    with known_errors(path):
+        topics, span = _contents(path)
+    types = {name: held.kind for name, held in topics.items()}
+    images = image_topic(str(path), types, IMAGES, topic)
+    check_decoder(path, types[images])
+    total = topics[images].messages
+    return _McapRecording(path, images, total, types, span, start=start, stride=stride, stop=stop)
+
+
+def lists_topics(path: Path) -> bool:
+    """Return whether an MCAP file lists its topics; one whose writer left that out has to be read.
+
+    Raises:
+        SourceError: it cannot be read.
+    """
+    with known_errors(path):
+        summary = read_summary(path)
+    return summary is None or summary.statistics is None or bool(summary.channels)
+
+
+def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:
+    """Return the topics that hold messages, of other kinds too, and when they were recorded."""
+    summary = read_summary(path)
+    if summary is None or summary.statistics is None:
+        raise SourceError(f"{path}: does not say what it holds; 'mcap recover' mends such files")
+    counts = summary.statistics.channel_message_counts
+    topics: dict[str, _Topic] = {}
+    for number, channel in summary.channels.items():
+        if counts.get(number):
+            kind = kind_of(summary.schemas.get(channel.schema_id))
+            before = topics.get(channel.topic, _Topic(kind, 0))
+            topics[channel.topic] = _Topic(kind, before.messages + counts[number])
+    return topics, span_of(summary)
+
+
+def _messages(path: Path, topic: str) -> Iterator[Read]:
+    """Yield what reads a message, for each of a topic."""
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages([topic]):
+            yield partial(read_message, schema, channel, message)

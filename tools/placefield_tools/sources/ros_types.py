@@ -1,0 +1,50 @@
+"""Messages of ROS by the definitions that a recording holds.
+
+Only the types of the topics that are wanted are looked at: a recording may hold others that nobody
+can parse, as a service's events, or that no one needs.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+_SEPARATOR = "=" * 80 + "\n"
+
+
+def full_name(kind: str) -> str:
+    """Return the name of a type as ROS 2 has it: sensor_msgs/Image is sensor_msgs/msg/Image."""
+    package, slash, name = kind.partition("/")
+    return f"{package}/msg/{name}" if slash and "/" not in name else kind
+
+
+@lru_cache(maxsize=64)
+def parser_of(kind: str, definition: str, *, is_idl: bool, is_ros1: bool) -> Callable[[bytes], Any]:
+    """Return what parses messages of a type.
+
+    Args:
+        kind: its full name.
+        definition: of it and what it consists of; empty: that of the latest ROS 2.
+        is_idl: whether the definition is IDL, and not MSG.
+        is_ros1: whether messages are as ROS 1 writes them, and not CDR.
+    """
+    store = _typestore(kind, definition, is_idl)
+    parse = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+    return lambda data: parse(data, kind)
+
+
+def _typestore(kind: str, definition: str, is_idl: bool) -> Typestore:
+    if not definition.strip():  # a recording from before ROS 2 Iron
+        return get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.EMPTY)
+    if not is_idl:
+        store.register(get_types_from_msg(definition, kind))
+        return store
+    texts = definition.split(_SEPARATOR)
+    if len(texts) > 1:  # each behind a line that names it
+        texts = [text.partition("\n")[2] for text in texts[1:]]
+    for text in texts:
+        store.register(get_types_from_idl(text))
+    return store
