@@ -53,6 +53,8 @@ class Poses:
             return
         if not 0 <= match.place < len(self._of_map):
             raise MessageError(f"a match of another map: this one has {len(self._of_map)} places")
+        if not np.isfinite(self._of_map[match.place]).all():
+            raise MessageError(f"a match of another map: of place {match.place} it has no pose")
         covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
         self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
         if self._kind is SmoothedMessage:

@@ -68,6 +68,15 @@ def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
         stage.take(place=20)
 
 
+def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) -> None:
+    gappy = PLACES.copy()
+    gappy[7] = np.nan
+    poses = Poses(gappy, TOLERANCE, NO_DIGEST, stage.topic, stage.counts)
+    with pytest.raises(MessageError, match="place 7 it has no pose"):
+        poses.take(header(5), KNOWN.encode())
+    assert not stage.topic.sent
+
+
 def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
     smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
     poses = Poses(PLACES, TOLERANCE, NO_DIGEST, stage.topic, stage.counts, smoothed=True)

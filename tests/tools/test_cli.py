@@ -110,8 +110,9 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     evaluated = placefield("evaluate", map_path, query_dir, "--json", "--tolerance", "2")
     assert evaluated.code == 0, evaluated.err
     figures = json.loads(evaluated.out)
-    assert set(figures) == {"rules", "frames", "tolerance"}
+    assert set(figures) == {"rules", "frames", "tolerance", "truth"}
     assert (figures["frames"], figures["tolerance"]) == (60, 2)
+    assert figures["truth"] == {"by": "aligned"}
     assert set(figures["rules"]) == {*RULES}
     for rule, shares in figures["rules"].items():
         lags = shares.pop("lag")
@@ -201,6 +202,7 @@ def test_a_truth_file_decides_what_is_right(
     evaluated = placefield("evaluate", map_path, query_dir, "--truth", truth, "--json")
     figures = json.loads(evaluated.out)
     assert figures["tolerance"] is None
+    assert figures["truth"] == {"by": "given"}
     assert figures["rules"]["filter"]["recall_at_1"] > 0.9
 
 
@@ -210,7 +212,7 @@ def test_a_path_with_brackets_is_printed_as_it_is(
     odd_query, odd_map = tmp_path / "[red]night[/b]", tmp_path / "day[/b].pfmap"
     first_frames(query_dir, 20, odd_query)
     copytree(map_path, odd_map)
-    evaluated = placefield("evaluate", odd_map, odd_query, "-o", "[i]pictures")
+    evaluated = placefield("evaluate", odd_map, odd_query, "--aligned", "-o", "[i]pictures")
     assert evaluated.code == 0, evaluated.err
     assert "[i]pictures/matches.png" in evaluated.out
     assert str(odd_query) in "".join(evaluated.out.split())
@@ -221,7 +223,7 @@ def test_a_query_shorter_than_the_smallest_scale_is_evaluated(
     placefield: Run, map_path: Path, query_dir: Path, tmp_path: Path
 ) -> None:
     short = first_frames(query_dir, 2, tmp_path / "short")
-    evaluated = placefield("evaluate", map_path, short, "--json")
+    evaluated = placefield("evaluate", map_path, short, "--json", "--aligned")
     assert evaluated.code == 0, evaluated.err
     figures = json.loads(evaluated.out)
     assert figures["frames"] == 2

@@ -52,7 +52,7 @@ def build_from(
     """
     feature = feature_of(config.features.kind)
     first, *others = drives_of(references, parts, one_drive)
-    unlocated = replace(parts, poses=None)
+    unlocated = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
             _open_reference(drive, spacing_m, own),

@@ -19,13 +19,14 @@ from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.extract import feature_of_model
-from placefield.features.frames import Frame
+from placefield.features.frames import Frame, Pose
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.drive_matching import Matches, Metres, match_drive
+from placefield_tools.grounds import Asked, Ground, Sides, ground_of
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import CONSOLE, tracked
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
@@ -122,9 +123,11 @@ class Evaluation:
         query: the drive.
         raws: raw feature of each frame.
         lag: in force, frames.
-        results: of each rule's causal matches.
+        results: of each rule's causal matches; empty where nobody knows what is right.
         smoothed: of each rule's smoothed matches, by lag, ascending, the last one ``WHOLE_DRIVE``;
             empty where services have matched.
+        ground: by what that is right.
+        known: how many causal matches are known, of each rule that tells.
     """
 
     placemap: Map
@@ -133,6 +136,8 @@ class Evaluation:
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
+    ground: Ground
+    known: dict[Rule, int]
 
 
 def drive_in(source: Source, count: int) -> tuple[Drive, int]:
@@ -150,10 +155,18 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
 def describe_query(
     source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
+    """Describe the images of a query's frames, see ``describe_located_query``."""
+    descriptions, readings, _ = describe_located_query(source, describe)
+    return descriptions, readings
+
+
+def describe_located_query(
+    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
+) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
     """Describe the images of a query's frames.
 
     Returns:
-        The description of each frame, None for one that cannot be read, and its odometry.
+        The description of each frame, None for one that cannot be read, its odometry and its pose.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -163,21 +176,21 @@ def describe_query(
 
     unreadable: dict[int, str] = {}
 
-    def describe_frame(frame: Frame) -> tuple[Description | None, float | None]:
+    def describe_frame(frame: Frame) -> tuple[Description | None, float | None, Pose | None]:
         try:
-            return describe(frame.pixels()), frame.odometry_m
+            return describe(frame.pixels()), frame.odometry_m, frame.pose
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
-            return None, frame.odometry_m
+            return None, frame.odometry_m, frame.pose
 
     with tracked(source, "describing the query", source.count) as frames:
-        both = list(map_in_order(describe_frame, frames))
-    described = [description for description, _ in both]
+        each = list(map_in_order(describe_frame, frames))
+    described = [description for description, _, _ in each]
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
     if all(description is None for description in described):
         raise SourceError("the query has no frame that can be read")
-    return described, [reading for _, reading in both]
+    return described, [reading for _, reading, _ in each], [pose for _, _, pose in each]
 
 
 def match_here(
@@ -195,12 +208,14 @@ def match_here(
 
 
 def judge(matches: Sequence[Match], truth: Truth) -> Judged:
-    """Compare matches with the truth."""
+    """Compare matches with the truth, in the frames that it judges."""
     places = np.array([match.place for match in matches], np.int64)
     scores = np.array([match.score for match in matches], np.float64)
     correct = truth.correct(places)
     answered = places != UNANSWERED
-    curve = precision_recall(correct, answered, truth.on_route, scores)
+    judged = slice(None) if truth.judged is None else truth.judged
+    on_route = truth.on_route[judged]
+    curve = precision_recall(correct[judged], answered[judged], on_route, scores[judged])
     if not any(match.known is not None for match in matches):
         return Judged(places, scores, correct, curve)
     probability = np.array([match.probability or 0.0 for match in matches])
@@ -210,8 +225,8 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
         scores,
         correct,
         curve,
-        reliability(probability[answered], correct[answered]),
-        claims(known, correct, truth.on_route),
+        reliability(probability[judged][answered[judged]], correct[judged][answered[judged]]),
+        claims(known[judged], correct[judged], on_route),
         too_fast=sum(match.too_fast for match in matches),
     )
 
@@ -223,7 +238,13 @@ def judge_smoothed(matches: Sequence[SmoothedMatch], truth: Truth) -> Judged:
 
 
 def evaluate(
-    map_path: Path, query: Query, truth_of: TruthOf, config: Config, *, services: bool
+    map_path: Path,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    *,
+    services: bool,
+    asked: Asked | None = None,
 ) -> Evaluation:
     """Match a query against a map by every rule that serves, and judge causal and smoothed matches.
 
@@ -234,6 +255,8 @@ def evaluate(
         config: its matching, fusion and bus.
         services: whether the frames are matched by the services, as processes on a bus of their
             own, and not in this process.
+        asked: what else says what is right, see ``ground_of``. Where nobody knows, only the rule
+            that tells which matches are known is run, and nothing is judged.
 
     Raises:
         PlacefieldError: the map, the query or the truth cannot be read, or the services fail.
@@ -241,13 +264,21 @@ def evaluate(
     placemap = open_map(map_path)
     lag = config.matching.lag
     lags = [*sorted({*LAGS, lag} - {0}), WHOLE_DRIVE]
-    results, smoothed = {}, {}
+    results: dict[Rule, Judged] = {}
+    smoothed: dict[Rule, dict[int, Judged]] = {}
+    known: dict[Rule, int] = {}
     with query.open() as source:
-        raws, readings = describe_query(source, feature_of_model(placemap.model).describe)
+        describe = feature_of_model(placemap.model).describe
+        raws, readings, poses = describe_located_query(source, describe)
         drive, undriven = drive_in(source, len(raws))
-        truth = truth_of(undriven, placemap.places.count).shared(placemap.places.same)
-        truth = truth.along(drive.frames, drive.foreign)
-        for rule in filter(placemap.features.serve, RULES):
+        count = placemap.places.count
+        ground = ground_of(
+            Sides(placemap, count, undriven, drive, poses, source.origin, readings),
+            lambda: truth_of(undriven, count),
+            asked,
+        )
+        rules = RULES if ground.truth is not None else ("filter",)
+        for rule in filter(placemap.features.serve, rules):
             matching = query.matching(config.matching).model_copy(update={"rule": rule})
             if services:
                 ruled = config.model_copy(update={"matching": matching})
@@ -255,8 +286,13 @@ def evaluate(
                 matches = Matches(causal, {lag: of_lag} if lag else {})
             else:
                 matches = match_here(placemap, raws, readings, matching, lags)
-            results[rule] = judge(matches.causal, truth)
+            if any(match.known is not None for match in matches.causal):
+                known[rule] = sum(bool(match.known) for match in matches.causal)
+            if ground.truth is None:
+                continue
+            results[rule] = judge(matches.causal, ground.truth)
             smoothed[rule] = {
-                each: judge_smoothed(of_lag, truth) for each, of_lag in matches.smoothed.items()
+                each: judge_smoothed(of_lag, ground.truth)
+                for each, of_lag in matches.smoothed.items()
             }
-    return Evaluation(placemap, query, raws, lag, results, smoothed)
+    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known)

@@ -5,6 +5,7 @@ import numpy as np
 from placefield.config import MetricConfig
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, Places
+from placefield_tools.natural import counted
 
 
 def map_facts(opened: Map) -> dict[str, str]:
@@ -15,7 +16,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         made = "plain PCA"
     return {
         "preset": opened.preset or "none",
-        "places": f"{opened.places.count}, {_poses(opened.pose_frame)}",
+        "places": f"{opened.places.count}, {_poses(opened)}",
         "travelled": _travelled(opened.places),
         "driven again": _driven_again(opened.places),
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
@@ -49,11 +50,13 @@ def _driven_again(places: Places) -> str:
     return f"{count} places are the same as earlier ones" if count else "no place"
 
 
-def _poses(frame: str | None) -> str:
+def _poses(opened: Map) -> str:
     """Say where the poses of places are."""
-    if frame is None:
+    if opened.pose_frame is None:
         return "without poses"
-    origin = Origin.of_frame(frame)
+    unknown = int(np.isnan(opened.places.poses[:, 0]).sum())
+    but = f", {counted(unknown, 'place')} without" if unknown else ""
+    origin = Origin.of_frame(opened.pose_frame)
     if origin is None:
-        return "with poses, in metres of its own"
-    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on"
+        return f"with poses, in metres of its own{but}"
+    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on{but}"

@@ -25,26 +25,37 @@ _PAIRS = 6
 def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
     """Draw precision-recall curves, distance matrix and some pairs into a folder; return the files.
 
-    The matrix and the pairs show the first rule's matches.
+    The matrix and the pairs show the first rule's matches. Where nobody knows which are right,
+    there is the matrix alone.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    matrix = folder / "distances.png"
+    if not evaluation.results:
+        nothing = np.full(len(evaluation.raws), -1)
+        _draw_matrix(matrix, evaluation, nothing, nothing > 0, title)
+        return [matrix]
     rule, result = next(iter(evaluation.results.items()))
     curves = folder / "precision-recall.png"
     plot_precision_recall(curves, {r: x.curve for r, x in evaluation.results.items()}, title)
-    matrix = folder / "distances.png"
-    _draw_matrix(matrix, evaluation, result, f"{title}, {rule}")
+    _draw_matrix(matrix, evaluation, result.places, result.correct, f"{title}, {rule}")
     return [curves, matrix, *_draw_pairs(folder / "matches.png", evaluation, result)]
 
 
-def _draw_matrix(path: Path, evaluation: Evaluation, result: Judged, title: str) -> None:
+def _draw_matrix(
+    path: Path,
+    evaluation: Evaluation,
+    matches: NDArray[np.int64],
+    correct: NDArray[np.bool_],
+    title: str,
+) -> None:
     distances = _distances(evaluation.placemap, evaluation.raws)
     stride = -(-max(distances.shape) // _MOST_CELLS)
-    places = np.where(result.places >= 0, result.places // stride, -1)
+    places = np.where(matches >= 0, matches // stride, -1)
     plot_distance_matrix(
         path,
         distances[::stride, ::stride],
         places[::stride],
-        result.correct[::stride],
+        correct[::stride],
         title if stride == 1 else f"{title} (every {stride}th frame and place)",
     )
 

@@ -26,16 +26,18 @@ class Reference:
         name: for a person.
         frames: K described frames, None for one that is bad.
         pose_frame: what the poses are measured in.
+        stamped: whether the frames' stamps are their own.
     """
 
     name: str
     frames: Sequence[DescribedFrame | None]
     pose_frame: str = ROUTE
+    stamped: bool = True
 
     def traverse(self) -> Traverse:
         """Return it without its bad frames; see ``traverse_of`` for the errors."""
         good = (frame for frame in self.frames if frame is not None)
-        return traverse_of(self.name, good, self.pose_frame)
+        return traverse_of(self.name, good, self.pose_frame, stamped=self.stamped)
 
 
 def describe_reference(
@@ -80,7 +82,8 @@ def describe_reference(
     missing = source.not_given["missing"]
     if missing and not leave_out_bad:
         raise SourceError(f"{name}: {missing} frames of it are missing; {_REMEDY} them")
-    return Reference(name, described, source.origin.frame if source.origin else ROUTE)
+    pose_frame = source.origin.frame if source.origin else ROUTE
+    return Reference(name, described, pose_frame, source.stamped)
 
 
 def without_bad(references: Sequence[Reference]) -> list[Reference]:

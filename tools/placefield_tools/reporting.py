@@ -16,14 +16,26 @@ from placefield_tools.natural import counted
 
 
 def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
-    """Return the figures as one JSON object; no tolerance where a ground truth was given."""
+    """Return the figures as one JSON object.
+
+    There is no tolerance, in places, where a ground truth was given, or in metres; and where nobody
+    knows what is right, only how many matches are known.
+    """
+    frames = len(evaluation.raws)
+    told = {"frames": frames, "tolerance": tolerance, "truth": evaluation.ground.figures()}
+    if evaluation.ground.truth is None:
+        known = {
+            rule: {"known": {"count": count, "share": count / frames}}
+            for rule, count in evaluation.known.items()
+        }
+        return {"rules": known, **told}
     rules = {
         rule: _curve_figures(result)
         | certainty_figures(result)
         | {"lag": _lag_figures(result, evaluation.smoothed[rule])}
         for rule, result in evaluation.results.items()
     }
-    return {"rules": rules, "frames": len(evaluation.raws), "tolerance": tolerance}
+    return {"rules": rules, **told}
 
 
 def _lag_figures(causal: Judged, smoothed: Mapping[int, Judged]) -> dict[str, dict[str, Any]]:
@@ -90,7 +102,10 @@ def _calibration_error(found: Reliability) -> float | None:
 
 
 def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
-    """Print the figures and the pictures' paths."""
+    """Print the figures, by what they are, and the pictures' paths."""
+    if evaluation.ground.truth is None:
+        _print_shares(evaluation, pictures)
+        return
     frames = counted(len(evaluation.raws), "frame")
     places = counted(evaluation.placemap.places.count, "place")
     table = Table(
@@ -107,11 +122,24 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
         table.add_row(name, f"{result.mean_lag:.1f}", *(f"{value:.3f}" for value in values))
     console = Console(markup=False)  # a path may hold brackets
     console.print(table)
+    console.print(evaluation.ground.line, highlight=False, soft_wrap=True)
     for name, result in _rows(evaluation):
         if line := certainty_line(name, result):
             console.print(line, highlight=False, soft_wrap=True)
     for picture in pictures:
         console.print(str(picture), highlight=False, soft_wrap=True)
+
+
+def _print_shares(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
+    """Say that nobody knows what is right, and what share of the frames is known."""
+    frames = len(evaluation.raws)
+    shares = [
+        f"{rule}: {count} of {counted(frames, 'frame')} known, which is {count / frames:.3f}"
+        for rule, count in evaluation.known.items()
+    ]
+    console = Console(markup=False)
+    for line in (evaluation.ground.line, *shares, *map(str, pictures)):
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:

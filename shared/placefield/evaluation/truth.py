@@ -27,6 +27,8 @@ class Truth:
         query: query frame of each row, (R,) int64, each in [0, Q).
         first: first right place of each row, (R,) int64.
         last: last right place of each row, (R,) int64, `first <= last`.
+        judged: which query frames are judged, (Q,) bool, for of the others nobody knows what is
+            right; None: all.
 
     """
 
@@ -34,6 +36,7 @@ class Truth:
     query: NDArray[np.int64]
     first: NDArray[np.int64]
     last: NDArray[np.int64]
+    judged: NDArray[np.bool_] | None = None
 
     @classmethod
     def within(cls, queries: int, references: int, tolerance: int, every: int = 1) -> Self:
@@ -167,7 +170,10 @@ class Truth:
             rows[query].append(row)
         pairs = [(at, row) for at in np.flatnonzero(~foreign) for row in rows[frames[at]]]
         driven, row_of = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        return type(self)(len(frames), driven, self.first[row_of], self.last[row_of])
+        judged = self.judged
+        if judged is not None:
+            judged = judged[np.where(foreign, 0, frames)] | foreign
+        return type(self)(len(frames), driven, self.first[row_of], self.last[row_of], judged)
 
 
 def read_truth(path: Path, queries: int, places: int) -> Truth:

@@ -29,12 +29,22 @@ def pose_variances(
     for so grows surer than it should.
 
     Args:
-        poses: (K, 3) of the map, x and y in metres and yaw in radians.
-        place: that was matched.
+        poses: (K, 3) of the map, x and y in metres and yaw in radians; NaN where nobody knows, so
+            that the next ones that are known are looked at; where there is none, all is unknown.
+        place: that was matched, whose pose is known.
         tolerance: how many places away the vehicle may be.
         probability: that it is.
     """
-    near = poses[max(place - tolerance - 1, 0) : place + tolerance + 2] - poses[place]
+    first = max(place - tolerance - 1, 0)
+    last = min(place + tolerance + 1, len(poses) - 1)
+    while first >= 0 and not np.isfinite(poses[first]).all():
+        first -= 1
+    while last < len(poses) and not np.isfinite(poses[last]).all():
+        last += 1
+    if first < 0 or last == len(poses):
+        return HIGHEST, HIGHEST
+    near = poses[first : last + 1] - poses[place]
+    near = near[np.isfinite(near).all(axis=1)]
     away = np.hypot(near[:, 0], near[:, 1]).max()
     turned = np.abs(np.angle(np.exp(1j * near[:, 2]))).max()
     sure = min(max(probability, _ROUNDED), 1 - _ROUNDED)

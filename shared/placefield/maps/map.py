@@ -29,7 +29,8 @@ class Places:
 
     Attributes:
         stamps: (K,) int64, nanoseconds, as the source had them.
-        poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if there are none.
+        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows; (0, 3)
+            if there are none.
         travelled: (K,) float64, metres from the first place to each, not descending; (0,) if nobody
             knows.
         same: (K,) int32, the earliest place that each shows the same stretch as, itself if none:
@@ -51,8 +52,8 @@ class Places:
         return len(self.stamps)
 
     def pose(self, place: int) -> tuple[float, float, float] | None:
-        """Return x, y and yaw of a place; None if the map has no poses."""
-        if not len(self.poses):
+        """Return x, y and yaw of a place; None if nobody knows them."""
+        if not len(self.poses) or not np.isfinite(self.poses[place]).all():
             return None
         x, y, yaw = map(float, self.poses[place])
         return x, y, yaw

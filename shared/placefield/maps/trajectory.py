@@ -1,13 +1,16 @@
 """Where a vehicle was: between its poses, how far along them, and which way it looked."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 MAX_GAP_NS = 2_000_000_000
 """Between poses that are further apart in time than this, nobody knows the way."""
+
+PoseAxes = Literal["x-forward", "z-forward"]
+"""A vehicle's, with y on the left and z up (REP 103), or a camera's, with x right and y down."""
 
 _STEP_M = 0.5  # a shorter one says little about the direction: positions jitter
 
@@ -68,9 +71,21 @@ class Trajectory:
 
 
 def travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the metres travelled up to each pose, (K,), of poses (K, 2 or more) from x and y."""
-    steps = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    """Return the metres travelled up to each pose, (K,), of poses (K, 2 or more) from x and y.
+
+    Poses that nobody knows, NaN, lie evenly on the straight way between those that are known;
+    before the first of these and after the last, at the mean step. At least one is known.
+    """
+    known = np.flatnonzero(np.isfinite(poses[:, 0]))
+    steps = np.linalg.norm(np.diff(poses[known, :2], axis=0), axis=1)
+    metres = np.concatenate([[0.0], np.cumsum(steps)])
+    if len(known) == len(poses):
+        return metres
+    frames = np.arange(len(poses))
+    mean_step = metres[-1] / max(known[-1] - known[0], 1)
+    outside = np.minimum(frames - known[0], 0) + np.maximum(frames - known[-1], 0)
+    filled = np.interp(frames, known, metres) + mean_step * outside
+    return np.asarray(np.maximum.accumulate(filled - filled[0]))
 
 
 def directions(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,8 @@ from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
-from placefield.maps.trajectory import MAX_GAP_NS, Trajectory, travelled
+from placefield.maps.jumps import told_jumps
+from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +41,8 @@ class Traverse:
         name: for a person.
         raw: (K, D) float32, raw features.
         stamps: (K,) int64, nanoseconds.
-        poses: (K, 3) float64, x and y in metres and yaw in radians; (0, 3) if no frame has one.
+        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows; (0, 3)
+            if no frame has one.
         travelled: (K,) float64, metres from the first frame to each, not descending; (0,) if nobody
             knows.
         thumbnails: K JPEG images.
@@ -72,26 +74,30 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
 
 
 def traverse_of(
-    name: str, described: Iterable[DescribedFrame], pose_frame: str = ROUTE
+    name: str,
+    described: Iterable[DescribedFrame],
+    pose_frame: str = ROUTE,
+    *,
+    stamped: bool = True,
 ) -> Traverse:
     """Put the described frames of one traverse together.
 
     A frame without a pose lies by its stamp between the poses before and after it, if these are
     close (see ``Trajectory.at``), or at the first or the last, if it is at most half the usual step
-    outside; how many do is logged.
+    outside. Where that is not so, the stamps do not ascend, or are not ``stamped``, the frames'
+    own, nobody knows its pose. How many are so is logged, and where poses jump.
 
     The metres travelled are the odometry's where all frames have a reading, else those along the
     poses.
 
     Raises:
-        MapError: there is no frame; only some frames have poses, and the others lie too far off, or
-            the stamps do not ascend; the odometry goes back, or is not finite.
+        MapError: there is no frame; a pose is not finite; the odometry goes back, or is not finite.
     """
     frames = list(described)
     if not frames:
         raise MapError(f"{name}: no frames to build a map from")
     stamps = np.array([frame.stamp_ns for frame in frames], np.int64)
-    poses = _poses(name, stamps, [frame.pose for frame in frames])
+    poses = _poses(name, stamps if stamped else None, [frame.pose for frame in frames])
     return Traverse(
         name,
         np.stack([frame.raw for frame in frames]),
@@ -104,7 +110,7 @@ def traverse_of(
 
 
 def _poses(
-    name: str, stamps: NDArray[np.int64], given: Sequence[Pose | None]
+    name: str, stamps: NDArray[np.int64] | None, given: Sequence[Pose | None]
 ) -> NDArray[np.float64]:
     has_pose = np.array([pose is not None for pose in given])
     rows = [(pose.x, pose.y, pose.yaw) for pose in given if pose is not None]
@@ -115,23 +121,30 @@ def _poses(
     astray = np.flatnonzero(has_pose & ~np.isfinite(poses).all(axis=1))
     if len(astray):
         raise MapError(f"{name}: the pose of frame {astray[0]} is not finite")
-    if has_pose.all():
-        return poses
-    if (np.diff(stamps) <= 0).any():
-        raise MapError(
-            f"{name}: {len(given) - len(rows)} of {len(given)} frames have no pose, and the stamps "
-            "do not ascend, which would tell where they lie: give poses to all frames, or to none"
-        )
-    poses[~has_pose] = Trajectory.of(stamps[has_pose], poses[has_pose]).at(stamps[~has_pose])[:, :3]
-    unknown = np.flatnonzero(np.isnan(poses[:, 0]))
-    if len(unknown):
-        raise MapError(
-            f"{name}: {len(unknown)} of {len(given)} frames have no pose, nor the way from one to "
-            f"the next within {MAX_GAP_NS / 1e9:g} s (the first is number {unknown[0]}): "
-            "give poses to all frames, or to none"
-        )
-    log.warning("%s: %d of %d poses are between others", name, len(given) - len(rows), len(given))
+    if stamps is not None and (np.diff(stamps) <= 0).any():
+        stamps = None
+    if not has_pose.all():
+        _fill(name, stamps, poses, has_pose)
+    if jumps := told_jumps(poses, stamps):
+        log.warning("%s: %s", name, jumps)
     return poses
+
+
+def _fill(
+    name: str,
+    stamps: NDArray[np.int64] | None,
+    poses: NDArray[np.float64],
+    has_pose: NDArray[np.bool_],
+) -> None:
+    """Put poses between those that are given, where their stamps tell, and log how many."""
+    if stamps is not None:
+        way = Trajectory.of(stamps[has_pose], poses[has_pose])
+        poses[~has_pose] = way.at(stamps[~has_pose])[:, :3]
+    unknown = int(np.isnan(poses[:, 0]).sum())
+    if between := int((~has_pose).sum()) - unknown:
+        log.warning("%s: %d of %d poses are between others", name, between, len(poses))
+    if unknown:
+        log.warning("%s: %d of %d frames have no pose", name, unknown, len(poses))
 
 
 def _travelled(

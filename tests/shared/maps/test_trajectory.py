@@ -89,3 +89,21 @@ def test_a_vehicle_looks_where_it_drives_also_while_it_stands() -> None:
     standing = np.concatenate([jitter, [[0, -5], [0, -9]]])
     np.testing.assert_allclose(directions(standing), -np.pi / 2, atol=0.01)
     assert directions(jitter).tolist() == [0] * 10
+
+
+@given(st.integers(1, 30), st.data())
+def test_metres_over_poses_that_nobody_knows_go_on_at_the_mean_step(
+    count: int, data: st.DataObject
+) -> None:
+    """Of a steady straight drive they are what they would be if all poses were known."""
+    poses = np.column_stack([np.arange(count) * 3.0, np.arange(count) * 4.0, np.zeros(count)])
+    known = data.draw(st.sets(st.integers(0, count - 1), min_size=min(count, 2)))
+    some = poses.copy()
+    some[[at for at in range(count) if at not in known]] = np.nan
+    np.testing.assert_allclose(travelled(some), np.arange(count) * 5.0, atol=1e-9)
+
+
+def test_metres_are_nought_where_one_pose_is_known() -> None:
+    poses = np.full((4, 3), np.nan)
+    poses[2] = 7
+    assert travelled(poses).tolist() == [0] * 4

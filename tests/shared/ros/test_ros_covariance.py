@@ -39,3 +39,18 @@ def test_it_is_positive_and_finite_at_the_ends_of_all(place: int, probability: f
         variances = np.diag(pose_covariance(poses, place, 3, probability))
         assert (variances > 0).all()
         assert (variances <= HIGHEST).all()
+
+
+def test_between_places_without_a_pose_it_reaches_to_the_next_ones_with_one() -> None:
+    gappy = PLACES.copy()
+    gappy[15:20] = gappy[21:27] = np.nan
+    wide = pose_covariance(gappy, 20, 3, 0.99)
+    expected = pose_covariance(PLACES[[14, 20, 27]], 1, 0, 0.99)
+    np.testing.assert_allclose(wide, expected)
+
+
+@pytest.mark.parametrize("missing", [slice(0, 20), slice(21, 50)])
+def test_where_no_pose_is_known_up_to_an_end_nothing_is_said(missing: slice) -> None:
+    gappy = PLACES.copy()
+    gappy[missing] = np.nan
+    assert np.diag(pose_covariance(gappy, 20, 3, 0.99)).tolist() == [HIGHEST] * 6

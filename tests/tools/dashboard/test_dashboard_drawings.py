@@ -90,6 +90,17 @@ def test_a_route_without_poses_is_a_line() -> None:
     assert route.bar_m == 0
 
 
+def test_a_route_is_broken_where_nobody_knows_it() -> None:
+    poses = np.column_stack([np.arange(8.0), np.zeros(8), np.zeros(8)])
+    poses[[0, 4]] = np.nan
+    route = RouteDrawing.of(poses, 8)
+    assert drawn(route.inside)[0].get("d", "").count("M") == 2
+    assert "nan" not in route.inside
+    here = route.match(4, [2, 3, 4])
+    assert "nan" not in here
+    assert drawn(here)[0].get("d", "").count("M") == 2
+
+
 def test_a_route_of_one_spot_can_be_drawn() -> None:
     route = RouteDrawing.of(np.zeros((4, 3)), 4)
     assert "nan" not in route.inside

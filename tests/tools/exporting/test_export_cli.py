@@ -192,3 +192,25 @@ def test_what_cannot_be_exported_is_refused_in_one_line_with_what_to_do(
     monkeypatch.delitem(sys.modules, "placefield_tools.exporting.gpx", raising=False)
     asked = refusal(ConfigError, drive, tmp_path / "out.gpx", *at)
     assert "pip install 'placefield[record]'" in asked
+
+
+def test_matches_at_places_without_a_pose_are_left_out_and_counted(
+    earth_map: Path, route_map: Map, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    poses = POSES.copy()
+    poses[[4, 5]] = np.nan
+    gappy = tmp_path / "gappy.pfmap"
+    places = dataclasses.replace(route_map.places, poses=poses)
+    frame = Origin(47.5, 8.5).frame
+    save_map(dataclasses.replace(route_map, places=places, pose_frame=frame), gappy)
+    nowhere = MatchMessage(map=NO_DIGEST, place=5, score=1.0, known=True)
+    drive = recorded(gappy, tmp_path / "drive.jsonl", [match(3), nowhere, match(6)])
+    for suffix in ("tum", "g2o", "geojson", "gpx"):
+        out = tmp_path / f"out.{suffix}"
+        ended = run_export(drive, out, "--map", gappy)
+        assert ended.exit_code == 0, ended.output
+        assert "nan" not in out.read_text().lower()
+        assert "1 of 3 matches are at places without a pose: left out" in caplog.text
+    alone = recorded(gappy, tmp_path / "alone.jsonl", [nowhere])
+    reason = refusal(RecordingError, alone, tmp_path / "alone.tum", "--map", gappy)
+    assert "1 of 1 matches are at places without a pose" in reason

@@ -66,3 +66,11 @@ def test_the_information_is_finite_where_the_places_are_all_one(traverse: QueryT
     at_one = dataclasses.replace(traverse, places=traverse.places[[2] * 5])
     graph = parse(to_g2o(at_one))
     assert np.isfinite(graph["EDGE_SE2"]).all()
+
+
+def test_a_place_without_a_pose_is_no_vertex(traverse: QueryTraverse) -> None:
+    places = traverse.places.copy()
+    places[[0, 3]] = np.nan
+    text = to_g2o(dataclasses.replace(traverse, places=places))
+    assert "nan" not in text
+    assert parse(text)["FIX"] == [[1], [2], [4]]

@@ -49,6 +49,18 @@ def test_the_position_is_read_whichever_side_it_is_on(
     assert tag.degrees == pytest.approx(degrees, abs=1e-7)
 
 
+def test_no_fix_is_no_position(tmp_path: Path) -> None:
+    assert read_geotag(photograph(tmp_path / "a.jpg", (0.0, 0.0))).degrees is None
+    void = Image.open(photograph(tmp_path / "b.jpg", OXFORD))
+    exif = void.getexif()
+    exif.get_ifd(IFD.GPSInfo)[GPS.GPSStatus] = "V"
+    void.save(tmp_path / "c.jpg", exif=exif)
+    assert read_geotag(tmp_path / "c.jpg").degrees is None
+    exif.get_ifd(IFD.GPSInfo)[GPS.GPSStatus] = "A"
+    void.save(tmp_path / "d.jpg", exif=exif)
+    assert read_geotag(tmp_path / "d.jpg").degrees == pytest.approx(OXFORD)
+
+
 @pytest.mark.parametrize("side", ["", "EW", "east"])
 def test_a_position_on_no_side_is_none(tmp_path: Path, side: str) -> None:
     exif = Image.Exif()
@@ -123,10 +135,10 @@ def test_a_folder_of_photographs_has_stamps_poses_and_an_origin(tmp_path: Path) 
 
 
 def test_photographs_without_a_position_have_no_pose_and_keep_their_turn(tmp_path: Path) -> None:
-    for at, degrees in enumerate([OXFORD, None, OXFORD]):
+    for at, degrees in enumerate([None, OXFORD, None, OXFORD]):
         photograph(tmp_path / f"{at}.jpg", degrees)
-    Image.new("L", (16, 16)).save(tmp_path / "3.png")
-    assert [frame.pose is None for frame in open_source(str(tmp_path))] == [0, 1, 0, 1]
+    Image.new("L", (16, 16)).save(tmp_path / "4.png")
+    assert [frame.pose is None for frame in open_source(str(tmp_path))] == [1, 0, 1, 0, 1]
 
 
 def timed(folder: Path, times: dict[str, str | None]) -> str:

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from placefield.config import Config
-from placefield.errors import MapError, SourceError
+from placefield.errors import SourceError
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
+from placefield.maps.trajectory import Trajectory
 from placefield_tools.building import build_from
 from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources.folder import Folder
+from placefield_tools.sources.located import Located
+from placefield_tools.sources.spaced import Spaced
 
 COUNT = 40
 RATE = 10
@@ -25,6 +29,14 @@ def folder(tmp_path: Path) -> Path:
         noise = np.random.default_rng(at // 4).integers(0, 256, (24, 32)).astype(np.uint8)
         cv2.imwrite(str(drive / f"{at:02}.png"), cv2.GaussianBlur(noise, (0, 0), 2))
     return drive
+
+
+@pytest.fixture
+def stamped(folder: Path) -> Path:
+    """The same with the stamps that it would be given."""
+    rows = [f"{at:02}.png,{at / RATE:.1f}" for at in range(COUNT)]
+    (folder / "frames.csv").write_text("\n".join(["file,stamp", *rows]))
+    return folder
 
 
 def tum(path: Path, first: int = 0, last: int = COUNT - 1) -> Path:
@@ -53,10 +65,10 @@ def test_a_tum_file_gives_each_frame_its_pose_and_metres(folder: Path, tmp_path:
 
 
 def test_frames_outside_of_the_trajectory_are_left_out_and_counted(
-    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    stamped: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     parts = Parts(poses=tum(tmp_path / "poses.txt", 5, 30))
-    assert [frame.index for frame in open_source(str(folder), parts=parts)] == list(range(5, 31))
+    assert [frame.index for frame in open_source(str(stamped), parts=parts)] == list(range(5, 31))
     assert "poses.txt: 14 of 40 frames" in caplog.text
 
 
@@ -100,12 +112,12 @@ def test_of_a_video_the_frames_that_there_are_need_a_line(miscounted: str, tmp_p
 
 
 def test_in_a_gap_of_the_poses_frames_are_not_spaced_and_the_advice_is_to_fill_it(
-    folder: Path, tmp_path: Path
+    stamped: Path, tmp_path: Path
 ) -> None:
     poses = tum(tmp_path / "poses.txt")
     lines = poses.read_text().splitlines()
     poses.write_text("\n".join(lines[:5] + lines[30:]))
-    source = open_source(str(folder), parts=Parts(poses=poses), spacing_m=1)
+    source = open_source(str(stamped), parts=Parts(poses=poses), spacing_m=1)
     with pytest.raises(
         SourceError, match=r"^drive/05\.png: .* poses that are at most 2 s apart there$"
     ):
@@ -127,7 +139,6 @@ def test_a_map_has_the_poses_of_the_first_reference(folder: Path, tmp_path: Path
 
 def test_a_map_says_where_on_earth_its_metres_are(folder: Path) -> None:
     rows = [f"{at:02}.png,{-27.5 + at / 1e5:.5f},153" for at in range(COUNT)]
-    rows[2] = "02.png,,"
     (folder / "frames.csv").write_text("\n".join(["file,latitude,longitude", *rows]))
     built = build_from([str(folder)], CONFIG)
     origin = Origin.of_frame(built.pose_frame)
@@ -137,8 +148,53 @@ def test_a_map_says_where_on_earth_its_metres_are(folder: Path) -> None:
     np.testing.assert_allclose(degrees, expected, atol=1e-8)
 
 
-def test_a_map_is_not_built_where_only_some_frames_have_poses(folder: Path) -> None:
-    rows = [f"{at:02}.png,{at},0" if at else "00.png,," for at in range(COUNT)]
-    (folder / "frames.csv").write_text("\n".join(["file,x,y", *rows]))
-    with pytest.raises(MapError, match="drive: 1 of 40 frames have no pose"):
-        build_from([str(folder)], CONFIG)
+@pytest.mark.parametrize("empty", [",", "0,0", "0.0,-0.0"])
+@pytest.mark.parametrize("missing", [range(1), range(9, 20), range(0, COUNT, 2), range(30, COUNT)])
+def test_a_map_has_poses_where_they_are_known(folder: Path, missing: range, empty: str) -> None:
+    rows = [
+        f"{at:02}.png,{empty}" if at in missing else f"{at:02}.png,{10 + at / 1e5:.5f},20"
+        for at in range(COUNT)
+    ]
+    (folder / "frames.csv").write_text("\n".join(["file,latitude,longitude", *rows]))
+    built = build_from([str(folder)], CONFIG)
+    poses = [built.places.pose(at) for at in range(COUNT)]
+    assert [at for at in range(COUNT) if poses[at] is None] == [*missing]
+    assert np.abs(built.places.poses[~np.isnan(built.places.poses[:, 0]), :2]).max() < 100
+    assert built.places.travelled[-1] == pytest.approx(1.106 * (COUNT - 1), rel=0.01)
+
+
+def test_poses_are_joined_by_number_where_frames_have_no_stamps(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    at_5_hz = tmp_path / "5hz.tum"
+    at_5_hz.write_text("\n".join(f"{at / 5} {at / 2} 0 0 0 0 0 1" for at in range(COUNT)))
+    parts = Parts(poses=at_5_hz)
+    frames = list(open_source(str(folder), parts=replace(parts, start=3, stride=4)))
+    assert [frame.pose.x for frame in frames] == [at / 2 for at in range(3, COUNT, 4)]
+    assert "line i is taken for frame i" in caplog.text
+
+
+@pytest.mark.parametrize("last", [COUNT - 2, COUNT])
+def test_neither_by_stamp_nor_by_number_is_refused_in_a_line(
+    folder: Path, tmp_path: Path, last: int
+) -> None:
+    parts = Parts(poses=tum(tmp_path / "poses.txt", 0, last))
+    with pytest.raises(SourceError, match=r"another number of frames.*column stamp$") as refused:
+        open_source(str(folder), parts=parts)
+    assert "\n" not in str(refused.value)
+
+
+def test_axes_without_a_file_are_refused(folder: Path) -> None:
+    with pytest.raises(SourceError, match=r"--pose-axes z-forward: .* --poses"):
+        open_source(str(folder), parts=Parts(pose_axes="z-forward"))
+
+
+def test_frames_before_the_first_fix_are_left_out_of_spaced_ones_and_counted(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    way = Trajectory.of(
+        np.arange(5, COUNT) * 10**8, np.arange(5.0, COUNT)[:, np.newaxis] * [1, 0, 0]
+    )
+    located = Located(Folder(folder), way, "/fix", span_ns=(0, 10**10))
+    assert [frame.index for frame in Spaced(located, 2.0)] == list(range(5, COUNT, 2))
+    assert "5 frames before the first pose" in caplog.text

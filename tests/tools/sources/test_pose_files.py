@@ -78,6 +78,8 @@ def test_a_kitti_file_that_evo_wrote_lies_on_the_ground_of_the_camera(tmp_path: 
         ("# a remark\n1 2 3\n", "line 2: 3 numbers; a line has 8"),
         ("1 2 3 4 0 0 0 1\n2 3 4 0 0 0 1\n", "line 2: 7 numbers, the first line 8"),
         ("1 2 3 4 0 0 0 nan\n", "line 1: a number is not finite"),
+        ("1 2 3 4 0 0 0 1e300\n", "line 1: a number is 1e[+]300, beyond"),
+        ("1 -1e12 3 4 0 0 0 1\n", "line 1: a number is -1e[+]12, beyond"),
         ("1 2 3 4 0 0 0 one\n", "line 1: could not convert"),
         ("-1 2 3 4 0 0 0 1\n", "line 1: the stamp '-1'"),
     ],
@@ -97,9 +99,72 @@ def test_a_file_that_is_missing_or_no_text_is_refused(tmp_path: Path) -> None:
         read_pose_file(tmp_path / "a.tum")
 
 
-CELLS = st.sampled_from(["0", "1", "-1.5", "1e308", "1e99999", "nan", "inf", "#", "x", "1_0", "²"])
+def way(shape: str) -> tuple[np.ndarray, np.ndarray]:
+    """A drive on a road that rises a little: x, y and z up, and yaws."""
+    at = np.linspace(0, 1, 40)
+    if shape == "straight":
+        return np.column_stack([80 * at, 0 * at, 2 * at]), 0 * at
+    angles = 2 * np.pi * at
+    circle = np.column_stack([20 * np.sin(angles), 20 - 20 * np.cos(angles), np.sin(angles)])
+    return circle, angles
 
 
+def as_camera(positions: np.ndarray, yaws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same seen from the first camera: positions, and rotations as matrices."""
+    axes = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # rows: right, down, forward
+    turned = Rotation.from_euler("z", yaws[:, np.newaxis]).as_matrix()
+    return positions @ axes.T, axes @ turned @ axes.T
+
+
+def tum_text(positions: np.ndarray, rotations: Rotation) -> str:
+    table = np.column_stack([np.arange(len(positions)), positions, rotations.as_quat()])
+    return "\n".join(" ".join(f"{cell:.12f}" for cell in row) for row in table)
+
+
+@pytest.mark.parametrize("shape", ["straight", "circle"])
+@pytest.mark.parametrize("form", ["tum", "kitti"])
+@pytest.mark.parametrize("axes", ["x-forward", "z-forward"])
+def test_a_drive_is_the_same_in_either_axes_if_these_are_said(
+    tmp_path: Path, shape: str, form: str, axes: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    positions, yaws = way(shape)
+    rotations = Rotation.from_euler("z", yaws[:, np.newaxis]).as_matrix()
+    there, turned = (positions, rotations) if axes == "x-forward" else as_camera(positions, yaws)
+    text = tum_text(there, Rotation.from_matrix(turned))
+    if form == "kitti":
+        rows = np.concatenate([turned, there[:, :, np.newaxis]], axis=2).reshape(-1, 12)
+        text = "\n".join(" ".join(map(str, row)) for row in rows)
+    poses = read_pose_file(written(tmp_path / "a.txt", text), axes).poses
+    np.testing.assert_allclose(poses[:, :2], positions[:, :2], atol=1e-9)
+    np.testing.assert_allclose(np.exp(1j * poses[:, 2]), np.exp(1j * yaws), atol=1e-9)
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize("shape", ["straight", "circle"])
+def test_a_camera_s_axes_taken_for_a_vehicle_s_are_told_of(
+    tmp_path: Path, shape: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    there, turned = as_camera(*way(shape))
+    read_pose_file(written(tmp_path / "a.tum", tum_text(there, Rotation.from_matrix(turned))))
+    (told,) = caplog.messages
+    assert "upwards" in told
+    assert told.endswith("give --pose-axes z-forward")
+    assert "\n" not in told
+
+
+def test_a_vehicle_that_stands_has_no_suspicious_axes(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    read_pose_file(written(tmp_path / "a.tum", "0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1"))
+    assert not caplog.messages
+
+
+CELLS = st.sampled_from(
+    ["0", "1", "-1.5", "1e300", "9e11", "1e308", "1e99999", "nan", "inf", "#", "x", "1_0", "²"]
+)
+
+
+@pytest.mark.filterwarnings("error")
 @given(
     st.binary(max_size=60)
     | st.lists(

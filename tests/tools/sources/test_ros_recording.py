@@ -200,6 +200,40 @@ def test_fixes_become_metres_from_the_first_and_what_is_no_fix_is_left_out(
     assert caplog.messages == ["drive:/fix: 3 of 5 messages say where"]
 
 
+@pytest.mark.parametrize(
+    "nowhere",
+    [
+        {"latitude": 0.0, "longitude": 0.0},
+        {"latitude": np.nan, "longitude": np.nan},
+        {"status": {"status": -1}, "latitude": 3.0, "longitude": 4.0},
+    ],
+)
+@pytest.mark.parametrize("span", [(-1.0, 0.25), (0.25, 9.0)])
+def test_frames_without_a_fix_keep_their_turn_and_have_no_pose(
+    tmp_path: Path, nowhere: dict[str, Any], span: tuple[float, float]
+) -> None:
+    said = [
+        Said(
+            "/fix",
+            FIX,
+            at / 10,
+            nowhere
+            if span[0] <= at / 10 < span[1]
+            else {"latitude": 50 + at / 1e5, "longitude": 8.0},
+        )
+        for at in range(-5, 16)
+    ]
+    where = record(tmp_path / "drive", images() + said)
+    with open_source(where) as source:
+        frames = list(source)
+    assert len(frames) == COUNT
+    known = [frame.pose for frame in frames if frame.pose is not None]
+    assert 0 < len(known) < COUNT
+    assert max(abs(pose.x) + abs(pose.y) for pose in known) < 100
+    unknown = [frame for frame in frames if frame.pose is None]
+    assert all(frame.odometry_m is None for frame in unknown)
+
+
 def test_frames_before_the_first_pose_and_after_the_last_are_left_out_and_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -17,6 +17,7 @@ from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield_tools.evaluating import Judged, judge
+from placefield_tools.grounds import Ground
 from placefield_tools.study import figures
 from placefield_tools.study.report import write_report
 from placefield_tools.study.results import (
@@ -104,6 +105,7 @@ def a_study(placemap: Map, **changes: Any) -> Study:
             for rule in _RULES
             for lag in (0, 2)
         ),
+        ground=Ground(Truth.within(FRAMES, FRAMES, 2), "aligned", 2),
     )
     return replace(study, **changes)
 
@@ -220,6 +222,7 @@ def test_names_are_text_and_not_markup(page_of: PageOf, route_map: Map) -> None:
 def test_the_drive_is_described(page_of: PageOf, route_map: Map, protocol: Protocol) -> None:
     every = 3 if protocol in TAKES_EVERY else None
     study = a_study(route_map, protocol=protocol, every=every, tolerance=None)
+    study = replace(study, ground=replace(study.ground, by="given", tolerance=None))
     jumped = replace(study.methods[0], frames_to_recover=4.5)
 
     page = page_of(replace(study, methods=(jumped, *study.methods[1:])))

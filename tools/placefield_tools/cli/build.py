@@ -42,6 +42,7 @@ def _build(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     preset: options.PresetOption = None,
     feature: options.Feature = None,
     standardise: options.Standardise = None,
@@ -88,7 +89,7 @@ def _build(
             f"{output}: a map is there already, which services may be using; choose another name, "
             "or give --overwrite"
         )
-    parts = Parts(topic, odometry_topic, poses, start, stop, stride)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     built = build_from(
         references,
         effective,

@@ -27,6 +27,8 @@ def _evaluate(
     query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
+    aligned: options.Aligned = False,
+    same_frame: options.SameFrame = False,
     protocol: options.ProtocolOption = "aligned",
     every: options.Every = None,
     other: options.Other = None,
@@ -41,6 +43,7 @@ def _evaluate(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     preset: options.PresetOption = None,
     feature: options.Feature = None,
     channels: options.Channels = None,
@@ -55,15 +58,19 @@ def _evaluate(
 
     Examples:
       placefield evaluate route.pfmap dusk/ --tolerance 3
+      placefield evaluate route.pfmap dusk.mcap --tolerance 5m
       placefield evaluate day/ dusk/ --protocol kidnap --seed 1
     """
     from placefield_tools.building import map_of
     from placefield_tools.evaluating import Query, evaluate
+    from placefield_tools.grounds import Asked
     from placefield_tools.pictures import draw
+    from placefield_tools.progress import CONSOLE
     from placefield_tools.reporting import figures, print_table
     from placefield_tools.sources import Parts
 
-    options.check_truth(tolerance, truth)
+    options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
+    places, metres = options.places_or_metres(tolerance)
     effective = options.effective_config(
         config,
         settings,
@@ -74,9 +81,12 @@ def _evaluate(
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
-        matching__tolerance=tolerance,
+        matching__tolerance=places,
     )
-    within = None if truth is not None else effective.matching.tolerance
+    asked = None
+    if truth is None:
+        asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
+    within = None if truth is not None or metres is not None else effective.matching.tolerance
     options.check_other(protocol, other)
     options.check_every(protocol, every)
     _refuse_to_thin(protocol)
@@ -84,22 +94,25 @@ def _evaluate(
         options.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
-    asked = feature is not None
+    feature_asked = feature is not None
     parts_of_query = Parts(topic, odometry_topic)
     driven = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
-    parts = Parts(topic, odometry_topic, poses)
+    parts = Parts(topic, odometry_topic, poses, pose_axes)
     with map_of(
-        reference, effective, feature_asked=asked, spacing_m=spacing, parts=parts
+        reference, effective, feature_asked=feature_asked, spacing_m=spacing, parts=parts
     ) as map_path:
         evaluation = evaluate(
             map_path,
             driven,
-            partial(options.truth_of, tolerance=within, truth=truth),
+            partial(options.truth_of, tolerance=effective.matching.tolerance, truth=truth),
             effective,
             services=services,
+            asked=asked,
         )
         pictures = draw(output, evaluation, f"{Path(reference).name} → {Path(query).name}")
     if as_json:
+        if evaluation.ground.truth is None:
+            CONSOLE.print(evaluation.ground.line, soft_wrap=True)
         print(json.dumps(figures(evaluation, within)))
     else:
         print_table(evaluation, pictures)

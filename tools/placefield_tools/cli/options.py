@@ -21,6 +21,7 @@ from placefield.evaluation.protocols import (
 from placefield.evaluation.truth import Truth, read_truth
 from placefield.loading import load_config
 from placefield.maps.manifest import read_manifest
+from placefield.maps.trajectory import PoseAxes
 from placefield.presets import Preset
 from placefield_tools.logs import log_as_json
 
@@ -168,11 +169,26 @@ Seed = Annotated[
     int | None, typer.Option(help="of everything random", show_default=str(_DEFAULTS.seed))
 ]
 Tolerance = Annotated[
-    int | None,
+    str | None,
     typer.Option(
-        min=0,
-        help="query frame i is right at places i ± so many; of a thinned reference, places i/n ±",
+        metavar="N or Nm",
+        help="what is right is off by so many places, or metres by the poses of both sides",
         show_default=str(_DEFAULTS.matching.tolerance),
+    ),
+]
+Aligned = Annotated[
+    bool,
+    typer.Option(
+        "--aligned",
+        help="query frame i shows place i (of a thinned reference i/n), whatever poses and counts "
+        "say",
+    ),
+]
+SameFrame = Annotated[
+    bool,
+    typer.Option(
+        "--same-frame",
+        help="the poses of REF and QUERY are in the same metres, and say what is right",
     ),
 ]
 TruthFile = Annotated[
@@ -241,8 +257,18 @@ PoseFile = Annotated[
     typer.Option(
         "--poses",
         metavar="FILE",
-        help="of the frames: TUM, joined by stamp, or KITTI, a line per frame",
+        help="of the frames: TUM, joined by stamp if they have any, or KITTI, a line per frame",
         show_default=False,
+    ),
+]
+
+PoseAxesOption = Annotated[
+    PoseAxes | None,
+    typer.Option(
+        "--pose-axes",
+        help="of --poses: a vehicle's, x forward and y on the left, or a camera's, z forward and x "
+        "on the right",
+        show_default="TUM x-forward, KITTI z-forward",
     ),
 ]
 
@@ -315,14 +341,38 @@ def metres_of(flag: str, text: str) -> float:
     return float(metres[1])
 
 
-def check_truth(tolerance: int | None, truth: Path | None) -> None:
+def places_or_metres(text: str | None) -> tuple[int | None, float | None]:
+    """Return ``--tolerance`` in places, or in metres.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    if text is None:
+        return None, None
+    if text.isdecimal():
+        return int(text), None
+    if _METRES.fullmatch(text):
+        return None, metres_of("--tolerance", text)
+    raise ConfigError(f"--tolerance {text!r}: write places as 3, or metres as 5m")
+
+
+def check_truth(
+    tolerance: str | None, truth: Path | None, *, aligned: bool, same_frame: bool
+) -> None:
     """Refuse two answers to what is right.
 
     Raises:
-        ConfigError: both are given.
+        ConfigError: more than one is given.
     """
     if tolerance is not None and truth is not None:
         raise ConfigError("--tolerance and --truth: give one of them")
+    given = {"--truth": truth is not None, "--aligned": aligned, "--same-frame": same_frame}
+    if sum(given.values()) > 1:
+        raise ConfigError(
+            f"{' and '.join(flag for flag in given if given[flag])}: give one of them"
+        )
+    if aligned and places_or_metres(tolerance)[1] is not None:
+        raise ConfigError(f"--aligned: goes by places, and not by --tolerance {tolerance}")
 
 
 def truth_of(

@@ -36,6 +36,7 @@ def _replay(
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
     poses: options.PoseFile = None,
+    pose_axes: options.PoseAxesOption = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -73,7 +74,7 @@ def _replay(
         source,
         spacing_m=spacing,
         metres=odometry.metres,
-        parts=Parts(topic, odometry_topic, poses, start, stop, stride),
+        parts=Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride),
         stop=stopped,
     )
     with opened as frames, open_bus(effective.bus, stopped) as bus:

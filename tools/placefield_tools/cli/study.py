@@ -22,6 +22,8 @@ def _study(
     query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
     tolerance: options.Tolerance = None,
     truth: options.TruthFile = None,
+    aligned: options.Aligned = False,
+    same_frame: options.SameFrame = False,
     protocol: options.ProtocolOption = "aligned",
     every: options.Every = None,
     other: options.Other = None,
@@ -53,6 +55,7 @@ def _study(
       placefield study day/ dusk/ --preset paper
     """
     from placefield_tools.evaluating import Query
+    from placefield_tools.grounds import Asked
     from placefield_tools.sources import Parts
     from placefield_tools.study.paper.report import write_paper_report
     from placefield_tools.study.paper.running import FEATURES, run_paper_study
@@ -61,7 +64,8 @@ def _study(
     from placefield_tools.study.running import run_study
     from placefield_tools.study.table import figures, print_study
 
-    options.check_truth(tolerance, truth)
+    options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
+    places, metres = options.places_or_metres(tolerance)
     effective = options.effective_config(
         config,
         settings,
@@ -72,9 +76,12 @@ def _study(
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
-        matching__tolerance=tolerance,
+        matching__tolerance=places,
     )
-    within = None if truth is not None else effective.matching.tolerance
+    asked = None
+    if truth is None:
+        asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
+    within = None if truth is not None or metres is not None else effective.matching.tolerance
     options.check_other(protocol, other)
     options.check_every(protocol, every)
     if Path(reference).suffix == SUFFIX:
@@ -85,11 +92,11 @@ def _study(
     driven = Query(
         query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every
     )
-    truth_of = partial(options.truth_of, tolerance=within, truth=truth)
+    truth_of = partial(options.truth_of, tolerance=effective.matching.tolerance, truth=truth)
     if effective.preset == "paper":
         features = FEATURES if feature is None else (feature,)
         published = run_paper_study(
-            reference, driven, truth_of, effective, features, tolerance=within
+            reference, driven, truth_of, effective, features, tolerance=within, asked=asked
         )
         report = write_paper_report(output, published)
         if as_json:
@@ -97,7 +104,7 @@ def _study(
         else:
             print_paper_study(published, report)
         return
-    study = run_study(reference, driven, truth_of, effective, tolerance=within)
+    study = run_study(reference, driven, truth_of, effective, tolerance=within, asked=asked)
     report = write_report(output, study)
     if as_json:
         print(json.dumps(figures(study)))

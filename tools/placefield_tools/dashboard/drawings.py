@@ -129,14 +129,18 @@ class RouteDrawing:
 
     @classmethod
     def of(cls, poses: NDArray[np.float64], count: int) -> "RouteDrawing":
-        """Draw a route of so many places, with poses (count, 3) in metres and radians, or none."""
+        """Draw a route of so many places, with poses (count, 3) in metres and radians, or none.
+
+        Where poses are NaN the line is broken.
+        """
         width, margin = 1000.0, 40.0
-        if not len(poses):
+        if not np.isfinite(poses).all(axis=1).any():
             points = np.column_stack(
                 [np.linspace(margin, width - margin, count), np.full(count, 50.0)]
             )
             return cls(width, 100.0, _line(points), 0.0, points, None)
-        least, most = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
+        poses = np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, np.nan)
+        least, most = np.nanmin(poses[:, :2], axis=0), np.nanmax(poses[:, :2], axis=0)
         extent = np.maximum(most - least, 1e-3)
         scale = min((width - 2 * margin) / extent[0], (600.0 - 2 * margin) / extent[1])
         height = max(extent[1] * scale + 2 * margin, 220.0)
@@ -147,10 +151,13 @@ class RouteDrawing:
         return cls(width, height, _line(points) + bar, bar_m, points, poses[:, 2])
 
     def match(self, place: int, recent: Sequence[int]) -> str:
-        """Draw where the match is, and the places of those before it."""
-        trail = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in self._points[list(recent)])
+        """Draw where the match is, and the places of those before it, where that is known."""
+        passed = [(x, y) for x, y in self._points[list(recent)] if not np.isnan(x)]
+        trail = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in passed)
         x, y = self._points[place]
         drawn = f'<path class="trail" d="{trail}"/>'
+        if np.isnan(x):
+            return drawn
         if self._yaws is not None:
             turn = -np.degrees(self._yaws[place])
             drawn += (
@@ -162,7 +169,14 @@ class RouteDrawing:
 
 def _line(points: NDArray[np.float64]) -> str:
     some = points[:: -(-len(points) // _MOST_POINTS)]
-    return f'<path class="route" d="M{"L".join(f"{x:.1f} {y:.1f}" for x, y in some)}"/>'
+    drawn, pen = "", "M"
+    for x, y in some:
+        if np.isnan(x):
+            pen = "M"
+            continue
+        drawn += f"{pen}{x:.1f} {y:.1f}"
+        pen = "L"
+    return f'<path class="route" d="{drawn}"/>'
 
 
 def _round_length(metres: float) -> float:

@@ -1,11 +1,12 @@
 """Loop closures as a pose graph that g2o, GTSAM and others read.
 
-The vertices are the places of the map, held fixed, and the query frames that were matched; the
-edges are between a frame and its place. What the vehicle drove between two frames is not known
-here: those edges are for whoever has the odometry to add. Vertex ids are the places' indices, then
-from the number of places on the frames' sequence numbers.
+The vertices are the places of the map that have a pose, held fixed, and the query frames that were
+matched; the edges are between a frame and its place. What the vehicle drove between two frames is
+not known here: those edges are for whoever has the odometry to add. Vertex ids are the places'
+indices, then from the number of places on the frames' sequence numbers.
 """
 
+import math
 from collections.abc import Iterator
 
 from placefield.bus.messages import MatchMessage
@@ -23,6 +24,8 @@ def to_g2o(traverse: QueryTraverse) -> str:
 def _lines(traverse: QueryTraverse) -> Iterator[str]:
     count = len(traverse.places)
     for place, (x, y, yaw) in enumerate(traverse.places.tolist()):
+        if not math.isfinite(x + y + yaw):
+            continue
         yield f"VERTEX_SE2 {place} {x} {y} {yaw}"
         yield f"FIX {place}"
     for localised in traverse.matches:

@@ -1,5 +1,6 @@
 """The query traverse that is exported: its matches, and where their places are."""
 
+import logging
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from placefield.errors import MapError
 from placefield.maps.map import NO_DIGEST, Map
 from placefield_tools.recording.earth import origin_of
 from placefield_tools.recording.records import Record, RecordingError
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,7 @@ class QueryTraverse:
 
     Attributes:
         matches: in order; at least one.
-        places: (K, 3) float64, x and y in metres and yaw in radians.
+        places: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows.
         pose_frame: name of the frame that these are in.
         map_path: which map that is.
         tolerance: a match is right within so many places.
@@ -57,9 +60,11 @@ def localise(
 ) -> QueryTraverse:
     """Put known matches, or with ``unknown`` all that have a place, at the poses of their places.
 
+    A match at a place whose pose nobody knows is left out; how many are is logged.
+
     Raises:
         MapError: the map has no poses, or is not the one that was matched against.
-        RecordingError: there is no such match.
+        RecordingError: there is no such match, or none of them is at a pose.
     """
     places = placemap.places
     if not len(places.poses):
@@ -67,7 +72,7 @@ def localise(
             f"{map_path}: its places have no poses; build it of frames with poses, as in a "
             "frames.csv with x and y"
         )
-    matches = []
+    matches, nowhere = [], 0
     for record in records:
         match = record.match
         if match.map not in (NO_DIGEST, placemap.digest):
@@ -78,12 +83,20 @@ def localise(
         if match.place < 0 or not (match.known or unknown):
             continue
         pose = places.pose(match.place) if match.place < places.count else None
-        if pose is None or match.pose not in (None, pose):
+        if match.place >= places.count or match.pose not in (None, pose):
             raise MapError(
                 f"{map_path}: place {match.place} is not where the recording has it; give the map "
                 "that was matched against"
             )
+        if pose is None:
+            nowhere += 1
+            continue
         matches.append(Localised(record.header, match, pose))
+    if nowhere:
+        what = f"{nowhere} of {nowhere + len(matches)} matches are at places without a pose"
+        if not matches:
+            raise RecordingError(f"{map_path}: {what}: there is nothing to export")
+        log.warning("%s: %s: left out", map_path, what)
     if not matches:
         hint = "" if unknown else "; --all exports those that are not, too"
         raise RecordingError(f"none of the {len(records)} matches is known{hint}")

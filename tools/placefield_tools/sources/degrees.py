@@ -1,9 +1,20 @@
 """Positions in degrees to metres, from the first of them."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.geography import Origin
+
+
+def is_fix(latitude: float, longitude: float) -> bool:
+    """Return whether degrees are a position: 0, 0 is none, but how receivers say they have no fix.
+
+    Nor is NaN.
+    """
+    finite = math.isfinite(latitude) and math.isfinite(longitude)
+    return finite and not latitude == longitude == 0
 
 
 def laid_out(degrees: NDArray[np.float64]) -> tuple[Origin, NDArray[np.float64]]:

@@ -60,6 +60,7 @@ class Driven(Source):
         """
         self._query = _held(query)
         self._other = [] if other is None else _held(other)
+        self.origin = query.origin
         self.not_given = query.not_given + (Counter() if other is None else other.not_given)
         self.undriven_count = len(self._query)
         self.drive: Drive = drive_of(

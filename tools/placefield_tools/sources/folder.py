@@ -43,6 +43,7 @@ class Folder(Source):
         self._stop = stop
         listing = _listing(path)
         self.origin = listing.origin
+        self.stamped = listing.stamped
         self._path = path
         self._frames = listing.frames
         self.span = _span(listing.frames)

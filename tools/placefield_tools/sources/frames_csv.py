@@ -4,14 +4,17 @@ The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres t
 fixed start, 0 or more), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude``
 (degrees, together), and with these ``yaw`` (radians, counterclockwise from x or from the east). The
 rows are in the order in which the frames were taken. A frame whose pose is not known leaves all the
-pose's cells empty. Where there is no yaw, the vehicle looks where it drives.
+pose's cells empty; 0, 0 degrees, as receivers say without a fix, is none either. Where there is no
+yaw, the vehicle looks where it drives.
 """
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from placefield.errors import SourceError
+from placefield_tools.sources.degrees import is_fix
 from placefield_tools.sources.files import check_inside
 from placefield_tools.sources.listing import (
     DefaultStamp,
@@ -50,16 +53,19 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
                 raise ValueError(f"there is no file {frame.file!r} in the folder")
             frames.append(frame)
             position, yaw = _place(row, _DEGREES if in_degrees else _METRES)
-            positions.append(position)
+            positions.append(
+                None if in_degrees and position and not is_fix(*position) else position
+            )
             yaws.append(yaw)
         except ValueError as error:
             raise SourceError(f"{path}, line {line}: {error}") from error
     if not frames:
         raise SourceError(f"{path}: lists no frames; fill it, or remove it to use all images")
     try:
-        return with_positions(
+        listing = with_positions(
             frames, positions, yaws if "yaw" in header else None, in_degrees=in_degrees
         )
+        return replace(listing, stamped="stamp" in header)
     except ValueError as error:
         raise SourceError(f"{path}: {error}") from error
 

@@ -4,12 +4,14 @@ import logging
 import math
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from PIL import ExifTags, Image
 
+from placefield_tools.sources.degrees import is_fix
 from placefield_tools.sources.listing import (
     DefaultStamp,
     Listed,
@@ -81,7 +83,8 @@ def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: Defau
             )
         tell_of_wrap(folder, files)
         frames = [Listed(file, default_stamp_ns(at)) for at, file in enumerate(files)]
-        return with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
+        listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
+        return replace(listing, stamped=False)
     stamps = _filled(times)
     order = sorted(range(len(files)), key=lambda at: stamps[at])
     if order != list(range(len(files))):
@@ -139,7 +142,10 @@ def _degrees(tags: dict[int, Any]) -> Position | None:
     gps = ExifTags.GPS
     latitude = _angle(tags.get(gps.GPSLatitude), tags.get(gps.GPSLatitudeRef), "NS", 90)
     longitude = _angle(tags.get(gps.GPSLongitude), tags.get(gps.GPSLongitudeRef), "EW", 180)
-    return None if latitude is None or longitude is None else (latitude, longitude)
+    if latitude is None or longitude is None or not is_fix(latitude, longitude):
+        return None
+    is_void = str(tags.get(gps.GPSStatus, "")).strip("\0 ") == "V"  # the receiver had no fix
+    return None if is_void else (latitude, longitude)
 
 
 def _angle(value: Any, side: Any, sides: str, most: float) -> float | None:

@@ -28,10 +28,17 @@ class Listed:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The frames of a folder in their order, and the origin of their poses, if that is known."""
+    """The frames of a folder in their order.
+
+    Attributes:
+        frames: in that order.
+        origin: of their poses, if that is known.
+        stamped: whether their stamps are their own.
+    """
 
     frames: list[Listed]
     origin: Origin | None = None
+    stamped: bool = True
 
 
 def with_positions(

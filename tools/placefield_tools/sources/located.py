@@ -16,12 +16,12 @@ log = logging.getLogger(__name__)
 
 
 class Located(Derived):
-    """The frames from the trajectory's first pose to its last, each with its pose.
+    """The frames from a trajectory's first message to its last, each with its pose.
 
     A recorder's topics do not begin at one instant, and a SLAM's trajectory begins where it finds
     its way: what lies before and after has no place and is left out, which is logged, so that
     ``count`` is the most there are. A frame in a gap of the trajectory keeps its turn and has no
-    pose.
+    pose, and so does one that was taken while a receiver had no fix.
 
     The metres along the poses are the frame's odometry, if it has no other: they are the longer,
     the more the poses jitter.
@@ -35,6 +35,7 @@ class Located(Derived):
         *,
         key: Callable[[Frame], int] = lambda frame: frame.stamp_ns,
         origin: Origin | None = None,
+        span_ns: tuple[int, int] | None = None,
     ) -> None:
         """Take the source and the trajectory.
 
@@ -44,6 +45,7 @@ class Located(Derived):
             name: of the trajectory, for a person.
             key: the instant of a frame in the trajectory.
             origin: of the trajectory.
+            span_ns: stamps of the first and the last message, where some have no pose.
         """
         super().__init__(source)
         self.count = source.count
@@ -51,13 +53,14 @@ class Located(Derived):
         self._trajectory = trajectory
         self._name = name
         self._key = key
+        self._span_ns = span_ns
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames; raise SourceError where the trajectory covers none."""
         left_out = given = 0
         for frame in self._source:
             key = self._key(frame)
-            if self._trajectory.covers(key):
+            if self._covers(key):
                 given += 1
                 yield self._located(frame, key)
             else:
@@ -75,6 +78,10 @@ class Located(Derived):
                 left_out,
                 left_out + given,
             )
+
+    def _covers(self, key: int) -> bool:
+        within = self._span_ns is not None and self._span_ns[0] <= key <= self._span_ns[1]
+        return within or self._trajectory.covers(key)
 
     def _located(self, frame: Frame, key: int) -> Frame:
         x, y, yaw, metres = map(float, self._trajectory.at(np.array([key]))[0])

@@ -1,5 +1,6 @@
 """Guess what kind of source a person means."""
 
+import logging
 import re
 import threading
 from collections.abc import Callable, Sequence
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame
 from placefield.features.spacing import check_spacing
+from placefield.maps.trajectory import PoseAxes
 from placefield_tools.natural import in_natural_order
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
@@ -24,6 +26,7 @@ from placefield_tools.sources.video import Video
 
 if TYPE_CHECKING:
     from placefield_tools.sources.recording import Recording
+log = logging.getLogger(__name__)
 
 _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 _URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
@@ -43,6 +46,7 @@ class Parts:
         topic: of images in a recording; None: the only one.
         odometry_topic: of poses in a recording, ``none`` for none; None: the only one, if it is.
         poses: a file of the frames' poses; None: those that the source has itself.
+        pose_axes: of that file; None: those of its form.
         start: the first frame.
         stop: the frame before which it ends; None: at its end.
         stride: from one frame to the next.
@@ -51,6 +55,7 @@ class Parts:
     topic: str | None = None
     odometry_topic: str | None = None
     poses: Path | None = None
+    pose_axes: PoseAxes | None = None
     start: int = 0
     stop: int | None = None
     stride: int = 1
@@ -106,8 +111,10 @@ def open_source(
     except OSError as error:
         shown = without_secrets(where if isinstance(where, str) else name_of(where))
         raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
+    if parts.poses is None and parts.pose_axes is not None:
+        raise SourceError(f"--pose-axes {parts.pose_axes}: are of a file; give it with --poses")
     if parts.poses is not None:
-        source = _located(source, where, parts.poses, start, stride)
+        source = _located(source, where, parts.poses, parts.pose_axes, start, stride)
     if parts.stop is not None:
         source = Ended(source, start, parts.stop, stride)
     if source.live and metres is not None:
@@ -235,16 +242,27 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
     )
 
 
-def _located(source: Source, where: str, poses: Path, start: int, stride: int) -> Source:
+def _located(
+    source: Source, where: str, poses: Path, axes: PoseAxes | None, start: int, stride: int
+) -> Source:
+    """Join frames and poses by their stamps, or by their numbers where either have none."""
     if source.live:
         raise SourceError(f"--poses {poses}: a camera's frames are not there yet; leave it out")
-    file = read_pose_file(poses)
-    total = len(file.trajectory.stamps)
+    file = read_pose_file(poses, axes)
+    total = len(file.poses)
     is_counted = not isinstance(source, Video)  # whose count is an estimate
     if file.numbered and is_counted and source.count != len(range(start, total, stride)):
         raise SourceError(
             f"--poses {poses}: has {total} lines; {where} has another number of frames"
         )
+    if not file.numbered and not source.stamped:
+        if is_counted and source.count != len(range(start, total, stride)):
+            raise SourceError(
+                f"--poses {poses}: has {total} lines; {where} has another number of frames, and no "
+                "stamps to join them by: give it a frames.csv with the column stamp"
+            )
+        log.warning("%s: the frames have no stamps: line i is taken for frame i", poses)
+        file = file.by_number()
 
     def key(frame: Frame) -> int:
         if file.numbered and frame.index >= total:

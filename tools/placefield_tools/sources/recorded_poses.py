@@ -10,9 +10,10 @@ from placefield.errors import SourceError
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
 from placefield.ros.messages import ODOMETRY, POSE
-from placefield_tools.sources.degrees import laid_out
+from placefield_tools.sources.degrees import is_fix, laid_out
 from placefield_tools.sources.located import Located
-from placefield_tools.sources.pose_files import quaternion_yaws
+from placefield_tools.sources.pose_axes import forwards_of, ground_poses
+from placefield_tools.sources.pose_files import LARGEST
 from placefield_tools.sources.recording import Recording, known_errors
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import pose_topic
@@ -21,27 +22,31 @@ log = logging.getLogger(__name__)
 
 _ROS_FIX, _FOXGLOVE_FIX = "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix"
 
+_RECORDED_AXES = "give them as a file, with --poses and --pose-axes z-forward"
+
 _Row = tuple[float, ...]
 
 
 class Way(NamedTuple):
-    """A trajectory and, if it is known where on earth that is, its origin."""
+    """A trajectory, where on earth it is, if that is known, and from when to when it was told."""
 
     trajectory: Trajectory
     origin: Origin | None
+    span_ns: tuple[int, int]
 
 
 def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
     """Make a trajectory of messages of one of the types known here, each behind its stamp in ns.
 
     Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
-    number that is not finite, or of a receiver that has no fix, is left out; how many is logged.
+    number that is not finite or absurdly large, or of a receiver that has no fix (which says so, or
+    0, 0), is left out; how many is logged.
 
     Raises:
         SourceError: none is left.
     """
     rows = [(stamp_ns, *_READ[kind](message)) for stamp_ns, message in messages]
-    valid = [row for row in rows if np.isfinite(row[1:]).all()]
+    valid = [row for row in rows if (np.abs(row[1:]) < LARGEST).all()]
     if not valid:
         raise SourceError(
             f"{name}: none of {len(rows)} messages says where; "
@@ -49,25 +54,29 @@ def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
         )
     if len(valid) < len(rows):
         log.warning("%s: %d of %d messages say where", name, len(valid), len(rows))
+    span_ns = int(min(row[0] for row in rows)), int(max(row[0] for row in rows))
     valid.sort(key=lambda row: row[0])
     stamps = np.array([row[0] for row in valid], np.int64)
     values = np.array([row[1:] for row in valid], np.float64)
     if kind not in (_ROS_FIX, _FOXGLOVE_FIX):
-        yaws = quaternion_yaws(values[:, 2:])
-        return Way(Trajectory.of(stamps, np.column_stack([values[:, :2], yaws])), None)
+        forwards = forwards_of(values[:, 3:], "x-forward")
+        poses = ground_poses(name, values[:, :3], forwards, "x-forward", _RECORDED_AXES)
+        return Way(Trajectory.of(stamps, poses), None, span_ns)
     origin, positions = laid_out(values)
     poses = np.column_stack([positions, directions(positions)])
-    return Way(Trajectory.of(stamps, poses), origin)
+    return Way(Trajectory.of(stamps, poses), origin, span_ns)
 
 
 def _of_pose(pose: Any) -> _Row:
     at, turn = pose.position, pose.orientation
-    return at.x, at.y, turn.x, turn.y, turn.z, turn.w
+    return at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w
 
 
 def _of_fix(fix: Any) -> _Row:
-    has_fix = fix.status.status >= 0
-    return (fix.latitude, fix.longitude) if has_fix else (np.nan, np.nan)
+    status = getattr(fix, "status", None)  # Foxglove's has none
+    has_fix = status is None or status.status >= 0
+    at = fix.latitude, fix.longitude
+    return at if has_fix and is_fix(*at) else (np.nan, np.nan)
 
 
 _OF_ROS: dict[str, Callable[[Any], _Row]] = {
@@ -78,7 +87,7 @@ _OF_ROS: dict[str, Callable[[Any], _Row]] = {
 }
 _OF_FOXGLOVE: dict[str, Callable[[Any], _Row]] = {
     "foxglove.PoseInFrame": lambda message: _of_pose(message.pose),
-    _FOXGLOVE_FIX: lambda fix: (fix.latitude, fix.longitude),
+    _FOXGLOVE_FIX: _of_fix,
 }
 _READ = _OF_ROS | _OF_FOXGLOVE
 
@@ -105,7 +114,7 @@ def with_poses(source: Source, recordings: Sequence[Recording], asked: str | Non
         return source
     name = f"{path.name}:{topic}"
     way = way_of(name, types[topic], _messages(recordings, topic))
-    return Located(source, way.trajectory, name, origin=way.origin)
+    return Located(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
 
 
 def _messages(recordings: Sequence[Recording], topic: str) -> Iterator[tuple[int, Any]]:

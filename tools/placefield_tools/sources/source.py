@@ -28,7 +28,9 @@ class Source(ABC):
     ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
     frames it gives, None where that is unknown; a video's container may be wrong about it, so there
     it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
-    unknown. ``span`` is from when to when it was recorded, None where nobody wrote that down.
+    unknown. ``stamped`` tells whether the frames' stamps are their own; where nobody knows when
+    they were taken, they are as if of a steady rate. ``span`` is from when to when it was recorded,
+    None where nobody wrote that down.
 
     A frame that cannot be read is given all the same, with its ``fault``. ``not_given`` counts the
     others, when it has been iterated to its end: those ``missing``, which it has promised and not
@@ -42,6 +44,7 @@ class Source(ABC):
     live: bool = False
     count: int | None
     origin: Origin | None = None
+    stamped: bool = True
     span: Span | None = None
 
     @cached_property
@@ -76,6 +79,7 @@ class Derived(Source):
         self._source = source
         self.live = source.live
         self.origin = source.origin
+        self.stamped = source.stamped
         self.span = source.span
         self.not_given = source.not_given
 

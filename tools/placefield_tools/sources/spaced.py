@@ -1,5 +1,6 @@
 """A source's frames at equal distances along the way, by odometry."""
 
+import logging
 from collections.abc import Iterator
 
 from placefield.errors import SourceError
@@ -9,9 +10,15 @@ from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.located import Located
 from placefield_tools.sources.source import Derived, Source
 
+log = logging.getLogger(__name__)
+
 
 class Spaced(Derived):
-    """The frames of a source that a ``Spacing`` takes."""
+    """The frames of a source that a ``Spacing`` takes.
+
+    Frames before the first pose of a trajectory are left out, which is logged: nobody knows how far
+    apart they are.
+    """
 
     count = None
 
@@ -25,14 +32,22 @@ class Spaced(Derived):
         Of a live source it is left out: with no news, the vehicle is no farther for all we know.
         """
         spacing = Spacing(self._metres)
+        early, begun = 0, not isinstance(self._source, Located)
         for frame in self._source:
             if frame.odometry_m is None:
                 if self.live:
+                    continue
+                if not begun:
+                    early += 1
                     continue
                 raise SourceError(
                     f"{frame.name}: has no odometry to space frames by; "
                     f"leave --spacing out, or {self._remedy()}"
                 )
+            begun = True
+            if early:
+                log.warning("%d frames before the first pose: left out of the spaced ones", early)
+                early = 0
             if spacing.takes(frame.odometry_m):
                 yield frame
 

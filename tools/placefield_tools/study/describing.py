@@ -10,10 +10,10 @@ from placefield.baselines.fabmap import Vocabulary, learn_words
 from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
 from placefield.errors import FrameError, SourceError
 from placefield.features.extract import Feature
-from placefield.features.frames import Frame
+from placefield.features.frames import Frame, Pose
 from placefield.features.images import grey
-from placefield.maps.traverse import DescribedFrame, Traverse, describe_frame, traverse_of
-from placefield_tools.evaluating import RawFeature, describe_query
+from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
+from placefield_tools.evaluating import RawFeature, describe_located_query
 from placefield_tools.parallel import map_in_order
 from placefield_tools.progress import tracked
 from placefield_tools.sources import Source
@@ -78,14 +78,19 @@ def describe_reference(
 
     with tracked(source, f"describing {Path(name).name}", source.count) as frames:
         both = list(map_in_order(describe, frames))
-    traverse = traverse_of(name, (described for described, _ in both))
+    traverse = traverse_of(
+        name,
+        (described for described, _ in both),
+        source.origin.frame if source.origin else ROUTE,
+        stamped=source.stamped,
+    )
     return traverse, _described([*traverse.raw], [look for _, look in both])
 
 
 def describe_query_frames(
     source: Source, feature: Feature, vocabulary: Vocabulary | None
-) -> tuple[Described, list[float | None]]:
-    """Describe a query's frames; with them comes the odometry of each, None where nobody knows.
+) -> tuple[Described, list[float | None], list[Pose | None]]:
+    """Describe a query's frames; with them come odometry and pose of each, None where not known.
 
     Raises:
         SourceError: it is live or has no frame that can be read.
@@ -95,9 +100,9 @@ def describe_query_frames(
         return feature.describe(pixels), _look(pixels, vocabulary)
 
     unseen = (None, _unseen(vocabulary))
-    described, readings = describe_query(source, describe)
+    described, readings, poses = describe_located_query(source, describe)
     both = [one or unseen for one in described]
-    return _described([raw for raw, _ in both], [look for _, look in both]), readings
+    return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
 
 
 def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:

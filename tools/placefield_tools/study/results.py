@@ -7,6 +7,7 @@ from placefield.config import Rule
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluating import Judged
+from placefield_tools.grounds import Ground
 
 LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]
 """A part of the method: several scales per channel, adaptive ones, a learned metric, channels."""
@@ -66,10 +67,11 @@ class Study:
         lowered_min_scale: shortest segment of our maps, places, where the thinned reference was too
             short for the one asked for.
         seed: of everything random.
-        tolerance: places; None where a ground truth was given.
+        tolerance: places; None where a ground truth was given, or metres.
         placemap: our map of the reference.
         methods: in the order to show them.
         ablation: by two rules, each with every part left out, at every lag.
+        ground: by what a match is right.
     """
 
     reference: str
@@ -82,3 +84,4 @@ class Study:
     placemap: Map
     methods: tuple[MethodResult, ...]
     ablation: tuple[AblationResult, ...]
+    ground: Ground

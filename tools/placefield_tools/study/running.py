@@ -7,7 +7,7 @@ import numpy as np
 
 from placefield.baselines.fabmap import Vocabulary
 from placefield.config import Config
-from placefield.errors import MapError, SourceError
+from placefield.errors import MapError, SourceError, TruthError
 from placefield.evaluation.protocols import TAKES_EVERY, THINS_REFERENCE, default_every
 from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of
@@ -16,6 +16,7 @@ from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import Query, drive_in
+from placefield_tools.grounds import Asked, Sides, ground_of
 from placefield_tools.progress import CONSOLE
 from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets
@@ -43,7 +44,13 @@ latter is a place."""
 
 
 def run_study(
-    reference: str, query: Query, truth_of: TruthOf, config: Config, *, tolerance: int | None
+    reference: str,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    *,
+    tolerance: int | None,
+    asked: Asked | None = None,
 ) -> Study:
     """Run every method on the same frames, showing progress.
 
@@ -52,13 +59,14 @@ def run_study(
         query: to match, and how it is driven.
         truth_of: gives the truth of the query in its own order.
         config: of our map, its matching and all that is random.
-        tolerance: for the record; None where a ground truth was given.
+        tolerance: for the record; None where a ground truth was given, or metres.
+        asked: what else says what is right, see ``ground_of``.
 
     Raises:
-        PlacefieldError: the sources or the truth cannot be read, or do not make our map. Another
-            method that fails is reported, and the others go on.
+        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or nobody
+            knows what is right. Another method that fails is reported, and the others go on.
     """
-    trial = prepare(reference, query, truth_of, config)
+    trial = prepare(reference, query, truth_of, config, asked=asked)
     return Study(
         reference=reference,
         query=query.where,
@@ -70,11 +78,18 @@ def run_study(
         placemap=trial.placemap,
         methods=run_methods(trial, methods_of(trial)),
         ablation=ablate(trial),
+        ground=trial.ground,
     )
 
 
 def prepare(
-    reference: str, query: Query, truth_of: TruthOf, config: Config, *, words: bool = True
+    reference: str,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    *,
+    words: bool = True,
+    asked: Asked | None = None,
 ) -> Trial:
     """Describe all frames, build our map, and drive the query; see ``run_study``.
 
@@ -90,14 +105,20 @@ def prepare(
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     with query.open() as driven:
-        described_query, readings = describe_query_frames(driven, feature, vocabulary)
+        described_query, readings, poses = describe_query_frames(driven, feature, vocabulary)
     drive, undriven = drive_in(driven, len(described_query.raws))
     if drive.odometry is not None:  # which takes it for a metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
-    truth = truth_of(undriven, references, drive.every).shared(placemap.places.same)
+    ground = ground_of(
+        Sides(placemap, references, undriven, drive, poses, driven.origin, readings),
+        lambda: truth_of(undriven, references, drive.every),
+        asked,
+    )
+    if ground.truth is None:
+        raise TruthError(f"no study without a truth: {ground.why_none}")
     return Trial(
         config=fitting.model_copy(update={"matching": query.matching(config.matching)}),
         traverse=traverse,
@@ -108,7 +129,8 @@ def prepare(
         query=described_query,
         descriptors=descriptors_of(placemap.model, described_query.raws),
         metres=Metres(placemap.places, readings),
-        truth=truth.along(drive.frames, drive.foreign),
+        truth=ground.truth,
+        ground=ground,
         jumps=drive.jumps,
         every=query.every,
         lowered_min_scale=None if fitting is config else fitting.scales.min_scale,

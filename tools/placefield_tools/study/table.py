@@ -20,6 +20,7 @@ def figures(study: Study) -> dict[str, Any]:
         "lowered_min_scale": study.lowered_min_scale,
         "seed": study.seed,
         "tolerance": study.tolerance,
+        "truth": study.ground.figures(),
         "places": study.placemap.places.count,
         "methods": [_method_figures(result) for result in study.methods],
         "ablation": [
@@ -81,6 +82,7 @@ def print_study(study: Study, report: Path) -> None:
         table.add_row(result.name + " *" * result.oracle, *_cells(result, recovers))
     console = Console(markup=False)  # a path may hold brackets
     console.print(table)
+    console.print(study.ground.line, highlight=False, soft_wrap=True)
     for result in study.methods:
         if result.failure is not None:
             console.print(f"{result.name}: {result.failure}", highlight=False, soft_wrap=True)

@@ -21,6 +21,7 @@ from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
 from placefield_tools.drive_matching import Metres
 from placefield_tools.evaluating import RawFeature
+from placefield_tools.grounds import Ground
 from placefield_tools.study.describing import Described
 
 Array = NDArray[np.float32]
@@ -41,6 +42,7 @@ class Trial:
         descriptors: Q descriptors (N,) float32 of the driven frames, None where not seen.
         metres: of the drive, and of the places.
         truth: of the driven frames.
+        ground: by what that is known.
         jumps: (J,) int64, positions in the drive of the first frame after a jump.
         every: n of a protocol that takes every n-th frame; None: it is none.
         lowered_min_scale: shortest segment of all our maps, places, where the thinned reference is
@@ -57,6 +59,7 @@ class Trial:
     descriptors: list[Array | None]
     metres: Metres
     truth: Truth
+    ground: Ground
     jumps: NDArray[np.int64]
     every: int | None = None
     lowered_min_scale: int | None = None

@@ -10,6 +10,7 @@ from placefield.evaluation.plots import Neighbourhood
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluating import Judged
+from placefield_tools.grounds import Ground
 from placefield_tools.study.results import MethodResult
 
 Array = NDArray[np.float64]
@@ -125,9 +126,10 @@ class PaperStudy:
         protocol: how the query was driven.
         every: n of a protocol that takes every n-th frame; None: it is none.
         seed: of everything random.
-        tolerance: places; None where a ground truth was given.
+        tolerance: places; None where a ground truth was given, or metres.
         features: in the order to show them.
         others: SeqSLAM and FAB-MAP, which use neither.
+        ground: by what a match is right.
     """
 
     reference: str
@@ -138,3 +140,4 @@ class PaperStudy:
     tolerance: int | None
     features: tuple[FeatureResult, ...]
     others: tuple[MethodResult, ...]
+    ground: Ground

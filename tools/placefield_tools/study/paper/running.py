@@ -10,6 +10,7 @@ from placefield.config import Config
 from placefield.errors import MapError
 from placefield.maps.map import Map, MapChannel
 from placefield_tools.evaluating import Judged, Query, judge
+from placefield_tools.grounds import Asked
 from placefield_tools.progress import CONSOLE
 from placefield_tools.study.matching import with_scales
 from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
@@ -32,6 +33,7 @@ def run_paper_study(
     features: Sequence[str] = FEATURES,
     *,
     tolerance: int | None,
+    asked: Asked | None = None,
 ) -> PaperStudy:
     """Run the paper's experiments, showing progress.
 
@@ -41,10 +43,12 @@ def run_paper_study(
         truth_of: gives the truth of the query in its own order.
         config: by the preset ``paper``; its kind of feature counts for nothing.
         features: kinds of those to run them on, at least one.
-        tolerance: for the record; None where a ground truth was given.
+        tolerance: for the record; None where a ground truth was given, or metres.
+        asked: what else says what is right, see ``ground_of``.
 
     Raises:
-        PlacefieldError: the sources or the truth cannot be read, or do not make a map of AMS.
+        PlacefieldError: the sources or the truth cannot be read, or do not make a map of AMS, or
+            nobody knows what is right.
     """
     results: list[FeatureResult] = []
     for feature in features:
@@ -52,7 +56,7 @@ def run_paper_study(
         kind = config.features.model_copy(update={"kind": feature})
         of_feature = config.model_copy(update={"features": kind})
         first = not results
-        trial = prepare(reference, query, truth_of, of_feature, words=first)
+        trial = prepare(reference, query, truth_of, of_feature, words=first, asked=asked)
         if first:
             others = run_methods(trial, PUBLISHED_RIVALS)
             every = trial.every
@@ -64,6 +68,7 @@ def run_paper_study(
         every=every,
         seed=config.seed,
         tolerance=tolerance,
+        ground=trial.ground,
         features=tuple(results),
         others=others,
     )

@@ -22,6 +22,7 @@ def paper_figures(study: PaperStudy) -> dict[str, Any]:
         "every": study.every,
         "seed": study.seed,
         "tolerance": study.tolerance,
+        "truth": study.ground.figures(),
         "features": [_feature_figures(result) for result in study.features],
         "others": [
             {"name": other.name, "failure": other.failure}

@@ -1,0 +1,81 @@
+"""Poses in three dimensions to poses on the ground, by the axes that they are in."""
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.maps.trajectory import PoseAxes
+
+_AS_LONG = 0.3  # of the longest way along an axis: no road climbs so
+_AS_FLAT = 3.0  # times what is flattest
+
+log = logging.getLogger(__name__)
+
+
+def ground_poses(
+    name: str,
+    positions: NDArray[np.float64],
+    forwards: NDArray[np.float64],
+    axes: PoseAxes,
+    remedy: str,
+) -> NDArray[np.float64]:
+    """Lay poses out on the ground: x and y in metres, and the yaw of the forward axis in radians.
+
+    Where they move upwards more than a vehicle does, it is logged that the axes may be others.
+
+    Args:
+        name: of where they are from, for a person.
+        positions: (N, 3) x, y and z, metres.
+        forwards: (N, 3) where the forward axis points, of any length.
+        axes: that both are in.
+        remedy: what to do if the axes are others.
+
+    Returns:
+        (N, 3) float64.
+    """
+    if axes == "z-forward":
+        positions, forwards = _as_vehicle(positions), _as_vehicle(forwards)
+    _tell_of_axes(name, positions, axes, remedy)
+    return np.column_stack([positions[:, :2], np.arctan2(forwards[:, 1], forwards[:, 0])])
+
+
+def _as_vehicle(camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    right, down, forward = camera.T
+    return np.column_stack([forward, -right, -down])
+
+
+def forwards_of(quaternions: NDArray[np.float64], axes: PoseAxes) -> NDArray[np.float64]:
+    """Return where quaternions turn the forward axis.
+
+    Args:
+        quaternions: (N, 4) x, y, z and w, of any length.
+        axes: that they turn.
+
+    Returns:
+        (N, 3) float64, of any length.
+    """
+    largest = np.abs(quaternions).max(axis=1, keepdims=True)
+    x, y, z, w = (quaternions / np.where(largest > 0, largest, 1)).T  # no product overflows
+    if axes == "x-forward":
+        return np.column_stack(
+            [w * w + x * x - y * y - z * z, 2 * (w * z + x * y), 2 * (x * z - w * y)]
+        )
+    return np.column_stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
+    )
+
+
+def _tell_of_axes(name: str, positions: NDArray[np.float64], axes: PoseAxes, remedy: str) -> None:
+    forward, left, up = np.ptp(positions, axis=0)
+    if up > _AS_LONG * max(forward, left) and up > _AS_FLAT * min(forward, left):
+        log.warning(
+            "%s: moves %.3g m upwards, and %.3g m by %.3g m on the ground, if its axes are %s; if "
+            "they are not, %s",
+            name,
+            up,
+            forward,
+            left,
+            axes,
+            remedy,
+        )
