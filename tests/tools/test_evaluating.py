@@ -26,7 +26,8 @@ from placefield_tools.evaluating import (
     judge_smoothed,
     match_here,
 )
-from placefield_tools.sources import open_source
+from placefield_tools.grounds import Asked
+from placefield_tools.sources import Parts, open_source
 
 UNKNOWN: list[float | None] = [None] * 60
 """The odometry of a query that has none."""
@@ -273,3 +274,45 @@ def test_frames_off_the_route_are_those_of_the_other_and_never_right(
     for result in evaluation.results.values():
         assert not result.correct[drive.foreign].any()
         assert result.curve.on_route == 60
+
+
+@pytest.mark.parametrize(
+    "parts", [Parts(start=10, stop=50, stride=2), Parts(start=31), Parts(stop=25)]
+)
+def test_frames_of_a_query_that_is_cut_keep_their_numbers(
+    map_path: Path, query_dir: Path, parts: Parts
+) -> None:
+    asked = Asked(3)
+    cut = evaluate(
+        map_path,
+        Query(str(query_dir), parts=parts),
+        within_3,
+        Config(),
+        services=False,
+        asked=asked,
+    )
+    numbers = range(60)[parts.start : parts.stop : parts.stride]
+    assert len(cut.raws) == len(numbers)
+    assert cut.ground.by == "aligned"
+    assert cut.ground.truth is not None
+    right = Truth.within(60, 60, 3)
+    for at, number in enumerate(numbers):
+        for place in range(60):
+            [one] = cut.ground.truth.correct(np.full(len(numbers), place))[[at]]
+            assert one == right.correct(np.full(60, place))[number]
+
+
+def test_a_query_that_is_cut_is_judged_by_a_truth_of_all_its_frames(
+    map_path: Path, query_dir: Path
+) -> None:
+    told = []
+
+    def truth_of(queries: int, places: int) -> Truth:
+        told.append((queries, places))
+        return within_3(queries, places)
+
+    query = Query(str(query_dir), parts=Parts(start=20, stop=40, stride=3))
+    evaluation = evaluate(map_path, query, truth_of, Config(), services=False)
+    assert told == [(60, 60)]
+    assert evaluation.results["filter"].claims is not None
+    assert evaluation.results["filter"].claims.precision == 1

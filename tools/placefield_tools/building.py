@@ -89,6 +89,7 @@ def map_of(
     feature_asked: bool,
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
+    leave_out_bad: bool = False,
 ) -> Iterator[Path]:
     """Give the path of a map: of ``reference`` itself, or one built from it for the time being.
 
@@ -98,6 +99,7 @@ def map_of(
         feature_asked: whether the feature was asked for, which a map there already must then hold.
         spacing_m: see ``build_from``; says nothing of a map there already.
         parts: likewise.
+        leave_out_bad: likewise.
 
     Raises:
         MapError: the map holds another feature, or one of another network.
@@ -111,7 +113,10 @@ def map_of(
         return
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         built = Path(folder) / f"reference{SUFFIX}"
-        save_map(build_from([reference], config, spacing_m=spacing_m, parts=parts), built)
+        built_map = build_from(
+            [reference], config, spacing_m=spacing_m, parts=parts, leave_out_bad=leave_out_bad
+        )
+        save_map(built_map, built)
         yield built
 
 

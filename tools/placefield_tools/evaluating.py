@@ -108,6 +108,25 @@ class Query:
             every = DEFAULT_EVERY if self.every is None else self.every
             return Driven(query, self.protocol, other=other, seed=self.seed, every=every)
 
+    def numbered(self, drive: Drive) -> Drive:
+        """Return the drive by the numbers that its frames have in the query's source.
+
+        Spaced frames have those of their own order.
+        """
+        if self.spacing_m is not None:
+            return drive
+        return replace(drive, frames=self.parts.start + self.parts.stride * drive.frames)
+
+    def frames_in_source(self, taken: int) -> int:
+        """Return how many frames its source has, of which so many are taken."""
+        start, stride = self.parts.start, self.parts.stride
+        whole = replace(self.parts, start=0, stop=None, stride=1)
+        if self.spacing_m is not None or whole == self.parts:
+            return taken
+        with open_source(self.where, parts=whole) as source:
+            last = start + stride * (taken - 1)
+            return max(source.count or 0, last + 1)
+
     def matching(self, config: MatchingConfig) -> MatchingConfig:
         """Return how to match the driven frames: the protocol ``reverse`` turns the way round."""
         turned = config.reverse != (self.protocol == "reverse")
@@ -128,6 +147,7 @@ class Evaluation:
             empty where services have matched.
         ground: by what that is right.
         known: how many causal matches are known, of each rule that tells.
+        missing: how many frames the query promised and has not.
     """
 
     placemap: Map
@@ -138,6 +158,7 @@ class Evaluation:
     smoothed: dict[Rule, dict[int, Judged]]
     ground: Ground
     known: dict[Rule, int]
+    missing: int
 
 
 def drive_in(source: Source, count: int) -> tuple[Drive, int]:
@@ -271,10 +292,10 @@ def evaluate(
         describe = feature_of_model(placemap.model).describe
         raws, readings, poses = describe_located_query(source, describe)
         drive, undriven = drive_in(source, len(raws))
-        count = placemap.places.count
+        count, queries = placemap.places.count, query.frames_in_source(undriven)
         ground = ground_of(
-            Sides(placemap, count, undriven, drive, poses, source.origin, readings),
-            lambda: truth_of(undriven, count),
+            Sides(placemap, count, queries, query.numbered(drive), poses, source.origin, readings),
+            lambda: truth_of(queries, count),
             asked,
         )
         rules = RULES if ground.truth is not None else ("filter",)
@@ -295,4 +316,5 @@ def evaluate(
                 each: judge_smoothed(of_lag, ground.truth)
                 for each, of_lag in matches.smoothed.items()
             }
-    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known)
+        missing = source.not_given["missing"]
+    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known, missing)

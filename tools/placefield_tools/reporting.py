@@ -22,7 +22,13 @@ def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
     knows what is right, only how many matches are known.
     """
     frames = len(evaluation.raws)
-    told = {"frames": frames, "tolerance": tolerance, "truth": evaluation.ground.figures()}
+    told = {
+        "frames": frames,
+        "unreadable": sum(raw is None for raw in evaluation.raws),
+        "missing": evaluation.missing,
+        "tolerance": tolerance,
+        "truth": evaluation.ground.figures(),
+    }
     if evaluation.ground.truth is None:
         known = {
             rule: {"known": {"count": count, "share": count / frames}}

@@ -39,6 +39,10 @@ def _evaluate(
         "evaluation"
     ),
     as_json: options.Json = False,
+    start: options.Start = 0,
+    stop: options.Stop = None,
+    stride: options.Stride = 1,
+    leave_out_bad: options.LeaveOutBad = False,
     spacing: options.Spacing = None,
     topic: options.Topic = None,
     odometry_topic: options.OdometryTopic = None,
@@ -55,6 +59,9 @@ def _evaluate(
     settings: options.Settings = None,
 ) -> None:
     """Build a map from REF, or take one, match QUERY by every rule, and say how well it did.
+
+    --start, --stop and --stride are of QUERY, whose frames keep their numbers; --leave-out-bad is
+    of REF: a frame of QUERY that cannot be read is matched as one not seen.
 
     Examples:
       placefield evaluate route.pfmap dusk/ --tolerance 3
@@ -95,11 +102,16 @@ def _evaluate(
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     feature_asked = feature is not None
-    parts_of_query = Parts(topic, odometry_topic)
+    parts_of_query = Parts(topic, odometry_topic, start=start, stop=stop, stride=stride)
     driven = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
     parts = Parts(topic, odometry_topic, poses, pose_axes)
     with map_of(
-        reference, effective, feature_asked=feature_asked, spacing_m=spacing, parts=parts
+        reference,
+        effective,
+        feature_asked=feature_asked,
+        spacing_m=spacing,
+        parts=parts,
+        leave_out_bad=leave_out_bad,
     ) as map_path:
         evaluation = evaluate(
             map_path,
