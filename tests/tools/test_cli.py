@@ -110,7 +110,8 @@ def test_evaluate_prints_one_json_object_and_nothing_else_on_stdout(
     evaluated = placefield("evaluate", map_path, query_dir, "--json", "--tolerance", "2")
     assert evaluated.code == 0, evaluated.err
     figures = json.loads(evaluated.out)
-    assert set(figures) == {"rules", "frames", "tolerance", "truth"}
+    assert set(figures) == {"rules", "frames", "unreadable", "missing", "tolerance", "truth"}
+    assert (figures["unreadable"], figures["missing"]) == (0, 0)
     assert (figures["frames"], figures["tolerance"]) == (60, 2)
     assert figures["truth"] == {"by": "aligned"}
     assert set(figures["rules"]) == {*RULES}

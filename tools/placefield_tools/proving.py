@@ -5,57 +5,82 @@ believed when their matches have come.
 """
 
 import threading
-import time
+from collections import Counter
 
-_SOON_S = 0.25  # an answer may come so long before its match: they come on threads of their own
+_KEPT = 1000
+"""Frames that are answered and still in the books: one that was sent again is answered again."""
 
 
 class Proof:
     """Answers that were claimed, and the matches that prove them. Any thread may tell.
 
+    For each time that a frame was sent the fuser publishes its match once, and its answer after
+    that, or none where that to a later one stands for it.
+
     Attributes:
         matched: number of the first frame whose match has not come.
-        unproven: how many answers came long before the matches that they were of.
+        forged: how many answers came before a match that they stand for, and how many answers and
+            matches once too often.
     """
 
     def __init__(self) -> None:
         self.matched = 0
-        self.unproven = 0
+        self.forged = 0
         self._beyond: set[int] = set()
         """Frames beyond ``matched`` whose matches have come."""
-        self._claims: dict[int, list[float]] = {}
-        """When each was claimed to be answered; no more than are under way, and the end."""
+        self._claimed: set[int] = set()
+        """Frames, and the end, that are said to be answered; no more than are under way."""
+        self._answers_due, self._matches_due = Counter[int](), Counter[int]()
         self._lock = threading.Lock()
 
-    def claim(self, sequence: int) -> None:
-        """Take that a frame is said to be answered, with all before it."""
+    def send(self, sequence: int) -> None:
+        """Take that a frame, or the end, is being sent."""
         with self._lock:
-            times = self._claims.setdefault(sequence, [])
-            if len(times) < 1000:  # of a frame
-                times.append(time.monotonic())
-            else:
-                self.unproven += 1
+            for due in (self._answers_due, self._matches_due):
+                due[sequence] += 1
+                if len(due) > 2 * _KEPT:
+                    for old in [old for old in due if old < self.matched - _KEPT]:
+                        del due[old]
 
-    def match(self, sequence: int) -> None:
-        """Take that the match of a frame has come; it may come twice."""
+    def claim(self, sequence: int, sent: int) -> int | None:
+        """Take that a frame is said to be answered, with all before it.
+
+        Args:
+            sequence: its number.
+            sent: how many frames were sent; the end of the stream has the number after the last.
+
+        Returns:
+            The last frame that is proven to be answered; None: nothing new is.
+        """
         with self._lock:
+            if self._is_proven(sequence, sent):
+                self._take(self._answers_due, sequence)
+            else:
+                self.forged += 1
+            self._claimed.add(sequence)
+            return self._proven(sent)
+
+    def match(self, sequence: int, sent: int) -> int | None:
+        """Take that the match of a frame has come; see ``claim``."""
+        with self._lock:
+            self._take(self._matches_due, sequence)
             if sequence >= self.matched:
                 self._beyond.add(sequence)
             while self.matched in self._beyond:
                 self._beyond.discard(self.matched)
                 self.matched += 1
+            return self._proven(sent)
 
-    def proven(self, sent: int) -> int | None:
-        """Return the last frame that is proven to be answered, of so many that were sent.
+    def _take(self, due: Counter[int], sequence: int) -> None:
+        if due[sequence] > 0:
+            due[sequence] -= 1
+        else:
+            self.forged += 1
 
-        The end of the stream is the one after the last of them. None: nothing new is.
-        """
-        with self._lock:
-            proven = [claimed for claimed in self._claims if self._is_proven(claimed, sent)]
-            soon = time.monotonic() - _SOON_S
-            for claimed in proven:
-                self.unproven += sum(at < soon for at in self._claims.pop(claimed))
-            return max(proven, default=None)
+    def _proven(self, sent: int) -> int | None:
+        proven = {claimed for claimed in self._claimed if self._is_proven(claimed, sent)}
+        self._claimed -= proven
+        return max(proven, default=None)
 
     def _is_proven(self, claimed: int, sent: int) -> bool:
         return claimed < self.matched or claimed == self.matched == sent

@@ -109,8 +109,8 @@ class _Stream:
         self._proof = Proof()
         self._counts: Counter[str] = Counter()
         if not live:
-            bus.subscribe(keys.match, self._note_match, self._counts)
-        bus.subscribe(keys.ack, self._answered, self._counts)
+            bus.subscribe(keys.match, self._note_match, self._counts, in_turn=True)
+        bus.subscribe(keys.ack, self._answered, self._counts, in_turn=True)
         bus.subscribe(keys.unseen, self._note_unseen, Counter())
         for service in ("featurizer", "fuser"):
             bus.watch_alive(keys.all_alive(service), self._note_life)
@@ -124,8 +124,7 @@ class _Stream:
         if self._live:
             self._credits.answer(sequence)
         else:
-            self._proof.claim(sequence)
-            self._prove()
+            self._believe(self._proof.claim(sequence, self.sent))
 
     def _note_match(self, received: Received) -> None:
         header = received.header
@@ -134,11 +133,9 @@ class _Stream:
         if header.sequence >= self.sent:
             raise MessageError(f"the match of frame {header.sequence}, of {self.sent} sent")
         MatchMessage.decode(received.payload)
-        self._proof.match(header.sequence)
-        self._prove()
+        self._believe(self._proof.match(header.sequence, self.sent))
 
-    def _prove(self) -> None:
-        proven = self._proof.proven(self.sent)
+    def _believe(self, proven: int | None) -> None:
         if proven is not None:
             self._credits.answer(proven)
 
@@ -184,10 +181,10 @@ class _Stream:
         self._has_ended = True
         self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
-        if disbelieved := self._counts["malformed"] + self._proof.unproven:
+        if disbelieved := self._counts["malformed"] + self._proof.forged:
             log.warning(
-                "run %r: %d answers were of no frame that was sent and matched, and counted for "
-                "nothing: does somebody else publish on this run?",
+                "run %r: %d answers or matches were not due, and counted for nothing: does "
+                "somebody else publish on this run?",
                 self._run,
                 disbelieved,
             )
@@ -197,6 +194,8 @@ class _Stream:
             )
 
     def _put(self, header: Header, payload: bytes) -> None:
+        if not self._live:
+            self._proof.send(header.sequence)
         self._publisher.send(header, payload)
         if header.end or not self._live:
             self._unanswered.append((header, payload))
@@ -207,6 +206,8 @@ class _Stream:
         oldest = 0 if self._live else self._credits.answered
         for header, payload in self._unanswered:
             now = min(oldest, header.sequence)  # it may have been answered in the meantime
+            if not self._live:
+                self._proof.send(header.sequence)
             self._publisher.send(header.model_copy(update={"oldest": now}), payload)
 
     def _take_credit(self) -> bool:

@@ -89,8 +89,12 @@ class Bus:
         counts: Counter[str],
         *,
         ends_empty: bool = True,
+        in_turn: bool = False,
     ) -> None:
         """Call ``receive`` for what comes on a key, on the bus's thread, which must not wait.
+
+        That is a thread of the key's own, unless what comes on several keys is to be taken in the
+        order in which it was sent (``in_turn``).
 
         What has no good header is dropped and counted as ``malformed``; and so is what was put on
         many keys at once, and the end of a stream that has a payload, where none is due
@@ -111,7 +115,8 @@ class Bus:
                 counts["malformed"] += 1
                 self.log_dropped(str(sample.key_expr), error)
 
-        self._declared.append(self._session.declare_subscriber(key, call))
+        handler = zenoh.handlers.Callback(call, indirect=not in_turn)
+        self._declared.append(self._session.declare_subscriber(key, handler))
 
     def subscribe_raw(self, key: str, receive: Callable[[str, bytes], None]) -> None:
         """Call ``receive(key, payload)`` for what comes on a key, on the bus's thread."""

@@ -97,7 +97,8 @@ def test_the_command_that_runs_one_is_a_command() -> None:
             study = known_commands.commands[arguments.pop(0)]  # type: ignore[attr-defined]
             given = study.make_context("study", arguments).params
             assert given["reference"].startswith(f"my sets/{known.name}/")
-            assert given["tolerance"] == known.study.tolerance  # type: ignore[union-attr]
+            tolerance = known.study.tolerance  # type: ignore[union-attr]
+            assert given["tolerance"] == (None if tolerance is None else str(tolerance))
             has_file = known.truth_matrix is not None or known.truth_gps is not None
             assert (given["truth"] is not None) == has_file
 
