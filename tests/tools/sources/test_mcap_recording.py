@@ -15,6 +15,8 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
+from test_ros_recording import images as ros_images
+from test_ros_recording import record as record_ros
 
 from placefield.errors import ConfigError, FrameError, SourceError
 from placefield.maps.geography import Origin
@@ -410,6 +412,31 @@ def test_a_recording_of_which_one_topic_is_wanted_is_read(case: str) -> None:
         pytest.skip(f"no cases at {CASES}; say where they are with PLACEFIELD_CASES")
     [where] = (CASES / case).glob("*.mcap")
     assert len(list(open_source(str(where)))) == 24
+
+
+def test_a_bags_folder_in_which_other_messages_are_recorded_too_is_read(tmp_path: Path) -> None:
+    bag = Path(record_ros(tmp_path / "drive", ros_images(), "mcap"))
+    [file] = bag.glob("*.mcap")
+    with file.open("rb") as opened:
+        whole = list(make_reader(opened).iter_messages())
+    with file.open("wb") as opened:
+        writer = Writer(opened)
+        writer.start()
+        other = writer.register_schema("note", "jsonschema", b"{}")
+        notes = writer.register_channel("/notes", "json", other)
+        schema, channel, _ = whole[0]
+        assert schema is not None
+        own = writer.register_schema(schema.name, schema.encoding, schema.data)
+        images = writer.register_channel(channel.topic, channel.message_encoding, own)
+        for _, _, message in whole:
+            writer.add_message(notes, message.log_time, b'{"text": "hello"}', publish_time=1)
+            writer.add_message(images, message.log_time, message.data, publish_time=1)
+        writer.finish()
+    with open_source(str(bag)) as source:
+        assert source.count == len(whole) == len(list(source))
+    file.rename(tmp_path / "elsewhere.mcap")
+    with pytest.raises(SourceError, match="drive"):
+        open_source(str(bag))
 
 
 def test_a_chunk_that_unpacks_to_more_than_is_allowed_is_refused_unread(

@@ -195,8 +195,11 @@ def _open_recordings(
     """Open a recording, or several of one drive; their poses are one way."""
     try:
         from placefield_tools.sources.recorded_poses import with_poses
+        from placefield_tools.sources.ros_recording import mixed_files
     except ModuleNotFoundError as missing:
         raise _not_installed(name, missing) from None
+    if len(paths) == 1:
+        paths = mixed_files(paths[0]) or paths
     if len(paths) == 1:
         one = _open_recording(paths[0], start, stride, parts, stop)
         return with_poses(one, [one], parts.odometry_topic)

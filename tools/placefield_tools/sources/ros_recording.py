@@ -11,6 +11,7 @@ from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
 from placefield.errors import SourceError
+from placefield_tools.natural import in_natural_order
 from placefield_tools.sources.mcap_messages import stamp_ns_of
 from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder, images_of
@@ -75,18 +76,35 @@ def open_ros_recording(
 
 
 def _check_files(path: Path) -> None:
-    """Refuse files that rosbags would fail at, read in part, or take too much memory for."""
+    """Refuse files that would be read in part, or take too much memory."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         _check_no_log(file)
-        if file.suffix.lower() != ".mcap":
-            continue
-        summary = read_summary(file)
-        definitions = {each.encoding for each in summary.schemas.values()} if summary else set()
-        if foreign := sorted(definitions - _DEFINITIONS):
-            raise SourceError(
-                f"{file}: holds messages defined by {', '.join(foreign)}, and topics of ROS are "
-                "read from a file of their own only; record them into one"
-            )
+        if file.suffix.lower() == ".mcap":
+            read_summary(file)
+
+
+def mixed_files(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag's folder, if other messages than ROS's are among theirs.
+
+    rosbags would refuse them all; one by one, each is an MCAP recording.
+
+    Raises:
+        SourceError: one of its files is missing, or cannot be read.
+    """
+    if not path.is_dir():
+        return []
+    files = [path / name for name in in_natural_order(file.name for file in path.glob("*.mcap"))]
+    with known_errors(path):
+        if not any(map(_holds_others, files)):
+            return []
+        Reader2(path)  # which looks for all files that the bag has
+    return files
+
+
+def _holds_others(file: Path) -> bool:
+    summary = read_summary(file)
+    definitions = {each.encoding for each in summary.schemas.values()} if summary else set()
+    return not definitions <= _DEFINITIONS
 
 
 def _check_no_log(file: Path) -> None:
