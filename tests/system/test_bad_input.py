@@ -245,7 +245,7 @@ def test_descriptors_of_another_map_are_counted_and_answered_by_no_channel(
         assert replayed.returncode == 0, replayed.stderr
         answers = listener.answers()
         assert [(match.place, match.missing) for _, match in answers] == [(-1, (0, 1, 2))] * 10
-        wait_until(lambda: listener.count("channel", "malformed") >= 10, "they are counted")
+        wait_until(lambda: listener.count("channel", "other_map") >= 10, "they are counted")
         assert all(process.runs for process in processes)
         assert "give the featurizer the same map" in processes[1].err
         assert processes[1].err.count("\n") == 1  # once in a while is enough
