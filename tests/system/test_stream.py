@@ -156,6 +156,7 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "probability": match.probability,
             "known": match.known,
             "too_fast": False,
+            "forgotten": False,
             "pose": None,
         }
     for number, one in smoothed:
