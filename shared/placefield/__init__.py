@@ -15,6 +15,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from placefield.bus.client import Client, connect
     from placefield.config import Config, MatchingConfig
     from placefield.errors import (
         BusError,
@@ -46,6 +47,7 @@ __version__ = version("placefield")
 __all__ = (
     "UNANSWERED",
     "BusError",
+    "Client",
     "Config",
     "ConfigError",
     "Describer",
@@ -66,6 +68,7 @@ __all__ = (
     "Truth",
     "TruthError",
     "build_map",
+    "connect",
     "load_config",
     "open_map",
     "precision_recall",
@@ -80,6 +83,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "64000000")
 _HOMES = {
     "UNANSWERED": "placefield.matching.candidate",
     "BusError": "placefield.errors",
+    "Client": "placefield.bus.client",
     "Config": "placefield.config",
     "ConfigError": "placefield.errors",
     "Describer": "placefield.features.describer",
@@ -100,6 +104,7 @@ _HOMES = {
     "Truth": "placefield.evaluation.truth",
     "TruthError": "placefield.errors",
     "build_map": "placefield.library",
+    "connect": "placefield.bus.client",
     "load_config": "placefield.loading",
     "open_map": "placefield.maps.opening",
     "precision_recall": "placefield.evaluation.curves",
