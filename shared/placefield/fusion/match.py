@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from placefield.notebook import html_of_match
 from placefield.pose import Pose
 
 FASTER = "faster than the map resolves"
@@ -35,6 +36,9 @@ class Match:
     too_fast: bool = False
     forgotten: bool = False
     pose: Pose | None = None
+
+    def _repr_html_(self) -> str:
+        return html_of_match(self)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
 from placefield.metric.coarse import Coarse
 from placefield.metric.codes import Codes
+from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
 
@@ -156,9 +157,17 @@ class Map:
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
     def __repr__(self) -> str:
-        known = "" if self.digest == NO_DIGEST else f"{self.digest}, "
+        known = f"{self.digest}, " if self.is_saved else ""
         made = f"{len(self.channels)} channels, {self.features.kind}"
         return f"Map({known}{self.places.count} places of {self.traverses[0].name!r}, {made})"
+
+    def _repr_html_(self) -> str:
+        return html_of_map(self)
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether it was opened from disk, so that its digest says which map it is."""
+        return self.digest != NO_DIGEST
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:
