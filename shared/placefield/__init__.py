@@ -14,7 +14,7 @@ Services on a bus recognise the same places::
         for match in client.stream(camera):
             print(match)
 
-Frames of folders, videos, recordings and cameras come from ``placefield_tools.sources.open_source``.
+``placefield_tools.sources.open_source`` gives the frames of folders, videos, recordings, cameras.
 """
 
 import os
