@@ -12,7 +12,7 @@ from placefield import Recognizer, SourceError, build_map
 from placefield.bus.messages import Header, MatchMessage
 from placefield.loading import load_config
 from placefield.maps.map import NO_DIGEST
-from placefield_tools.recording.opening import recorder_of
+from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.sources import open_source
 
 

@@ -11,7 +11,7 @@ from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, Stats
 from placefield.bus.session import Bus
 from placefield.maps.map import NO_DIGEST, Map
 from placefield_tools.dashboard.feed import Feed, Newest
-from placefield_tools.dashboard.lacking import can_answer
+from placefield_tools.dashboard.missing_services import can_answer
 from placefield_tools.dashboard.state import LiveState
 
 KEYS = Keys("day")
