@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.manifest import TraverseRecord
 from placefield.metric.coarse import Coarse
 from placefield.metric.codes import Codes
 from placefield.presets import Preset
 
 Array = NDArray[np.float32]
-
-NO_DIGEST = "0" * DIGEST_LENGTH
-"""Stands for the digest of a map that is not on disk, or that an old recording does not name."""
 
 STEPS = 6
 """Places between those whose distances a map keeps: a vehicle may go as many per frame."""
