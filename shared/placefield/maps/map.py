@@ -11,9 +11,9 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.manifest import TraverseRecord
-from placefield.metric.coarse import Coarse
-from placefield.metric.codes import Codes
 from placefield.presets import Preset
+from placefield.search.coarse import Coarse
+from placefield.search.quantized import Codes
 
 Array = NDArray[np.float32]
 
@@ -69,7 +69,7 @@ class MapMetric:
     Attributes:
         learned: whether the projection was learned; else it is the identity.
         projection: (M, N) float32, v of Eq. 6.
-        unit: length of one code, see ``placefield.metric.codes``.
+        unit: length of one code, see ``placefield.search.quantized``.
         places: (K, M) int16, the codes of the places under it.
         squares: (K,) int32, their squared lengths.
         steps: (6, K) float32, how far each place is from the one before it, the second before it,
