@@ -8,7 +8,7 @@ import pytest
 
 from placefield.bus.messages import Header, MatchMessage
 from placefield.errors import ConfigError, SourceError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.sources import open_source
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.manifest import TraverseRecord
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
@@ -17,9 +18,6 @@ from placefield.search.coarse import Coarse
 from placefield.search.quantized import Codes
 
 Array = NDArray[np.float32]
-
-NO_DIGEST = "0" * DIGEST_LENGTH
-"""Stands for the digest of a map that is not on disk, or that an old recording does not name."""
 
 STEPS = 6
 """Places between those whose distances a map keeps: a vehicle may go as many per frame."""

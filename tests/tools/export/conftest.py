@@ -7,7 +7,7 @@ import pytest
 from turning_route import ORIGIN, PLACES, STAMP_NS
 
 from placefield.bus.messages import Header, MatchMessage
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.export.matched_traverse import Localised, QueryTraverse
 
 

@@ -12,9 +12,10 @@ from typer.testing import CliRunner, Result
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import ConfigError, MapError, PlacefieldError
+from placefield.maps.digest import NO_DIGEST
 from placefield.maps.geography import Origin
 from placefield.maps.manifest import read_identified
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.cli.main import app

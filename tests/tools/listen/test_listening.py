@@ -8,7 +8,7 @@ from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, Stats
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import MessageError, OtherMapError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.listen.match_queue import MatchQueue, stream_matches
 
 KEYS = Keys("test")

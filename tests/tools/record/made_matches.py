@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from hypothesis import strategies as st
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 
 Written = tuple[Header, MatchMessage | None]
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_matches import ALL_KINDS, KNOWN, SMOOTHED, headers, matches, stream_of
 
 from placefield.bus.messages import Header, MatchMessage
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.record.records import Record, RecordingError, as_object, read_records
 

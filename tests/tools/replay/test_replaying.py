@@ -20,7 +20,7 @@ from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError
 from placefield.features.frames import Frame
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.replay import replay_source as replaying
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Parts, Source, open_source

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import MapError
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.map import Map
 from placefield_tools.record.georeference import origin_of
 from placefield_tools.record.records import Record, RecordingError
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.errors import PlacefieldError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 
 log = logging.getLogger(__name__)
 
