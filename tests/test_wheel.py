@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from placefield import Config, Recognizer, open_map
 
-recognizer = Recognizer(open_map(Path("route.pfmap")), Config(matching={"rule": "lowest-score"}))
+recognizer = Recognizer(open_map(Path("route.pfmap")), Config(matching={"rule": "ams"}))
 for file in sorted(Path(sys.argv[1]).iterdir()):
     print(recognizer.push(file.read_bytes()).place)
 """

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, History, Outbox, recall_all, remembering, share
+from placefield.bus.history import LENGTH, CachedPublisher, History, recall_all, remembering, share
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
-from placefield.bus.messages import BordersMessage, FeatureMessage, Header
+from placefield.bus.messages import FeatureMessage, HaloMessage, Header
 from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
@@ -24,7 +24,7 @@ from placefield.errors import ConfigError, FrameError, MessageError, OtherMapErr
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.asking import Asking
-from placefield_services.channel_streams import ChannelStream, Frame, Outlet
+from placefield_services.channel_streams import ChannelOutputs, ChannelStream, PendingFrame
 from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess, counting_failure
@@ -66,44 +66,46 @@ def run_channels(
         serve_metrics(config.monitoring, process.tell)
         # All shards of a channel take the same frames, so that none may drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
-        outlets = {}
+        outputs = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             if shards > 1:
-                bus.subscribe(keys.all_borders, inbox.offer, process.counts[run])
+                bus.subscribe(keys.all_halos, inbox.offer, process.counts[run])
             remembered_moments(bus, keys, process.counts[run])
-            outlets[run] = _outlet(
+            outputs[run] = _outputs(
                 bus, keys, process.identity, config.matching.lag, process.counts[run]
             )
-            process.answers[run] = outlets[run].candidates.history
-        worker = ChannelWorker(placemap.model, served, outlets, process.counts)
-        served.rehearse()
+            process.answers[run] = outputs[run].candidates.history
+        worker = ChannelWorker(placemap.model, served, outputs, process.counts)
+        served.warm_up()
         for channel in channels:
             process.declare_ready(Part(channel, shard, shards).identity(process.identity))
         process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
 
 
-def _outlet(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> Outlet:
+def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> ChannelOutputs:
     # Of frames that are under way, and of those that a new fuser may have to smooth.
-    candidates = Outbox(bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag))
+    candidates = CachedPublisher(
+        bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag)
+    )
     share(bus, keys.history(keys.all_candidates), candidates.history)
-    borders = Outbox(bus.publisher(keys.borders(identity)), History())
-    history = keys.history(keys.all_borders)
+    borders = CachedPublisher(bus.publisher(keys.halo(identity)), History())
+    history = keys.history(keys.all_halos)
     share(bus, history, borders.history)
     features = remembering(bus, keys.history(keys.feature))
-    return Outlet(
+    return ChannelOutputs(
         candidates=candidates,
         recall=Asking(features.recall),
         remember=features.history.remember,
         borders=borders,
-        recall_borders=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
+        recall_halos=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
         counts=counts,
     )
 
 
 @dataclass
 class _Run:
-    outlet: Outlet
+    outputs: ChannelOutputs
     counts: Counter[str]
     follower: StreamFollower
     stream: ChannelStream | None = None
@@ -111,9 +113,7 @@ class _Run:
     """Whether the stream was on before, and what came is not known yet."""
     ask_until: float = 0.0
     """Until then what is missing may still be found."""
-    early: deque[tuple[Header, BordersMessage]] = field(
-        default_factory=lambda: deque(maxlen=_EARLY)
-    )
+    early: deque[tuple[Header, HaloMessage]] = field(default_factory=lambda: deque(maxlen=_EARLY))
     """Partial results of a stream that is not on yet."""
 
 
@@ -142,7 +142,7 @@ class ChannelWorker:
         self,
         model: DescriptorModel,
         channels: ServedChannels,
-        outlets: Mapping[str, Outlet],
+        outputs: Mapping[str, ChannelOutputs],
         counts: Mapping[str, Counter[str]],
     ) -> None:
         """Publish and count by run."""
@@ -150,8 +150,8 @@ class ChannelWorker:
         self._descriptors = model
         self._model = fingerprint(model)
         self._runs = {
-            run: _Run(outlet, counts[run], StreamFollower(counts[run], partial(self._join, run)))
-            for run, outlet in outlets.items()
+            run: _Run(outputs, counts[run], StreamFollower(counts[run], partial(self._join, run)))
+            for run, outputs in outputs.items()
         }
 
     def accept(self, received: Received) -> list[_Accepted]:
@@ -162,7 +162,7 @@ class ChannelWorker:
         """
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
-            partials = BordersMessage.decode(received.payload)
+            partials = HaloMessage.decode(received.payload)
             partials.check_map(self._channels.digest)
             self._receive(run, header, partials)
             return []
@@ -170,13 +170,13 @@ class ChannelWorker:
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
-        run.outlet.remember(header, received.payload)
+        run.outputs.remember(header, received.payload)
         if turn is Turn.REPEATED:
-            run.outlet.candidates.put_again(header)
+            run.outputs.candidates.put_again(header)
             return []
         missed = self._missed(run, header) if turn is Turn.AHEAD else []
         if missed is None:
-            run.counts["early"] += 1
+            run.counts["out_of_order"] += 1
             return []
         assert run.stream is not None
         return [*missed, _Accepted(run, run.stream, header, *seen)]
@@ -197,7 +197,7 @@ class ChannelWorker:
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
         return frames
 
-    def _receive(self, run: _Run, header: Header, partials: BordersMessage) -> None:
+    def _receive(self, run: _Run, header: Header, partials: HaloMessage) -> None:
         """Take the partial results of another worker's shards."""
         if run.stream is not None and header.stream == run.follower.stream:
             run.stream.receive(header, partials)
@@ -208,7 +208,7 @@ class ChannelWorker:
         """Begin a stream; if it is on already, with what others remember of it."""
         run = self._runs[name]
         first = max(0, header.sequence - LENGTH)
-        run.stream = self._channels.new_stream(run.outlet, first)
+        run.stream = self._channels.new_stream(run.outputs, first)
         run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
         early = list(run.early)
         run.early.clear()
@@ -220,11 +220,11 @@ class ChannelWorker:
         """Return the frames before this one that others remember; the source awaits the newest."""
         assert run.stream is not None
         frames = []
-        for old, payload in run.outlet.recall(header.stream, first, header.sequence).values():
+        for old, payload in run.outputs.recall(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
             try:
                 seen = self._decode(payload)
-                run.outlet.remember(old, payload)
+                run.outputs.remember(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
             except MessageError as error:
@@ -253,7 +253,9 @@ class ChannelWorker:
         comparing = self._channels.comparing([frame.descriptor for frame in frames])
         for frame, compare in zip(frames, comparing, strict=True):
             with counting_failure([frame.run.counts]):
-                frame.stream.take(Frame(frame.header, compare, frame.odometry_m, frame.is_awaited))
+                frame.stream.take(
+                    PendingFrame(frame.header, compare, frame.odometry_m, frame.is_awaited)
+                )
 
     def settle(self, run: str) -> None:
         """Do what is due in a run."""

@@ -14,13 +14,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from placefield.bus.history import LENGTH, Outbox, Recall
+from placefield.bus.history import LENGTH, CachedPublisher, Recall
 from placefield.bus.messages import (
-    BordersMessage,
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
     FinishedMessage,
+    HaloMessage,
     Header,
     SettledFrame,
     SettledFrames,
@@ -37,7 +37,7 @@ _ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 
 
 @dataclass(frozen=True)
-class Outlet:
+class ChannelOutputs:
     """Where a worker publishes what it makes of a run, and asks others for what it missed.
 
     Attributes:
@@ -45,21 +45,21 @@ class Outlet:
         recall: returns descriptors that others remember, or raises ``NotYet``.
         remember: keeps a descriptor for others.
         borders: where the partial results of its shards are published.
-        recall_borders: yields the partial results of all shards, of frames from one up to another,
+        recall_halos: yields the partial results of all shards, of frames from one up to another,
             or raises ``NotYet``.
         counts: of the run.
     """
 
-    candidates: Outbox
+    candidates: CachedPublisher
     recall: Recall
     remember: Callable[[Header, bytes], None]
-    borders: Outbox
-    recall_borders: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
+    borders: CachedPublisher
+    recall_halos: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
     counts: Counter[str]
 
 
 @dataclass(frozen=True)
-class Frame:
+class PendingFrame:
     """A frame to answer.
 
     Attributes:
@@ -94,7 +94,7 @@ class ChannelStream:
         matching: MatchingConfig,
         digest: str,
         first: int,
-        outlet: Outlet,
+        outputs: ChannelOutputs,
     ) -> None:
         """Begin a stream.
 
@@ -103,7 +103,7 @@ class ChannelStream:
             matching: how it makes candidates.
             digest: of their map.
             first: number of the first frame.
-            outlet: of its run.
+            outputs: of its run.
         """
         self._stage = stage
         self._map = digest
@@ -111,8 +111,8 @@ class ChannelStream:
         self._lag = matching.lag
         self._settled: list[SettledFrame] = []
         """Not published yet."""
-        self._outlet = outlet
-        self._waiting: deque[Frame] = deque()
+        self._outputs = outputs
+        self._waiting: deque[PendingFrame] = deque()
         self._partials: defaultdict[int, dict[tuple[int, int], Partial]] = defaultdict(dict)
         """Of each frame, by channel and shard."""
         self._begin(first)
@@ -126,7 +126,7 @@ class ChannelStream:
         """How many missing observations are to be taken at the end, once it has come."""
         self._ask_at = time.monotonic() + _ASK_AFTER_S
 
-    def take(self, frame: Frame) -> None:
+    def take(self, frame: PendingFrame) -> None:
         """Take the next frame that came; it is answered in its turn."""
         self._waiting.append(frame)
         if len(self._waiting) > 2 * LENGTH:  # none of the others will remember so many
@@ -134,7 +134,7 @@ class ChannelStream:
             self._begin(self._waiting[0].header.sequence)
         self._go_on()
 
-    def receive(self, header: Header, message: BordersMessage) -> None:
+    def receive(self, header: Header, message: HaloMessage) -> None:
         """Take the partial results of another worker's shards."""
         self._keep(header.sequence, message)
         self._go_on()
@@ -152,12 +152,12 @@ class ChannelStream:
     def _ask(self) -> None:
         began: dict[int, int] = {}  # by shard
         stream, first = self._waiting[0].header.stream, self._stream.next
-        for header, payload in self._outlet.recall_borders(stream, first, first + LENGTH):
+        for header, payload in self._outputs.recall_halos(stream, first, first + LENGTH):
             try:
-                message = BordersMessage.decode(payload)
+                message = HaloMessage.decode(payload)
                 message.check_map(self._map)
             except MessageError as error:
-                count_refused(self._outlet.counts, error)
+                count_refused(self._outputs.counts, error)
                 continue
             self._keep(header.sequence, message)
             began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)
@@ -167,7 +167,7 @@ class ChannelStream:
                 self._waiting.popleft()
             self._begin(begin)
 
-    def _keep(self, sequence: int, message: BordersMessage) -> None:
+    def _keep(self, sequence: int, message: HaloMessage) -> None:
         """Keep the partial results of a shard until it is their frame's turn."""
         if message.shards == self._stage.shards:
             for each in message.summaries:
@@ -204,7 +204,7 @@ class ChannelStream:
             self._tail = self._stream.end()
         return self._tail == 0
 
-    def _local(self, frame: Frame) -> None:
+    def _local(self, frame: PendingFrame) -> None:
         """Do the local step of the frame, or of one before it that was missed, and publish it.
 
         At the end, it is that of one after the last.
@@ -223,8 +223,8 @@ class ChannelStream:
                 ChannelSummary(channel=channel, summary=partial)
                 for channel, partial in self._own.items()
             )
-            message = BordersMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
-            self._outlet.borders.put(frame.header.of_frame(sequence), message)
+            message = HaloMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
+            self._outputs.borders.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
         """Return the partial results of all shards by channel, for the frame that is next.
@@ -241,7 +241,7 @@ class ChannelStream:
             return None
         return {channel: [there[channel, shard] for shard in shards] for channel in self._own}
 
-    def _reduce(self, frame: Frame, partials: Mapping[int, list[Partial]]) -> None:
+    def _reduce(self, frame: PendingFrame, partials: Mapping[int, list[Partial]]) -> None:
         """Finish the frame whose local step was done, and answer it unless it was missed."""
         del self._partials[self._stream.next]
         self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
@@ -255,7 +255,7 @@ class ChannelStream:
             return
         self._waiting.popleft()
         if frame.is_awaited:
-            self._outlet.candidates.put(frame.header, self._message(sequence, candidates))
+            self._outputs.candidates.put(frame.header, self._message(sequence, candidates))
         else:  # it was answered, and so nobody waits for what is older by the lag
             self._settled = [old for old in self._settled if old.sequence + self._lag > sequence]
 
@@ -280,7 +280,7 @@ class ChannelStream:
             channels=self._stage.channels,
             settled=self._take_settled(end.sequence),
         )
-        self._outlet.candidates.put(end, message)
+        self._outputs.candidates.put(end, message)
 
     def _keep_settled(self, settled: Mapping[int, list[tuple[int, Settled]]]) -> None:
         self._settled += [

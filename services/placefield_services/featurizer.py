@@ -11,14 +11,14 @@ from functools import partial
 import numpy as np
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, MOMENTS, Outbox, Recall, remembering
+from placefield.bus.history import LENGTH, MOMENTS, CachedPublisher, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import (
     FeatureMessage,
     FrameMessage,
     Header,
+    MissingObservationMessage,
     MomentsMessage,
-    UnseenMessage,
 )
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
@@ -48,21 +48,21 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
         process.map = placemap.digest
         serve_metrics(config.monitoring, process.tell)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
-        outlets = {}
+        outputs = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.frame, inbox.offer, process.counts[run])
             features = remembering(bus, keys.history(keys.feature))
             moments = remembering(bus, keys.history(keys.moments), MOMENTS)
             process.answers[run] = features.history
-            outlets[run] = Outlet(
-                Outbox(bus.publisher(keys.feature), features.history),
-                Outbox(bus.publisher(keys.moments), moments.history),
-                bus.publisher(keys.unseen),
+            outputs[run] = FeaturizerOutputs(
+                CachedPublisher(bus.publisher(keys.feature), features.history),
+                CachedPublisher(bus.publisher(keys.moments), moments.history),
+                bus.publisher(keys.unobserved),
                 features.recall,
                 moments.recall,
             )
-        featurizer = Featurizer(placemap.model, outlets, process.counts)
-        featurizer.rehearse()
+        featurizer = Featurizer(placemap.model, outputs, process.counts)
+        featurizer.warm_up()
 
         def handle(received: Received) -> None:
             placemap.check_unchanged()  # what it is described by is mapped from there
@@ -74,19 +74,19 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
 
 
 @dataclass(frozen=True)
-class Outlet:
+class FeaturizerOutputs:
     """Where a featurizer publishes what it makes of a run, and asks what another has made."""
 
-    features: Outbox
-    moments: Outbox
-    unseen: Publisher
+    features: CachedPublisher
+    moments: CachedPublisher
+    unobserved: Publisher
     recall_features: Recall
     recall_moments: Recall
 
 
 @dataclass
 class _Run:
-    outlet: Outlet
+    outputs: FeaturizerOutputs
     counts: Counter[str]
     follower: StreamFollower
     images: ImageStream
@@ -120,14 +120,14 @@ class Featurizer:
     """Makes each frame of a stream into its descriptor, in one stream per run at a time.
 
     Counts ``unreadable`` frames; they go on as frames that were not seen, so that none is missing.
-    In a lossless stream no frame is taken before those before it: one that comes too ``early`` will
-    be sent again.
+    In a lossless stream no frame is taken before those before it: one that comes ``out_of_order``
+    will be sent again.
     """
 
     def __init__(
         self,
         model: DescriptorModel,
-        outlets: Mapping[str, Outlet],
+        outputs: Mapping[str, FeaturizerOutputs],
         counts: Mapping[str, Counter[str]],
     ) -> None:
         """Publish and count by run."""
@@ -136,17 +136,17 @@ class Featurizer:
         self._fingerprint = fingerprint(model)
         self._runs = {
             run: _Run(
-                outlet,
+                outputs,
                 counts[run],
                 StreamFollower(counts[run], partial(self._join, run)),
                 self._stage.new_stream(),
             )
-            for run, outlet in outlets.items()
+            for run, outputs in outputs.items()
         }
         for each in self._runs.values():
             each.asking = Asking(partial(self._recall, each))
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Describe a frame of no stream, so that what is made at its first use is made.
 
         It is a large one: by the largest block that was freed, glibc tells how much memory to keep
@@ -172,11 +172,11 @@ class Featurizer:
             run.follower.leap(header.sequence)
             turn = Turn.NEXT
         if turn is Turn.AHEAD:
-            run.counts["early"] += 1
+            run.counts["out_of_order"] += 1
         if turn is Turn.NEXT:
             self._publish(run, header, frame)
         if turn is Turn.REPEATED and (header.end or not header.live):
-            run.outlet.features.put_again(header)
+            run.outputs.features.put_again(header)
 
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream, or go on with one where the featurizer before this one was ended."""
@@ -216,12 +216,12 @@ class Featurizer:
     def _recall(self, run: _Run, stream: str, header: Header) -> _Known:
         """Ask others what they know of a stream; in a thread of its own."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
-        features = run.outlet.recall_features(stream, first, end)
+        features = run.outputs.recall_features(stream, first, end)
         for feature in features.values():
-            run.outlet.features.history.remember(*feature)
+            run.outputs.features.history.remember(*feature)
         described = [sequence for sequence, (about, _) in features.items() if not about.end]
         last = max(described, default=-1)
-        recalled = run.outlet.recall_moments(stream, last, last + 1) if described else {}
+        recalled = run.outputs.recall_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
         if last not in recalled:
             return _Known(made, None)
@@ -237,8 +237,8 @@ class Featurizer:
         if self._standardises and feature is not None:  # before what was made with them
             moments = run.images.moments
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
-            run.outlet.moments.put(header, message)
-        run.outlet.features.put(header, feature)
+            run.outputs.moments.put(header, message)
+        run.outputs.features.put(header, feature)
 
     def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
@@ -246,10 +246,10 @@ class Featurizer:
             descriptor = run.images.push(frame.image)
             if descriptor is None:
                 run.counts["blank"] += 1
-                run.outlet.unseen.put(header, UnseenMessage(reason="blank"))
+                run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))
         except FrameError as error:
             run.counts["unreadable"] += 1
-            run.outlet.unseen.put(header, UnseenMessage(reason="unreadable"))
+            run.outputs.unobserved.put(header, MissingObservationMessage(reason="unreadable"))
             if run.complained_of != header.stream:
                 run.complained_of = header.stream
                 log.warning(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import History, Memory, Outbox, recall_all, remembering, share
+from placefield.bus.history import CachedPublisher, History, Memory, recall_all, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
@@ -64,12 +64,12 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             bus.watch_alive(keys.all_alive("channel"), channels.change)
             features = remembering(bus, keys.history(keys.feature))
             moments = remembered_moments(bus, keys, process.counts[run])
-            outlets = Outlets(
+            outputs = FuserOutputs(
                 _shared(bus, keys, keys.match),
                 _shared(bus, keys, keys.smoothed),
                 bus.publisher(keys.ack),
             )
-            process.answers[run] = outlets.matches.history
+            process.answers[run] = outputs.matches.history
             candidates = partial(recall_all, bus, keys.history(keys.all_candidates))
             fusers[run] = Fuser(
                 placemap,
@@ -77,10 +77,10 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 keys,
                 channels,
                 Memories(features, moments, candidates),
-                outlets,
+                outputs,
                 process.counts[run],
             )
-        FusionStage(placemap.places.same, config.matching).rehearse()
+        FusionStage(placemap.places.same, config.matching).warm_up()
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
@@ -95,11 +95,11 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             )
 
 
-def _shared(bus: Bus, keys: Keys, key: str) -> Outbox:
+def _shared(bus: Bus, keys: Keys, key: str) -> CachedPublisher:
     """Return what publishes on a key and shares what it remembers."""
     history = History()
     share(bus, keys.history(key), history)
-    return Outbox(bus.publisher(key), history)
+    return CachedPublisher(bus.publisher(key), history)
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,11 @@ class Memories:
 
 
 @dataclass(frozen=True)
-class Outlets:
+class FuserOutputs:
     """Where a fuser publishes matches, smoothed ones, and the headers of those answered."""
 
-    matches: Outbox
-    smoothed: Outbox
+    matches: CachedPublisher
+    smoothed: CachedPublisher
     acks: Publisher
 
 
@@ -141,7 +141,7 @@ class Fuser:
         keys: Keys,
         channels: LiveChannels,
         memories: Memories,
-        outlets: Outlets,
+        outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
         self._map = placemap
@@ -150,7 +150,7 @@ class Fuser:
         self._feature_key = keys.feature
         self.channels = channels
         self._memories = memories
-        self._outlets = outlets
+        self._outputs = outputs
         self._counts = counts
         self._switch = StreamSwitch(counts)
         self._early: deque[Received] = deque()
@@ -167,7 +167,7 @@ class Fuser:
         )
         self._shards = self._stage.new_joiner()
         self._smoothing = Smoothing(
-            self._map, self._stage, self._config, self._outlets.smoothed, self._counts
+            self._map, self._stage, self._config, self._outputs.smoothed, self._counts
         )
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
@@ -196,7 +196,7 @@ class Fuser:
         if not header.live:
             self._skip_to(header)
             if header.sequence > self._joiner.next + 2 * WINDOW:  # none is under way
-                self._counts["early"] += 1
+                self._counts["out_of_order"] += 1
                 return
         now = time.monotonic()
         if isinstance(message, FinishedMessage | CandidatesMessage):
@@ -300,8 +300,8 @@ class Fuser:
 
     def _answer_again(self, header: Header) -> None:
         """Publish the match of a frame whose source has not heard of it."""
-        if self._outlets.matches.put_again(header):
-            self._outlets.acks.put(header)
+        if self._outputs.matches.put_again(header):
+            self._outputs.acks.put(header)
 
     def _decode(self, received: Received) -> FeatureMessage | CandidatesMessage | FinishedMessage:
         if received.key == self._feature_key:
@@ -350,12 +350,12 @@ class Fuser:
             self._forget_before(last.sequence)
         self._smoothing.release()
         if self._end is not None and self._is_over(self._end):
-            self._outlets.matches.put(self._end)
+            self._outputs.matches.put(self._end)
             self._smoothing.end(self._end, now)
             self._end = None
         last = self._smoothing.finish(self.channels.alive, now) or last
         if last is not None:  # stands for all before it
-            self._outlets.acks.put(last)
+            self._outputs.acks.put(last)
 
     def _forget_before(self, sequence: int) -> None:
         self._shards.forget_before(sequence)
@@ -369,7 +369,7 @@ class Fuser:
     def _publish(self, header: Header, joined: Joined) -> None:
         match = replace(self._fuse(joined), forgotten=self._smoothing.is_forgotten)
         message = MatchMessage.of(match, map=self._map.digest)
-        self._outlets.matches.put(header, message)
+        self._outputs.matches.put(header, message)
         self._counts["matches"] += 1
         if message.too_fast:
             self._counts["too_fast"] += 1

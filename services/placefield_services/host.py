@@ -21,7 +21,7 @@ from placefield.bus.session import MOST_TOKENS, Bus, open_router
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield.loading import ENV_PREFIX
-from placefield_services.metrics import Overheard, serve_metrics
+from placefield_services.metrics import ReceivedStats, serve_metrics
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED
 
@@ -61,7 +61,7 @@ def run_host(
     """
     with open_router(config.bus) as bus:
         if config.monitoring.port is not None:
-            serve_metrics(config.monitoring, Overheard(bus, config.runs).tell)
+            serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).tell)
         readiness = _Readiness(bus, config.runs, channels, has_source)
         deaths = _Deaths(len(commands))
         children = [_Child(name, command, deaths) for name, command in commands.items()]

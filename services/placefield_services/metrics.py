@@ -80,7 +80,7 @@ def _collector(tell: Tell):  # type: ignore[no-untyped-def]  # of a library that
     return Counts()
 
 
-class Overheard:
+class ReceivedStats:
     """What all services of some runs tell on the bus, from now on."""
 
     def __init__(self, bus: Bus, runs: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import Header
 from placefield.bus.ros import RosNode
@@ -83,7 +83,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
         node = RosNode(bus, topics.domain, NAMESPACE, run)
 
-        frames = Outbox(bus.publisher(keys.frame), History(1))
+        frames = CachedPublisher(bus.publisher(keys.frame), History(1))
         process.answers[run] = frames.history
         source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
         # As image_transport names them. What comes says itself what it is.

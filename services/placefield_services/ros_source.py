@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.history import Outbox
+from placefield.bus.history import CachedPublisher
 from placefield.bus.messages import FrameMessage, Header, OdometryMessage
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
@@ -28,7 +28,7 @@ class RosSource:
 
     def __init__(
         self,
-        frames: Outbox,
+        frames: CachedPublisher,
         tell_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
         spacing: Spacing | None = None,

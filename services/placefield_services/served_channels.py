@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.maps.map import Map
 from placefield.matching.channel_stage import ChannelStage, Compared
-from placefield.matching.rehearsing import rehearse
-from placefield_services.channel_streams import ChannelStream, Outlet
+from placefield.matching.warm_up import warm_up
+from placefield_services.channel_streams import ChannelOutputs, ChannelStream
 
 Descriptor = NDArray[np.float32]
 Comparing = Iterator[Callable[[], Compared | None]]
@@ -46,18 +46,18 @@ class ServedChannels:
         self.needs_all = shards > 1
         """Whether no frame may be left out that others have taken."""
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Match frames of no stream, so that what is made at its first use is made."""
-        rehearse(self._channels.values(), self._matching)
+        warm_up(self._channels.values(), self._matching)
 
-    def new_stream(self, outlet: Outlet, first: int) -> ChannelStream:
+    def new_stream(self, outputs: ChannelOutputs, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number.
 
         Raises:
             MapError: somebody has written to the map meanwhile.
         """
         self._check_unchanged()
-        return ChannelStream(self._stage, self._matching, self.digest, first, outlet)
+        return ChannelStream(self._stage, self._matching, self.digest, first, outputs)
 
     def comparing(self, descriptors: Sequence[Descriptor | None]) -> Comparing:
         """Yield what returns how each descriptor compares, None for a missing observation.

@@ -5,7 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
-from placefield.bus.history import LENGTH, Outbox
+from placefield.bus.history import LENGTH, CachedPublisher
 from placefield.bus.messages import (
     CandidatesMessage,
     FinishedMessage,
@@ -36,7 +36,7 @@ class Smoothing:
         placemap: Map,
         stage: FusionStage,
         config: Config,
-        outbox: Outbox,
+        outbox: CachedPublisher,
         counts: Counter[str],
     ) -> None:
         self._map = placemap

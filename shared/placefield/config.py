@@ -76,7 +76,7 @@ Endpoints = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split)]
 MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Solver = Literal["placefield", "metric-learn"]
 Fuzzifiers = tuple[Annotated[float, Field(gt=1)], Annotated[float, Field(gt=1)]]
-Rule = Literal["filter", "evidence", "lowest-score"]
+Rule = Literal["filter", "evidence", "ams"]
 
 
 class _Section(BaseModel):
@@ -153,7 +153,7 @@ class ScaleConfig(_Section):
         "paper",
     )
     min_scale: int = Field(
-        4, ge=2, description="shortest active segment, frames; lowest-score: its smallest scale"
+        4, ge=2, description="shortest active segment, frames; ams: its smallest scale"
     )
     min_scale_metres: float = Field(
         0.0, ge=0, description="the same in metres, where the reference has poses; 0: in frames"

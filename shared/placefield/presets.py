@@ -11,7 +11,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "scales": {"position_weight": 0.0, "same_start": True},
         "metric": {"kind": "lmnn", "gate": False, "push": "cross-validation"},
         # Cuts no window of up to 1001 frames: the smoothed match is the published one.
-        "matching": {"rule": "lowest-score", "lag": 1000},
+        "matching": {"rule": "ams", "lag": 1000},
     },
 }
 """What each preset sets, by section; everything else stays as it is by default.

@@ -9,14 +9,14 @@ import numpy as np
 from bus_doubles import Memory, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
-    BordersMessage,
     CandidatesMessage,
     FeatureMessage,
     FinishedMessage,
+    HaloMessage,
     Header,
     SettledFrame,
 )
@@ -26,7 +26,7 @@ from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.sharding import ChannelShard
 from placefield_services.channel import ChannelWorker
-from placefield_services.channel_streams import Outlet
+from placefield_services.channel_streams import ChannelOutputs
 from placefield_services.served_channels import ServedChannels
 
 RUNS = ("day", "night")
@@ -61,18 +61,18 @@ class Stage:
         self.remembered = {run: History() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
-        outlets = {run: self._outlet(run) for run in RUNS}
+        outputs = {run: self._outputs(run) for run in RUNS}
         served = ServedChannels(placemap, channels, matching)
-        served.rehearse()
-        self._worker = ChannelWorker(placemap.model, served, outlets, self.counts)
+        served.warm_up()
+        self._worker = ChannelWorker(placemap.model, served, outputs, self.counts)
 
-    def _outlet(self, run: str) -> Outlet:
-        return Outlet(
-            candidates=Outbox(self.publishers[run], History()),
+    def _outputs(self, run: str) -> ChannelOutputs:
+        return ChannelOutputs(
+            candidates=CachedPublisher(self.publishers[run], History()),
             recall=self.elsewhere[run].recall,
             remember=self.remembered[run].remember,
-            borders=Outbox(RecordingPublisher(BordersMessage), History()),
-            recall_borders=lambda *_: [],
+            borders=CachedPublisher(RecordingPublisher(HaloMessage), History()),
+            recall_halos=lambda *_: [],
             counts=self.counts[run],
         )
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from bus_doubles import Memory, RecordingPublisher, at_last, received
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.history import Memory as Remembered
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import (
@@ -26,7 +26,7 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser import Fuser, Memories, Outlets
+from placefield_services.fuser import Fuser, FuserOutputs, Memories
 from placefield_services.live_channels import LiveChannels
 
 KEYS = Keys("test")
@@ -78,7 +78,11 @@ class Stage:
             Memories(
                 Remembered(self.features, self.elsewhere.recall), unasked, self._recall_candidates
             ),
-            Outlets(Outbox(self.matches, History()), Outbox(self.smoothed, History()), self.acks),
+            FuserOutputs(
+                CachedPublisher(self.matches, History()),
+                CachedPublisher(self.smoothed, History()),
+                self.acks,
+            ),
             self.counts,
         )
 

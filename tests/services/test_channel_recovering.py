@@ -48,7 +48,7 @@ def test_what_may_still_be_found_is_waited_for(
     for sequence in (0, 1, 4, 5):
         stage.send(header(sequence), descriptors[sequence])
     assert stage.publishers[RUNS[0]].sequences == [0, 1]
-    assert stage.counts[RUNS[0]]["early"] == 2
+    assert stage.counts[RUNS[0]]["out_of_order"] == 2
     stage.remember_elsewhere(descriptors)
     stage.send(header(6), descriptors[6])
     assert stage.candidates(0) == offline(route_map, 0, "filter", [*descriptors[:7]])

@@ -12,14 +12,14 @@ import pytest
 from bus_doubles import Memory, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
-    BordersMessage,
     CandidatesMessage,
     ChannelSummary,
     FeatureMessage,
     FinishedMessage,
+    HaloMessage,
     Header,
     HistoryQuery,
 )
@@ -33,7 +33,7 @@ from placefield.matching.sharding import ChannelShard
 from placefield_services import channel as channel_module
 from placefield_services import channel_streams
 from placefield_services.channel import ChannelWorker
-from placefield_services.channel_streams import Outlet
+from placefield_services.channel_streams import ChannelOutputs
 from placefield_services.served_channels import ServedChannels
 
 SHARDS = 3
@@ -60,23 +60,23 @@ class Shards:
 
     def start(self, shard: int) -> None:
         """Start a worker, in the place of another perhaps."""
-        self.told[shard] = RecordingPublisher(BordersMessage)
+        self.told[shard] = RecordingPublisher(HaloMessage)
         self.answered[shard] = RecordingPublisher(CandidatesMessage, FinishedMessage)
         self.borders[shard] = History()
-        outlet = Outlet(
-            candidates=Outbox(self.answered[shard], History()),
+        outputs = ChannelOutputs(
+            candidates=CachedPublisher(self.answered[shard], History()),
             recall=self.features.recall,
             remember=History().remember,
-            borders=Outbox(self.told[shard], self.borders[shard]),
-            recall_borders=self._recall_borders,
+            borders=CachedPublisher(self.told[shard], self.borders[shard]),
+            recall_halos=self._recall_borders,
             counts=self.counts,
         )
         channels = range(len(self._map.channels))
         matching = MatchingConfig(rule=self._rule)
         served = ServedChannels(self._map, channels, matching, shard, SHARDS)
-        served.rehearse()
+        served.warm_up()
         self.workers[shard] = ChannelWorker(
-            self._map.model, served, {"test": outlet}, {"test": Counter()}
+            self._map.model, served, {"test": outputs}, {"test": Counter()}
         )
         self._heard = (
             {key: 0 for key in self._heard if shard not in key}
@@ -114,7 +114,7 @@ class Shards:
             for about, message in told[heard:]:
                 assert message is not None
                 news = True
-                border = received(KEYS.borders(str(speaker)), about, message)
+                border = received(KEYS.halo(str(speaker)), about, message)
                 self.workers[hearer].accept(border)
         return news
 
@@ -280,10 +280,8 @@ def test_what_is_told_of_another_cut_or_map_is_not_taken(
     for foreign in (2, 40):
         summary = ChannelSummary(channel=0, summary=np.zeros(foreign))
         for count in (SHARDS, SHARDS + 1):
-            message = BordersMessage(
-                map=route_map.digest, shard=1, shards=count, summaries=(summary,)
-            )
-            border = received(KEYS.borders("stranger"), header(0), message)
+            message = HaloMessage(map=route_map.digest, shard=1, shards=count, summaries=(summary,))
+            border = received(KEYS.halo("stranger"), header(0), message)
             shards.workers[0].accept(border)
     shards.send(header(0), descriptors[0], range(SHARDS))
     shards.exchange()

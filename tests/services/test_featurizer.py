@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 from bus_doubles import Memory, RecordingPublisher, at_last, header, received
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import (
     FeatureMessage,
     FrameMessage,
     Header,
+    MissingObservationMessage,
     MomentsMessage,
-    UnseenMessage,
 )
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield_services import featurizer as featurizer_module
-from placefield_services.featurizer import Featurizer, Outlet
+from placefield_services.featurizer import Featurizer, FeaturizerOutputs
 
 KEY = Keys("test").frame
 
@@ -43,29 +43,29 @@ class Stage:
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
-        self.unseen = RecordingPublisher(UnseenMessage)
+        self.unseen = RecordingPublisher(MissingObservationMessage)
         self.features_elsewhere, self.moments_elsewhere = Memory(), Memory()
         self.counts: Counter[str] = Counter()
-        outlet = Outlet(
-            Outbox(self.publisher, History()),
-            Outbox(self.moments, History()),
+        outputs = FeaturizerOutputs(
+            CachedPublisher(self.publisher, History()),
+            CachedPublisher(self.moments, History()),
             self.unseen,
             self.features_elsewhere.recall,
             self.moments_elsewhere.recall,
         )
-        other = Outlet(
-            Outbox(RecordingPublisher(FeatureMessage), History()),
-            Outbox(RecordingPublisher(MomentsMessage), History()),
-            RecordingPublisher(UnseenMessage),
+        other = FeaturizerOutputs(
+            CachedPublisher(RecordingPublisher(FeatureMessage), History()),
+            CachedPublisher(RecordingPublisher(MomentsMessage), History()),
+            RecordingPublisher(MissingObservationMessage),
             Memory().recall,
             Memory().recall,
         )
         self._featurizer = Featurizer(
             placemap.model,
-            {"test": outlet, "other": other},
+            {"test": outputs, "other": other},
             {"test": self.counts, "other": Counter()},
         )
-        self._featurizer.rehearse()
+        self._featurizer.warm_up()
 
     def handle(self, message: Received) -> None:
         at_last(lambda: self._featurizer.handle(message))
@@ -120,7 +120,10 @@ def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
     assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
     assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
     told = [(about.sequence, message) for about, message in stage.unseen.sent]
-    assert told == [(1, UnseenMessage(reason="unreadable")), (2, UnseenMessage(reason="blank"))]
+    assert told == [
+        (1, MissingObservationMessage(reason="unreadable")),
+        (2, MissingObservationMessage(reason="blank")),
+    ]
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])
@@ -204,7 +207,7 @@ def test_a_lossless_frame_waits_for_those_before_it_to_be_sent_again(
         stage.send(header(sequence), images[sequence])
     assert stage.publisher.sequences == [0, 1, 2, 3]
     assert stage.descriptors == whole.descriptors
-    assert stage.counts["early"] == 2
+    assert stage.counts["out_of_order"] == 2
 
 
 def test_a_live_frame_waits_for_none(stage: Stage, images: list[bytes]) -> None:

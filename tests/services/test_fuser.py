@@ -203,7 +203,7 @@ def garbage(stage: Stage) -> list[tuple[str, Message | bytes, str]]:
         (KEYS.feature, beside_a_good_one(), "FeatureMessage"),
         (CANDIDATES, b"", "no msgpack"),
         (CANDIDATES, feature, "CandidatesMessage"),
-        (CANDIDATES, stage.message(stage.written(0, 0), rule="lowest-score"), "--rule"),
+        (CANDIDATES, stage.message(stage.written(0, 0), rule="ams"), "--rule"),
         (CANDIDATES, beside_a_good_one(place=count), "another map"),
         (CANDIDATES, beside_a_good_one(evidence=good.evidence[1:]), "another map"),
         (CANDIDATES, beside_a_good_one(evidence=NO_EVIDENCE), "another map"),
@@ -289,7 +289,7 @@ def nothing(count: int) -> tuple[np.ndarray, np.ndarray]:
     [
         ("filter", [belief], [value_of_every_place, nothing]),
         ("evidence", [value_of_every_place], [belief, nothing]),
-        ("lowest-score", [nothing], [belief, value_of_every_place]),
+        ("ams", [nothing], [belief, value_of_every_place]),
     ],
 )
 def test_candidates_hold_what_their_rule_has_and_nothing_else(

@@ -13,7 +13,7 @@ from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import BordersMessage, ChannelSummary, SettledFrame
+from placefield.bus.messages import ChannelSummary, HaloMessage, SettledFrame
 from placefield.bus.refusing import count_refused
 from placefield.errors import MapError, MessageError, OtherMapError
 from placefield.maps.map import Map
@@ -78,13 +78,13 @@ def test_a_worker_says_which_map_it_has_and_refuses_partial_results_of_another(
     told = [message for _, message in stage.publishers[RUNS[0]].sent]
     assert [message.model_dump()["map"] for message in told if message] == [route_map.digest] * 2
     summary = ChannelSummary(channel=0, summary=route_map.places.travelled[:1])
-    border = BordersMessage(**OTHER, shard=0, shards=2, summaries=(summary,))
+    border = HaloMessage(**OTHER, shard=0, shards=2, summaries=(summary,))
     with pytest.raises(OtherMapError):
         stage.handle(_border(border))
 
 
-def _border(message: BordersMessage) -> Received:
-    return received(Keys(RUNS[0]).borders("stranger"), header(0), message)
+def _border(message: HaloMessage) -> Received:
+    return received(Keys(RUNS[0]).halo("stranger"), header(0), message)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from placefield.bus.messages import StatsMessage
 from placefield.bus.session import Bus
 from placefield.config import MonitoringConfig
 from placefield.errors import ConfigError
-from placefield_services.metrics import Overheard, Told, serve_metrics
+from placefield_services.metrics import ReceivedStats, Told, serve_metrics
 from placefield_tools.common.host_process import free_endpoint
 
 FUSER = Told(
@@ -76,7 +76,7 @@ def test_a_host_overhears_all_services_and_forgets_who_is_silent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bus = Stats()
-    overheard = Overheard(bus, ["day"])
+    overheard = ReceivedStats(bus, ["day"])
     bus.tell("placefield/day/stats/fuser/ab12", FUSER.stats.encode())
     bus.tell("placefield/day/stats/fuser/ab12", b"no message")
     assert overheard.tell() == [FUSER]

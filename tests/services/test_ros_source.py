@@ -5,7 +5,7 @@ import pytest
 from bus_doubles import RecordingPublisher
 from cdr_by_hand import compressed_image, image, odometry
 
-from placefield.bus.history import History, Outbox
+from placefield.bus.history import CachedPublisher, History
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
@@ -22,7 +22,7 @@ class Stage:
         self.frames = RecordingPublisher(FrameMessage)
         self.told: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
-        frames = Outbox(self.frames, History(1))
+        frames = CachedPublisher(self.frames, History(1))
         self.source = RosSource(frames, self.told.append, self.counts, spacing)
 
 

@@ -53,7 +53,7 @@ def test_flags_win_over_the_environment_over_the_file_over_the_defaults(
         ("[scales]\nchannels = 'many'\n", "scales.channels"),
         ("[scales]\nchannels = 0\n", "scales.channels"),
         ("scales = 3\n", "scales"),
-        ("[matching]\nrule = 'lowest_score'\n", "matching.rule"),
+        ("[matching]\nrule = 'ams'\n", "matching.rule"),
         ("runs = ['one', 'two words']\n", "runs.1"),
         ("runs = 'one,'\n", "runs.1"),
         ("runs = ['one', 'one']\n", "runs"),
@@ -186,7 +186,7 @@ def test_a_preset_takes_the_place_of_the_defaults_and_what_is_given_wins(tmp_pat
     assert not config.metric.gate
     assert config.metric.push == 0.25
     assert (config.scales.channels, config.scales.position_weight) == (8, 0.0)
-    assert config.matching.rule == "lowest-score"
+    assert config.matching.rule == "ams"
     assert config.matching.tolerance == MatchingConfig().tolerance
     assert load_config(file, {"matching": {"rule": "evidence"}}).matching.rule == "evidence"
 

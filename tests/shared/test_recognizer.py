@@ -40,7 +40,7 @@ def test_a_query_in_other_weather_is_recognised(
 ) -> None:
     query = make_traverse(noise=0.3).raw
     matches = recognise(small_map, rule, [*query])
-    warm = {"filter": 15, "evidence": 0, "lowest-score": 20}[rule]
+    warm = {"filter": 15, "evidence": 0, "ams": 20}[rule]
     right = [abs(match.place - frame) <= 2 for frame, match in enumerate(matches)][warm:]
     assert np.mean(right) > 0.9
 

@@ -257,7 +257,7 @@ def test_candidates_of_another_rule_are_counted_and_the_stream_goes_on(
     commands = [
         ("featurizer", str(map_path)),
         ("channel", str(map_path), "--channel", "0", "--channel", "1"),
-        ("channel", str(map_path), "--channel", "2", "--rule", "lowest-score"),
+        ("channel", str(map_path), "--channel", "2", "--rule", "ams"),
         ("fuser", str(map_path), "--deadline", "0.3"),
     ]
     with running_apart(logs, commands, channels=3) as (listener, endpoint, processes):

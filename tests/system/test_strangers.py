@@ -38,7 +38,7 @@ from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
-STREAMS = ("frame", "odometry", "feature", "moments", "unseen", CANDIDATE, "match", "ack")
+STREAMS = ("frame", "odometry", "feature", "moments", "unobserved", CANDIDATE, "match", "ack")
 COUNTS = tuple(f"stats/{role}/x" for role in ("featurizer", "channel", "fuser", "mapserver"))
 TOKENS = tuple(
     f"alive/{role}/x" for role in ("replay", "featurizer", "channel", "fuser", "mapserver")
@@ -48,20 +48,20 @@ MAP = "placefield/maps/route/manifest"
 # What each role may do, as SECURITY.md has it.
 PUBLISHES = {
     "camera": {"frame", "odometry"},
-    "featurizer": {"feature", "moments", "unseen", "stats/featurizer/x"},
-    "channel": {CANDIDATE, "border/x", "stats/channel/x"},
+    "featurizer": {"feature", "moments", "unobserved", "stats/featurizer/x"},
+    "channel": {CANDIDATE, "halo/x", "stats/channel/x"},
     "fuser": {"match", "ack", "stats/fuser/x"},
     "mapserver": {"stats/mapserver/x"},
     "dashboard": set[str](),
 }
 """But for the run's name; so are the others."""
 READS = {
-    "camera": {"odometry", "match", "ack", "unseen"},
+    "camera": {"odometry", "match", "ack", "unobserved"},
     "featurizer": {"frame"},
-    "channel": {"feature", "moments", "border/x"},
+    "channel": {"feature", "moments", "halo/x"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
-    "dashboard": {*STREAMS, *COUNTS, "border/x"},
+    "dashboard": {*STREAMS, *COUNTS, "halo/x"},
 }
 IS_ALIVE_AS = {
     "camera": {"alive/replay/x"},
@@ -216,7 +216,7 @@ def gather(into: set[tuple[str, str]], name: str) -> Callable[[str, bytes], None
 def test_each_role_publishes_and_reads_what_it_may_and_nothing_else(
     endpoint: str, issued: Path
 ) -> None:
-    keys = (*STREAMS, *COUNTS, "border/x", "anything")
+    keys = (*STREAMS, *COUNTS, "halo/x", "anything")
     heard: set[tuple[str, str]] = set()
     expected = {
         (reader, f"{writer} {key}")

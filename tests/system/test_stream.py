@@ -55,7 +55,7 @@ def test_the_stream_gives_what_is_given_offline_frame_for_frame(
     )
 
 
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", ["evidence", "ams"])
 def test_so_does_the_stream_under_the_rules_that_are_not_the_default(
     logs: Path, map_path: Path, route_map: Map, damaged_dir: Path, rule: Rule
 ) -> None:

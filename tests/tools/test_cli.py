@@ -228,7 +228,7 @@ def test_a_query_shorter_than_the_smallest_scale_is_evaluated(
     assert evaluated.code == 0, evaluated.err
     figures = json.loads(evaluated.out)
     assert figures["frames"] == 2
-    assert figures["rules"]["lowest-score"]["recall_at_1"] == 0  # it waits for a whole window
+    assert figures["rules"]["ams"]["recall_at_1"] == 0  # it waits for a whole window
 
 
 def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_path: Path) -> None:

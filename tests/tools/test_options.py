@@ -38,11 +38,11 @@ def test_without_anything_the_defaults_hold() -> None:
 
 def test_a_set_value_is_read_as_toml_and_a_bare_word_as_text() -> None:
     settings = ["features.standardise=false", "bus.connect_timeout_s = 0.5", "runs=night"]
-    settings += ["matching.rule='lowest-score'", "metric.kind=identity"]
+    settings += ["matching.rule='ams'", "metric.kind=identity"]
     config = effective_config(None, settings)
     assert config.features.standardise is False
     assert config.bus.connect_timeout_s == 0.5
-    assert (config.run, config.matching.rule) == ("night", "lowest-score")
+    assert (config.run, config.matching.rule) == ("night", "ams")
     assert config.metric.kind == "identity"
 
 

@@ -4,7 +4,7 @@ A reconstruction of Z. Chen, S. Lowry, A. Jacobson, M. E. Hasselmo and M. Milfor
 homogeneous multi-scale place recognition", Neural Networks 72, 2015, from what the AMS paper says
 of it: there is one metric for each of several fixed scales; its segments are all of that one
 length, whatever the route looks like, and overlap those of the others by an offset in time;
-matching is as in AMS, under the rule ``lowest-score``. Which scales and offsets is our choice.
+matching is as in AMS, under the rule ``ams``. Which scales and offsets is our choice.
 """
 
 from collections.abc import Sequence

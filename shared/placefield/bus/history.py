@@ -86,7 +86,7 @@ class History:
                 yield payload, header.encode()
 
 
-class Outbox:
+class CachedPublisher:
     """Publishes what a service makes of each frame, and remembers it."""
 
     def __init__(self, publisher: Publisher, history: History) -> None:

@@ -28,9 +28,9 @@ class Keys:
         return f"{ROOT}/{self.run}/feature"
 
     @property
-    def unseen(self) -> str:
+    def unobserved(self) -> str:
         """Frames that go on as ones not seen, from the featurizer to their source."""
-        return f"{ROOT}/{self.run}/unseen"
+        return f"{ROOT}/{self.run}/unobserved"
 
     def candidates(self, worker: str) -> str:
         """Candidates of all channels of one worker, to the fuser."""
@@ -66,14 +66,14 @@ class Keys:
         """What the frames so far were like, from the featurizer to who remembers it for another."""
         return f"{ROOT}/{self.run}/moments"
 
-    def borders(self, worker: str) -> str:
+    def halo(self, worker: str) -> str:
         """What a worker's shards tell those beside them."""
-        return f"{ROOT}/{self.run}/border/{worker}"
+        return f"{ROOT}/{self.run}/halo/{worker}"
 
     @property
-    def all_borders(self) -> str:
+    def all_halos(self) -> str:
         """What all shards tell each other."""
-        return f"{ROOT}/{self.run}/border/*"
+        return f"{ROOT}/{self.run}/halo/*"
 
     def history(self, key: str) -> str:
         """Where to ask for what came on a key of this run, or on one that begins like it."""

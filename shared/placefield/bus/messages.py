@@ -48,7 +48,7 @@ class _Strict(BaseModel):
 class Message(_Strict):
     """Root of all messages."""
 
-    version: Literal[1] = 1  # of the schema
+    version: Literal[2] = 2  # of the schema
 
     def encode(self) -> bytes:
         """Return the message as msgpack."""
@@ -131,7 +131,7 @@ class FeatureMessage(Message):
     forgotten: bool = False
 
 
-class UnseenMessage(Message):
+class MissingObservationMessage(Message):
     """Why a frame goes on as one not seen: no image can be made of it, or it shows nothing."""
 
     reason: Literal["unreadable", "blank"]
@@ -166,7 +166,7 @@ class ChannelCandidate(_Strict):
         place: index of the place, or -1 where there is no answer.
         score: of that place.
         places: (n,) ascending, whose the evidence is; empty where it is every place's.
-        evidence: (n,), or (K,) of every place; empty under ``lowest-score`` and without answer.
+        evidence: (n,), or (K,) of every place; empty under ``ams`` and without answer.
         too_fast: posterior that the vehicle moves faster than the map resolves; 0 where the rule
             does not tell.
     """
@@ -346,7 +346,7 @@ class ChannelSummary(_Strict):
     summary: NumberVector
 
 
-class BordersMessage(_OfShard):
+class HaloMessage(_OfShard):
     """What the shards of a worker tell those beside them of a frame.
 
     Attributes:

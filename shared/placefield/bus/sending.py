@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import FrameMessage, Header, MatchMessage, UnseenMessage
+from placefield.bus.messages import FrameMessage, Header, MatchMessage, MissingObservationMessage
 from placefield.bus.proof import Proof
 from placefield.bus.session import Bus
 from placefield.errors import BusError, MessageError
@@ -60,7 +60,7 @@ class FrameStream:
     def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
         self.sent = 0
         self.unseen: Counter[str] = Counter()
-        self._last_unseen = -1
+        self._last_unobserved = -1
         self.has_ended = False
         self.has_stalled = False
         self.name = uuid.uuid4().hex
@@ -78,7 +78,7 @@ class FrameStream:
         if not live:
             bus.subscribe(keys.match, self._note_match, self._counts, in_turn=True)
         bus.subscribe(keys.ack, self._answered, self._counts, in_turn=True)
-        bus.subscribe(keys.unseen, self._note_unseen, Counter())
+        bus.subscribe(keys.unobserved, self._note_unobserved, Counter())
         for service in ("featurizer", "fuser"):
             bus.watch_alive(keys.all_alive(service), self._note_life)
 
@@ -106,12 +106,14 @@ class FrameStream:
         if proven is not None:
             self._credits.answer(proven)
 
-    def _note_unseen(self, received: Received) -> None:
+    def _note_unobserved(self, received: Received) -> None:
         header = received.header
-        is_new = self._last_unseen < header.sequence < self.sent  # else it was sent again, or never
+        is_new = (
+            self._last_unobserved < header.sequence < self.sent
+        )  # else it was sent again, or never
         if header.stream == self.name and is_new:
-            self.unseen[UnseenMessage.decode(received.payload).reason] += 1
-            self._last_unseen = header.sequence
+            self.unseen[MissingObservationMessage.decode(received.payload).reason] += 1
+            self._last_unobserved = header.sequence
 
     def _note_life(self, key: str, is_alive: bool) -> None:
         service, _ = service_and_identity(key)

@@ -43,7 +43,7 @@ class FusionStage:
         self._matching = matching
         self._pose_of = pose_of
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Fuse a candidate of no frame, so that what is made at its first use is made."""
         places = np.arange(self._places, dtype=np.int32)
         belief = np.full(self._places, 1 / self._places, np.float32)
@@ -83,7 +83,7 @@ def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:
     places, evidence = candidate.places, candidate.evidence
     if candidate.place >= count:
         return False
-    if rule == "lowest-score" or candidate.place == UNANSWERED:
+    if rule == "ams" or candidate.place == UNANSWERED:
         return len(places) == len(evidence) == 0
     if rule == "evidence":
         return len(places) == 0 and len(evidence) == count

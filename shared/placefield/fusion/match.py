@@ -17,7 +17,7 @@ class Match:
         place: index of the place, or ``UNANSWERED``.
         score: the higher the more certain. Under ``filter`` the log odds that the vehicle is within
             the tolerance of the place; under ``evidence`` the margin to the best place outside
-            the match's neighbourhood, in deviations; under ``lowest-score`` the negated fine score.
+            the match's neighbourhood, in deviations; under ``ams`` the negated fine score.
         missing: channels that did not answer in time.
         probability: that the vehicle is within the tolerance of the place; only ``filter`` tells.
         known: whether that is likely enough, by the precision asked for, to act on.

@@ -43,10 +43,10 @@ def fuse(
         return Match(place, score, absent, probability, known, too_fast)
     if config.rule == "evidence":
         return Match(*_mean_evidence(answered, config.neighbourhood, same), absent)
-    return Match(*_lowest_score(answered), absent)
+    return Match(*_ams(answered), absent)
 
 
-def _lowest_score(candidates: Sequence[Candidate]) -> tuple[int, float]:
+def _ams(candidates: Sequence[Candidate]) -> tuple[int, float]:
     """Pick the candidate of the lowest fine score (Eq. 16)."""
     best = min(candidates, key=lambda candidate: candidate.score)
     return best.place, -best.score

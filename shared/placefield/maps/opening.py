@@ -23,7 +23,7 @@ from placefield.maps.layout import (
 )
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
-from placefield.maps.reading import ArrayFile, Header, open_inside
+from placefield.maps.reading import ArrayFile, ArrayHeader, open_inside
 from placefield.search.coarse import Coarse
 
 _QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told
@@ -125,7 +125,7 @@ class _Files:
     def _problem(
         self,
         opened: ArrayFile,
-        header: Header | None,
+        header: ArrayHeader | None,
         dtype: str,
         axes: str,
         sizes: dict[str, int],

@@ -32,7 +32,7 @@ def open_inside(folder: Path, name: str) -> BinaryIO:
 
 
 @dataclass(frozen=True)
-class Header:
+class ArrayHeader:
     """What the file of an array says of it.
 
     Attributes:
@@ -79,7 +79,7 @@ class ArrayFile:
         """Whether nobody has written to the file since; what is mapped has changed with it."""
         return self._state_now() == self._state
 
-    def header(self) -> Header | None:
+    def header(self) -> ArrayHeader | None:
         """Return what the file says of its array, which is as many bytes as lie in the file.
 
         None: the file is none as ``np.save`` writes one of numbers.
@@ -90,9 +90,11 @@ class ArrayFile:
             return None
         start = self._file.tell()
         is_all = start + math.prod(shape) * dtype.itemsize == self.length
-        return Header(shape, is_turned, dtype, start) if is_all and not dtype.hasobject else None
+        return (
+            ArrayHeader(shape, is_turned, dtype, start) if is_all and not dtype.hasobject else None
+        )
 
-    def array(self, header: Header) -> NDArray[Any]:
+    def array(self, header: ArrayHeader) -> NDArray[Any]:
         """Return the array of this header, which cannot be written to.
 
         Raises:

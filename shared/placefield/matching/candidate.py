@@ -19,7 +19,7 @@ class Candidate:
             the better; under the other rules the lower the better.
         places: (n,) int32, ascending, what ``evidence`` is of under ``filter``; else empty.
         evidence: float32. Under ``filter`` (n,), the belief in these places, the others being next
-            to nothing; under ``evidence`` (K,), of every place; empty under ``lowest-score``.
+            to nothing; under ``evidence`` (K,), of every place; empty under ``ams``.
         too_fast: posterior, 0 to 1, that the vehicle moves faster than the map resolves; only
             ``filter`` tells, elsewhere it is 0.
     """

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.matching.ams import AmsMatcher
 from placefield.matching.best_window import twins_in
 from placefield.matching.comparing import SomePlaces
 from placefield.matching.evidence import EvidenceMatcher
@@ -18,7 +19,6 @@ from placefield.matching.filter_matcher import (
     FilterMatcher,
     lengths_of,
 )
-from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.motion import evenly_spaced
 from placefield.matching.odometry import Road, road
@@ -26,7 +26,7 @@ from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.search.spread import Spread, spread_of
 
-_WINDOW_RULES = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}
+_WINDOW_RULES = {"evidence": EvidenceMatcher, "ams": AmsMatcher}
 
 
 class MetricShards:
@@ -184,11 +184,11 @@ class ChannelShard:
 def window_lengths(channel: MapChannel, rule: Rule) -> list[int]:
     """Return the lengths of the windows that a rule compares, frames.
 
-    Those of ``evidence`` are the channel's scales. Those of ``lowest-score`` are the smallest scale
+    Those of ``evidence`` are the channel's scales. Those of ``ams`` are the smallest scale
     of all channels and, ascending, the channel's larger ones: its coarse scales.
     """
     scales: list[int] = channel.scales.tolist()
-    if rule != "lowest-score":
+    if rule != "ams":
         return scales
     return [channel.smallest, *(scale for scale in scales if scale > channel.smallest)]
 

@@ -45,7 +45,7 @@ def test_all_but_the_ends_of_the_route_lies_in_segments_of_both_offsets() -> Non
 
 
 def test_each_channel_matches_from_its_own_scale_to_the_smallest(fixed_scale_map: Map) -> None:
-    lengths = [window_lengths(one, "lowest-score") for one in fixed_scale_map.channels]
+    lengths = [window_lengths(one, "ams") for one in fixed_scale_map.channels]
     assert lengths == [[6], [6], [6, 12], [6, 12], [6, 24], [6, 24]]
 
 
@@ -68,7 +68,7 @@ def fixed_scale_map(make_traverse: Callable[..., Traverse]) -> Map:
 def test_a_map_of_fixed_scales_recognises_its_route(
     fixed_scale_map: Map, make_traverse: Callable[..., Traverse]
 ) -> None:
-    recognizer = Recognizer(fixed_scale_map, Config(matching=MatchingConfig(rule="lowest-score")))
+    recognizer = Recognizer(fixed_scale_map, Config(matching=MatchingConfig(rule="ams")))
     matches = [recognizer.push_raw(raw) for raw in make_traverse(noise=0.5).raw]
     before = SCALES[0] - 1
     assert [match.place for match in matches] == [-1] * before + list(range(before, 90))

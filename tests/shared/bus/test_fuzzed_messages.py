@@ -11,24 +11,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from placefield.bus.messages import (
-    BordersMessage,
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
     FeatureMessage,
     FinishedMessage,
     FrameMessage,
+    HaloMessage,
     Header,
     HistoryQuery,
     MatchMessage,
     Message,
+    MissingObservationMessage,
     MomentsMessage,
     OdometryMessage,
     SettledFrame,
     SettledFrames,
     SmoothedMessage,
     StatsMessage,
-    UnseenMessage,
 )
 from placefield.errors import MessageError
 from placefield.maps.digest import NO_DIGEST
@@ -59,13 +59,13 @@ EXAMPLES: list[Message] = [
         ),
         settled=SETTLED,
     ),
-    BordersMessage(
+    HaloMessage(
         map=NO_DIGEST,
         shard=1,
         shards=2,
         summaries=(ChannelSummary(channel=3, summary=VECTOR.astype(np.float64)),),
     ),
-    UnseenMessage(reason="blank"),
+    MissingObservationMessage(reason="blank"),
     MomentsMessage(frames=21.0, sums=np.ones((2, 5))),
     HistoryQuery(stream="s", first=0, end=2**48),
     MatchMessage(
@@ -164,7 +164,7 @@ def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
 
 def check_bounds(message: Message) -> None:
     """Check what the docstrings of the messages promise, in other words than theirs."""
-    assert message.version == 1
+    assert message.version == 2
     match message:
         case Header():
             assert 1 <= len(message.stream) <= 64
@@ -184,13 +184,13 @@ def check_bounds(message: Message) -> None:
             if message.descriptor is not None:
                 check_vector(message.descriptor)
         case CandidatesMessage():
-            assert message.rule in ("filter", "evidence", "lowest-score")
+            assert message.rule in ("filter", "evidence", "ams")
             assert message.candidates
             for candidate in message.candidates:
                 check_candidate(candidate)
             check_settled(message.settled)
         case FinishedMessage():
-            assert message.rule in ("filter", "evidence", "lowest-score")
+            assert message.rule in ("filter", "evidence", "ams")
             assert message.channels
             assert all(0 <= channel < 2**16 for channel in message.channels)
             check_settled(message.settled)
@@ -203,7 +203,7 @@ def check_bounds(message: Message) -> None:
             assert message.too_fast in (False, True)
             assert message.pose is None or np.isfinite(message.pose).all()
             assert not isinstance(message, SmoothedMessage) or 0 <= message.lag < 2**31
-        case BordersMessage():
+        case HaloMessage():
             assert message.summaries
             assert 0 <= message.shard < message.shards <= 2**16
             for part in message.summaries:
@@ -211,7 +211,7 @@ def check_bounds(message: Message) -> None:
                 assert part.summary.dtype == np.float64
                 assert part.summary.ndim == 1
                 assert not np.isnan(part.summary).any()
-        case UnseenMessage():
+        case MissingObservationMessage():
             assert message.reason in ("unreadable", "blank")
         case MomentsMessage():
             assert 0 < message.frames < np.inf
@@ -322,14 +322,14 @@ GREEDY = {
     "wide characters": b"\xdb" + struct.pack(">I", SIZE) + "\U0001f600".encode() * (SIZE // 4),
     "an extension": b"\xc9" + struct.pack(">Ib", SIZE, 5) + bytes(SIZE),
     "counts": msgpack.packb(
-        {"version": 1, "service": "s", "counts": {str(n): "x" for n in range(SIZE // 8)}}
+        {"version": 2, "service": "s", "counts": {str(n): "x" for n in range(SIZE // 8)}}
     ),
-    "missing channels": msgpack.packb({"version": 1, "place": 0, "missing": ["x"] * (SIZE // 2)}),
+    "missing channels": msgpack.packb({"version": 2, "place": 0, "missing": ["x"] * (SIZE // 2)}),
     "axes": msgpack.packb(
-        {"version": 1, "image": {"dtype": "uint8", "shape": [1] * SIZE, "data": b"x"}}
+        {"version": 2, "image": {"dtype": "uint8", "shape": [1] * SIZE, "data": b"x"}}
     ),
     "an image of no bytes": msgpack.packb(
-        {"version": 1, "image": {"dtype": "uint8", "shape": [2**31, 2**31], "data": b""}}
+        {"version": 2, "image": {"dtype": "uint8", "shape": [2**31, 2**31], "data": b""}}
     ),
     "a list that is declared": a_list(2**32 - 1),
     "bytes that are declared": b"\x81\xa5image\xc6\xff\xff\xff\xff",

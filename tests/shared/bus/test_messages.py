@@ -9,12 +9,12 @@ from hypothesis.extra import numpy as hnp
 
 from placefield.bus import messages
 from placefield.bus.messages import (
-    BordersMessage,
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
     FeatureMessage,
     FrameMessage,
+    HaloMessage,
     Header,
     MatchMessage,
     Message,
@@ -208,7 +208,7 @@ def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
     assert [type(message) for message in taken if message is not None] == [kind]
 
 
-@pytest.mark.parametrize("version", [0, 2, -1, "1", None, 1.5, 2**40])
+@pytest.mark.parametrize("version", [0, 1, 3, -1, "2", None, 1.5, 2**40])
 def test_another_version_is_refused_by_name(version: Any) -> None:
     fields = msgpack.unpackb(Header(stream="s", sequence=0, stamp_ns=0).encode())
     with pytest.raises(MessageError, match="version"):
@@ -249,7 +249,7 @@ def wire(**changes: Any) -> dict[str, Any]:
     ],
 )
 def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
-    packed = msgpack.packb({"version": 1, "model": "m", "descriptor": array})
+    packed = msgpack.packb({"version": 2, "model": "m", "descriptor": array})
     with pytest.raises(MessageError, match="FeatureMessage"):
         FeatureMessage.decode(packed)
 
@@ -294,7 +294,7 @@ def test_a_message_has_room_for_64_channels_and_is_of_one_at_least() -> None:
 def test_pixels_that_make_no_image_are_refused(shape: tuple[int, ...]) -> None:
     data = bytes(int(np.prod(shape)))
     packed = msgpack.packb(
-        {"version": 1, "image": {"dtype": "uint8", "shape": shape, "data": data}}
+        {"version": 2, "image": {"dtype": "uint8", "shape": shape, "data": data}}
     )
     with pytest.raises(MessageError, match="image"):
         FrameMessage.decode(packed)
@@ -379,11 +379,11 @@ def test_a_strangers_field_name_can_forge_no_log_line() -> None:
 
 def test_a_shard_that_does_not_exist_is_refused() -> None:
     summary = ChannelSummary(channel=0, summary=np.zeros(1))
-    message = BordersMessage.model_construct(
-        map=NO_DIGEST, shard=3, shards=3, summaries=(summary,), version=1
+    message = HaloMessage.model_construct(
+        map=NO_DIGEST, shard=3, shards=3, summaries=(summary,), version=2
     )
     with pytest.raises(MessageError, match="there is no such shard"):
-        BordersMessage.decode(message.encode())
+        HaloMessage.decode(message.encode())
 
 
 def test_a_header_awaits_no_answer_of_a_later_frame() -> None:

@@ -26,7 +26,7 @@ SCORED = Candidate(3, 0.5, NO_PLACES, NO_EVIDENCE)
 FITTING: list[tuple[Rule, Candidate]] = [
     ("filter", belief_in([0, 3, COUNT - 1])),
     ("evidence", evidence_of(COUNT)),
-    ("lowest-score", SCORED),
+    ("ams", SCORED),
 ]
 
 
@@ -50,7 +50,7 @@ def test_what_a_rule_makes_of_the_map_fits_and_is_fused(rule: Rule, candidate: C
         ("filter", belief_in([-1, 3])),
         ("filter", belief_in([0, 1], COUNT)),
         ("evidence", evidence_of(COUNT - 1)),
-        ("lowest-score", Candidate(COUNT, 0.5, NO_PLACES, NO_EVIDENCE)),
+        ("ams", Candidate(COUNT, 0.5, NO_PLACES, NO_EVIDENCE)),
     ],
 )
 def test_what_is_of_another_rule_or_map_does_not_fit(rule: Rule, candidate: Candidate) -> None:

@@ -237,7 +237,7 @@ def test_belief_that_is_no_probability_does_no_harm(
 
 
 def test_the_lowest_fine_score_wins_and_of_equal_ones_the_first_channels() -> None:
-    config = MatchingConfig(rule="lowest-score")
+    config = MatchingConfig(rule="ams")
     assert fuse([fine(3, 0.5), fine(8, 0.25), fine(9, 0.25)], config) == Match(8, -0.25)
 
 
@@ -246,7 +246,7 @@ def test_the_lowest_fine_score_wins_and_of_equal_ones_the_first_channels() -> No
     [
         ("filter", belief_of([0.1, 0.7, 0.1])),
         ("evidence", evidence_of([0, -2, 1])),
-        ("lowest-score", fine(1, 0.5)),
+        ("ams", fine(1, 0.5)),
     ],
 )
 def test_channels_without_a_candidate_have_no_say(rule: Rule, answered: Candidate) -> None:

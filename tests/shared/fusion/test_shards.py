@@ -58,7 +58,7 @@ def test_evidence_is_of_every_place_in_turn_and_the_lowest_the_best() -> None:
 
 def test_the_lowest_score_is_the_best() -> None:
     shards = [Candidate(4, 2.5, NO_PLACES, NO_EVIDENCE), Candidate(8, 1.5, NO_PLACES, NO_EVIDENCE)]
-    joined = join_shards(shards, "lowest-score")
+    joined = join_shards(shards, "ams")
     assert (joined.place, joined.score) == (8, 1.5)
     assert len(joined.places) == len(joined.evidence) == 0
 

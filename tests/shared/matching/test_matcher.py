@@ -14,18 +14,18 @@ from windowed import mean_of
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.matching.ams import AmsMatcher
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import Comparison
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import FilterMatcher
-from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Matcher
 from placefield.matching.sharding import ChannelShard
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, WindowMatcher
 
 Array = NDArray[np.float32]
-WINDOW_RULES: list[Rule] = ["evidence", "lowest-score"]
+WINDOW_RULES: list[Rule] = ["evidence", "ams"]
 
 
 def random_walk(frames: int, seed: int) -> Array:
@@ -52,7 +52,7 @@ def matcher_of(channel: MapChannel, rule: Rule, *, reverse: bool = False) -> Mat
 
 def window_matcher(metric: MapMetric, scales: list[int], rule: Rule) -> WindowMatcher:
     """Return a matcher of windows of these lengths over all places."""
-    made = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}[rule]
+    made = {"evidence": EvidenceMatcher, "ams": AmsMatcher}[rule]
     every = slice(0, len(metric.places))
     places = ShardPlaces(len(metric.places), every, every)
     return made(scales, places, metric.unit, MeanDistance(metric), lag=20)
@@ -112,7 +112,7 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
     channel = small_map.channels[1]
     made = matcher_of(channel, rule)
     scales = [int(scale) for scale in channel.scales]
-    if rule == "lowest-score":
+    if rule == "ams":
         scales = sorted({channel.smallest, *scales})
     by_hand = window_matcher(channel.metric, scales, rule)
     assert made.memory == channel.scales.max()

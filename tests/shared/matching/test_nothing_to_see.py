@@ -19,7 +19,7 @@ def matches(placemap: Map, rule: Rule, frames: list[bytes | np.ndarray]) -> list
     return [recognizer.push(frame) for frame in frames]
 
 
-@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", ["filter", "evidence", "ams"])
 @pytest.mark.parametrize("level", [0, 16, 255])
 def test_an_even_image_is_as_one_that_cannot_be_read(
     route_map: Map, query_dir: Path, rule: Rule, level: int

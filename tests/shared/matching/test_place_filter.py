@@ -72,9 +72,9 @@ def queries(draw: st.DrawFn) -> list[Codes | None]:
     """Each frame is new, not seen, or the last one that was seen once more."""
     frames: list[Codes | None] = []
     last: Codes | None = None
-    for frame in draw(st.lists(points | st.sampled_from(["unseen", "again"]), max_size=10)):
+    for frame in draw(st.lists(points | st.sampled_from(["unobserved", "again"]), max_size=10)):
         last = np.array(frame, np.int16) if isinstance(frame, list) else last
-        frames.append(None if frame == "unseen" else last)
+        frames.append(None if frame == "unobserved" else last)
     return frames
 
 
@@ -192,7 +192,7 @@ ALIKE = [comparison_at(ROUTE, place, np.full(50, 10_000)) for place in ROUTE.pla
 @pytest.mark.parametrize(
     "stream",
     [AROUND, AROUND[20:21], ELSEWHERE, ALIKE, [AROUND[5], *[None] * (LONG - 2), AROUND[7]]],
-    ids=["around and around", "standing", "elsewhere", "alike", "unseen"],
+    ids=["around and around", "standing", "elsewhere", "alike", "unobserved"],
 )
 def test_posteriors_are_probabilities_after_a_long_stream(
     stream: list[Comparison | None],

@@ -205,7 +205,7 @@ def test_shards_that_compare_windows_match_every_frame_as_the_whole_does(
 ) -> None:
     walk = random_walk(places, seed=1)
     query = a_drive(walk, reverse=reverse)
-    for whole, joined in answers(make(walk), "lowest-score", shards, query, reverse=reverse):
+    for whole, joined in answers(make(walk), "ams", shards, query, reverse=reverse):
         assert (joined.place, joined.score) == (whole.place, whole.score)
     for whole, joined in answers(make(walk), "evidence", shards, query, reverse=reverse):
         assert joined.place == whole.place
@@ -215,7 +215,7 @@ def test_shards_that_compare_windows_match_every_frame_as_the_whole_does(
 
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize(("places", "shards", "lag"), [(61, 2, 20), (97, 4, 5), (150, 5, 20)])
-@pytest.mark.parametrize("rule", ["evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", ["evidence", "ams"])
 def test_shards_that_compare_windows_settle_every_frame_as_the_whole_does(
     rule: Rule, places: int, shards: int, lag: int, reverse: bool
 ) -> None:
@@ -265,7 +265,7 @@ small_maps = st.lists(
     st.lists(st.integers(-6, 6), min_size=3, max_size=3), min_size=64, max_size=70
 )
 small_queries = st.lists(
-    st.lists(st.integers(-6, 6), min_size=3, max_size=3) | st.sampled_from(["unseen", "again"]),
+    st.lists(st.integers(-6, 6), min_size=3, max_size=3) | st.sampled_from(["unobserved", "again"]),
     max_size=12,
 )
 
@@ -286,7 +286,7 @@ def test_shards_of_the_filter_believe_what_the_whole_does(
     last: Codes | None = None
     for frame in query:
         last = np.array(frame, np.int16) if isinstance(frame, list) else last
-        codes = None if frame == "unseen" else last
+        codes = None if frame == "unobserved" else last
         expected = whole.push(beside(channel.metric, codes))
         found = parts.push([beside(part.metric, codes) for part in parts.parts])
         assert_believed_alike(expected, found, len(places))

@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from windowed import Windowed
 
+from placefield.matching.ams import AmsMatcher
 from placefield.matching.candidate import Candidate
 from placefield.matching.evidence import EvidenceMatcher
-from placefield.matching.lowest_score import LowestScoreMatcher
 from placefield.matching.matcher import Settled
 from placefield.matching.window_matcher import WindowMatcher
 
 Frames = list[NDArray[np.int32] | None]
 ALL_LAGS = 1000
 
-rules = pytest.mark.parametrize("rule", [EvidenceMatcher, LowestScoreMatcher])
+rules = pytest.mark.parametrize("rule", [EvidenceMatcher, AmsMatcher])
 scales = st.lists(st.integers(1, 9), min_size=1, max_size=4, unique=True).map(sorted)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from placefield_tools.chaos.children import Children
-from placefield_tools.chaos.faulty_source import Disturbing
+from placefield_tools.chaos.faulty_source import FaultySource
 from placefield_tools.chaos.schedule import Fault
 from placefield_tools.chaos.verdict import Happened
 from placefield_tools.sources import open_source
@@ -30,7 +30,7 @@ def test_a_fault_happens_at_its_frames_turn_and_ends_at_its_ends(query_dir: Path
     clock, told = SetClock(), list[tuple[str, int, int]]()
     stopped, killed = Fault("stop channel", 2, 5, 0), Fault("kill router", 62, 62, 0)
     taken = 0
-    disturbing = Disturbing(
+    disturbing = FaultySource(
         open_source(str(query_dir)),
         64,
         [stopped, killed],

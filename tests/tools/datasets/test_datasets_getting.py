@@ -12,7 +12,7 @@ import pytest
 
 from placefield.errors import SourceError
 from placefield_tools.datasets import getting
-from placefield_tools.datasets.benchmarks import Benchmark, File, Study, Traverse
+from placefield_tools.datasets.benchmarks import Benchmark, BenchmarkStudy, BenchmarkTraverse, File
 from placefield_tools.datasets.checking import check
 from placefield_tools.datasets.getting import get
 
@@ -46,10 +46,10 @@ def benchmark_at(url: str, **changes: Any) -> Benchmark:
         "tolerance": "1 frame",
         "truth": "numbers",
         "traverses": (
-            Traverse(name="day", folder="day", frames=2),
-            Traverse(name="night", folder="night"),
+            BenchmarkTraverse(name="day", folder="day", frames=2),
+            BenchmarkTraverse(name="night", folder="night"),
         ),
-        "study": Study(reference="day", query="night", tolerance=1),
+        "study": BenchmarkStudy(reference="day", query="night", tolerance=1),
         "files_at": f"{url}/",
         "files": (File(name="walk.zip"),),
     }

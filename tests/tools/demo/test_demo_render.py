@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from placefield_tools.demo.camera import CENTRE, FOCAL, HEIGHT, HORIZON, NEAR, WIDTH, Camera
+from placefield_tools.demo.camera import CENTRE, FOCAL, HEIGHT, HORIZON, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.cars import MODELS, car_mesh
 from placefield_tools.demo.light import LIGHTINGS
 from placefield_tools.demo.render import Panel, View, draw_mesh, draw_panel
@@ -9,7 +9,7 @@ from placefield_tools.demo.route import make_route
 from placefield_tools.demo.street import Car
 from placefield_tools.demo.texture import make_texture
 
-CAMERA = Camera(np.array([3.0, -2.0, 1.6]), 0.4)
+CAMERA = PinholeCamera(np.array([3.0, -2.0, 1.6]), 0.4)
 
 
 def rays() -> np.ndarray:
@@ -83,7 +83,7 @@ def test_every_face_of_a_car_is_convex_and_clockwise_from_outside(model):
 
 def test_a_car_beside_the_camera_is_cut_off_where_it_leaves_the_view():
     route = make_route(0, 50.0)
-    camera = Camera(route.point(20.0, -1.65, 1.6), float(route.heading(20.0)))
+    camera = PinholeCamera(route.point(20.0, -1.65, 1.6), float(route.heading(20.0)))
     image = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
     car = Car(21.5, -4.35, 1, 0, (200, 40, 40))
     draw_mesh(

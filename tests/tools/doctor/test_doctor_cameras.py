@@ -4,7 +4,7 @@ import pytest
 
 from placefield_tools.doctor import cameras
 from placefield_tools.doctor.cameras import of_camera
-from placefield_tools.doctor.finding import Verdict
+from placefield_tools.doctor.finding import Health
 
 URL = "rtsp://me:sec/ret@host/stream?key=secret"
 
@@ -39,7 +39,7 @@ def capture(monkeypatch: pytest.MonkeyPatch) -> type[Capture]:
 @pytest.mark.usefixtures("capture")
 def test_a_camera_that_gives_a_frame_is_good_and_its_password_not_told() -> None:
     found = of_camera(URL)
-    assert found.verdict is Verdict.GOOD
+    assert found.verdict is Health.GOOD
     assert found.found == "rtsp://host/stream gives frames of (30, 20) pixels"
 
 
@@ -50,11 +50,11 @@ def test_a_camera_that_opens_and_gives_no_frame_is_bad(
     monkeypatch.setattr(capture, "gives", False)
     monkeypatch.setattr(cameras, "_PATIENCE_S", 0.01)
     found = of_camera(URL)
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Health.BAD
     assert found.found == "rtsp://host/stream gives no frame"
 
 
 def test_a_camera_that_does_not_open_is_bad_and_its_password_not_told() -> None:
     found = of_camera("rtps://me:secret@host/stream")
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Health.BAD
     assert "secret" not in found.found

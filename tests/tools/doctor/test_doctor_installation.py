@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError
 import pytest
 
 from placefield_tools.doctor import installation
-from placefield_tools.doctor.finding import Verdict
+from placefield_tools.doctor.finding import Health
 
 
 def with_versions(monkeypatch: pytest.MonkeyPatch, **versions: str | None) -> None:
@@ -23,14 +23,14 @@ def with_versions(monkeypatch: pytest.MonkeyPatch, **versions: str | None) -> No
 
 def test_where_all_is_there_nothing_is_wrong() -> None:
     findings = list(installation.installation())
-    assert {finding.verdict for finding in findings} == {Verdict.GOOD}
+    assert {finding.verdict for finding in findings} == {Health.GOOD}
     assert {"python", "libraries", "extra ros"} <= {finding.subject for finding in findings}
 
 
 def test_a_library_that_is_too_old_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     with_versions(monkeypatch, eclipse_zenoh="1.2.0")
     found = installation.libraries()
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Health.BAD
     assert "eclipse-zenoh is 1.2.0, and must be" in found.found
 
 
@@ -39,7 +39,7 @@ def test_an_extra_that_is_missing_is_a_warning_that_says_how_to_get_it(
 ) -> None:
     with_versions(monkeypatch, rosbags=None)
     found = installation.of_extra("ros")
-    assert found.verdict is Verdict.WARNING
+    assert found.verdict is Health.WARNING
     assert found.found == "rosbags is missing"
     assert "pip install 'placefield[ros]'" in found.advice
-    assert installation.libraries().verdict is Verdict.GOOD
+    assert installation.libraries().verdict is Health.GOOD

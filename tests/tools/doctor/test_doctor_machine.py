@@ -6,19 +6,19 @@ import psutil
 import pytest
 
 from placefield_tools.doctor import machine
-from placefield_tools.doctor.finding import Verdict
+from placefield_tools.doctor.finding import Health
 
 
 @pytest.mark.parametrize(
     ("count", "load", "verdict"),
-    [(4, 0.5, Verdict.GOOD), (1, 0.5, Verdict.WARNING), (4, 6.0, Verdict.WARNING)],
+    [(4, 0.5, Health.GOOD), (1, 0.5, Health.WARNING), (4, 6.0, Health.WARNING)],
 )
-def test_few_or_busy_cores_are_a_warning(count: int, load: float, verdict: Verdict) -> None:
+def test_few_or_busy_cores_are_a_warning(count: int, load: float, verdict: Health) -> None:
     assert machine.of_cores(count, load).verdict is verdict
 
 
 def test_little_memory_is_a_warning() -> None:
-    assert machine.of_memory(2**30).verdict is Verdict.WARNING
+    assert machine.of_memory(2**30).verdict is Health.WARNING
     assert machine.of_memory(8 * 2**30).found == "8.0 GiB available"
 
 
@@ -29,11 +29,11 @@ def test_the_memory_is_what_the_system_says() -> None:
 
 
 def test_a_system_without_shared_memory_is_told_what_to_do(tmp_path: Path) -> None:
-    assert machine.of_shared_memory(tmp_path / "none").verdict is Verdict.WARNING
+    assert machine.of_shared_memory(tmp_path / "none").verdict is Health.WARNING
 
 
 def test_a_folder_that_cannot_be_written_to_keeps_no_loops(tmp_path: Path) -> None:
-    assert machine.compiled_loops(tmp_path).verdict is Verdict.GOOD
+    assert machine.compiled_loops(tmp_path).verdict is Health.GOOD
     found = machine.compiled_loops(tmp_path / "none")
-    assert found.verdict is Verdict.WARNING
+    assert found.verdict is Health.WARNING
     assert "NUMBA_CACHE_DIR" in found.advice

@@ -9,7 +9,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.session import open_router
 from placefield.config import BusConfig
 from placefield_tools.cli.main import main
-from placefield_tools.doctor.finding import Finding, Verdict
+from placefield_tools.doctor.finding import Finding, Health
 from placefield_tools.doctor.network import network, of_endpoint, of_services
 
 
@@ -20,7 +20,7 @@ def looked_at(endpoint: str) -> list[Finding]:
 def test_a_router_without_services_is_good_and_they_are_missed(endpoint: str) -> None:
     with open_router(BusConfig(endpoint=endpoint)):
         router, services = looked_at(endpoint)
-    assert router.verdict is Verdict.GOOD
+    assert router.verdict is Health.GOOD
     assert services.found == "no channel, no featurizer, no fuser"
 
 
@@ -33,14 +33,14 @@ def test_where_another_run_has_services_its_name_is_told(endpoint: str) -> None:
 
 def test_a_port_that_nobody_listens_at_is_no_fault_yet(endpoint: str) -> None:
     (found,) = looked_at(endpoint)
-    assert found.verdict is Verdict.WARNING
+    assert found.verdict is Health.WARNING
     assert "placefield up" in found.advice
 
 
 def test_another_program_at_the_port_is_bad(endpoint: str) -> None:
     with socket.create_server(("127.0.0.1", int(endpoint.rpartition(":")[2]))):
         (found,) = looked_at(endpoint)
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Health.BAD
     assert "another program has the port" in found.advice
 
 
@@ -49,7 +49,7 @@ def test_what_is_no_endpoint_is_told_how_to_write_one() -> None:
 
 
 def test_services_that_are_alive_are_good() -> None:
-    assert of_services("day", {"featurizer", "channel", "fuser"}, {"day"}).verdict is Verdict.GOOD
+    assert of_services("day", {"featurizer", "channel", "fuser"}, {"day"}).verdict is Health.GOOD
 
 
 def test_the_command_tells_all_as_json_and_fails_on_what_is_bad(

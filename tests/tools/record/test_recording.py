@@ -1,4 +1,4 @@
-"""Recording what a bus carries; with real processes it is in tests/system."""
+"""RecordSession what a bus carries; with real processes it is in tests/system."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, Header, MatchMessage
 from placefield.bus.session import Bus
-from placefield_tools.record.record_run import Recording
+from placefield_tools.record.record_run import RecordSession
 from placefield_tools.record.recorder import Recorder
 
 KEYS = Keys("test")
@@ -74,18 +74,18 @@ def kept() -> Kept:
 
 
 @pytest.fixture
-def recording(bus: StillBus, kept: Kept) -> Recording:
-    return Recording(cast(Bus, bus), KEYS, kept.recorder, frames=True)
+def recording(bus: StillBus, kept: Kept) -> RecordSession:
+    return RecordSession(cast(Bus, bus), KEYS, kept.recorder, frames=True)
 
 
-def drain(recording: Recording) -> dict[str, int]:
+def drain(recording: RecordSession) -> dict[str, int]:
     while recording.take(0):
         pass
     return dict(recording.counts)
 
 
 def test_smoothed_matches_are_written_too_and_the_end_once(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     *matches, end = stream_of([KNOWN, KNOWN])
     for header, match in matches:
@@ -97,7 +97,7 @@ def test_smoothed_matches_are_written_too_and_the_end_once(
 
 
 def test_every_match_of_every_stream_is_written_in_order(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     streams = stream_of(ALL_KINDS, "first") + stream_of(ALL_KINDS, "second")
     for header, match in streams:
@@ -107,7 +107,7 @@ def test_every_match_of_every_stream_is_written_in_order(
 
 
 def test_matches_that_are_lost_or_malformed_are_counted(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     stream = stream_of([KNOWN] * 6)
     bus.deliver_match(*stream[0])
@@ -120,7 +120,7 @@ def test_matches_that_are_lost_or_malformed_are_counted(
 
 
 def test_frames_are_written_once_each_with_their_own_headers(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     stream = stream_of([KNOWN] * 3)
     for header, _ in [*stream[:2], *stream[:3]]:
@@ -134,7 +134,7 @@ def test_frames_are_written_once_each_with_their_own_headers(
 
 
 def test_frames_that_cannot_be_written_are_counted_and_the_next_still_is(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     stream = stream_of([KNOWN] * 6)
     bus.deliver_frame(stream[0][0], b"no picture")
@@ -149,7 +149,7 @@ def test_frames_that_cannot_be_written_are_counted_and_the_next_still_is(
 
 
 def test_matches_do_not_wait_for_pictures_and_old_live_frames_give_way_to_new(
-    bus: StillBus, recording: Recording, kept: Kept
+    bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:
     stream = stream_of([KNOWN] * 40)
     for header, match in stream[:-1]:
@@ -163,13 +163,13 @@ def test_matches_do_not_wait_for_pictures_and_old_live_frames_give_way_to_new(
 
 
 def test_without_being_asked_for_no_frame_is_even_received(bus: StillBus, kept: Kept) -> None:
-    recording = Recording(cast(Bus, bus), KEYS, kept.recorder, frames=False)
+    recording = RecordSession(cast(Bus, bus), KEYS, kept.recorder, frames=False)
     bus.deliver_frame(stream_of([KNOWN])[0][0])
     assert drain(recording) == {}
 
 
 def test_a_frame_that_gave_way_is_not_counted_as_lost_too(
-    bus: StillBus, recording: Recording
+    bus: StillBus, recording: RecordSession
 ) -> None:
     first, *others = [header for header, _ in stream_of([KNOWN] * 40)[:-1]]
     bus.deliver_frame(first.model_copy(update={"live": True}))

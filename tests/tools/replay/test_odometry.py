@@ -12,8 +12,8 @@ from placefield.config import BusConfig
 from placefield.features.frames import Frame
 from placefield_tools.replay.vehicle_odometry import Odometry
 from placefield_tools.sources import Source, open_source, opening
-from placefield_tools.sources.distance_sampled import Spaced
-from placefield_tools.sources.with_odometry import Metered
+from placefield_tools.sources.distance_sampled import DistanceSampled
+from placefield_tools.sources.with_odometry import WithOdometry
 
 KEYS = Keys("test")
 
@@ -91,7 +91,7 @@ class Clip(Source):
 
 def test_a_cameras_frames_are_spaced_by_what_the_vehicle_says() -> None:
     said = iter([None, None, 0.0, 0.4, 0.9, 1.1, None, 1.9, 2.0, 5.0])
-    spaced = Spaced(Metered(Clip(), lambda: next(said)), 1.0)
+    spaced = DistanceSampled(WithOdometry(Clip(), lambda: next(said)), 1.0)
     assert spaced.live
     assert [frame.index for frame in spaced] == [2, 5, 8, 9]
 
@@ -99,7 +99,7 @@ def test_a_cameras_frames_are_spaced_by_what_the_vehicle_says() -> None:
 def test_a_cameras_frames_have_the_metres_that_were_said_since_the_frame_before() -> None:
     said = [None, 0.0, 0.0, None, None, 3.0, 3.5, None, 4.0, None]
     in_turn = iter(said)
-    metered = Metered(Clip(), lambda: next(in_turn))
+    metered = WithOdometry(Clip(), lambda: next(in_turn))
     assert [frame.odometry_m for frame in metered] == said
 
 

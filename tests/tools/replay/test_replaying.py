@@ -24,7 +24,7 @@ from placefield.maps.digest import NO_DIGEST
 from placefield_tools.replay import replay_source as replaying
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Parts, Source, open_source
-from placefield_tools.sources.with_odometry import Metered
+from placefield_tools.sources.with_odometry import WithOdometry
 
 KEYS = Keys("test")
 
@@ -394,7 +394,7 @@ def test_at_a_rate_a_camera_gives_its_newest_frames_not_a_queue_of_old_ones(
                 clock.now += 0.04
 
     said = iter([None, 1.0, *[None] * 10, 2.0, 3.0, *[None] * 100])
-    camera = Metered(Camera(100), lambda: next(said))
+    camera = WithOdometry(Camera(100), lambda: next(said))
     replay(camera, bus, config, threading.Event(), rate=4.9)
     assert [image[0] for image in services.images[:5]] == [0, 6, 11, 16, 21]
     assert services.odometry[:5] == [None, 1.0, None, 3.0, None]

@@ -12,7 +12,7 @@ from placefield.evaluation.protocols import Protocol, drive_of
 from placefield.features.frames import Frame
 from placefield.features.images import decode
 from placefield_tools.sources import open_source
-from placefield_tools.sources.resampled import Driven
+from placefield_tools.sources.resampled import ResampledTraverse
 from placefield_tools.sources.source import Source
 
 
@@ -43,7 +43,7 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
         for frame, foreign in zip(drive.frames, drive.foreign, strict=True)
     ]
 
-    driven = Driven(query, protocol, other=other, seed=2)
+    driven = ResampledTraverse(query, protocol, other=other, seed=2)
 
     assert driven.undriven_count == 50
     assert driven.count == len(images)
@@ -65,7 +65,7 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
 def test_odometry_counts_the_way_that_is_driven_forth_or_back_and_none_that_it_is_carried(
     protocol: Protocol, known: bool
 ) -> None:
-    driven = Driven(Pixels(50), protocol, seed=2)
+    driven = ResampledTraverse(Pixels(50), protocol, seed=2)
     steps = np.abs(np.diff(driven.drive.frames))
     if not known:
         steps[driven.drive.jumps - 1] = 0
@@ -79,7 +79,7 @@ def test_on_another_route_odometry_goes_on_and_where_nobody_knows_there_is_none(
             for frame in super().__iter__():
                 yield replace(frame, odometry_m=None) if frame.index == 10 else frame
 
-    driven = Driven(Gaps(50), "off-route", other=Pixels(200), seed=2)
+    driven = ResampledTraverse(Gaps(50), "off-route", other=Pixels(200), seed=2)
     drive, metres, expected = driven.drive, 0, [0]
     for at in range(1, len(drive.frames)):
         metres += int(drive.foreign[at] == drive.foreign[at - 1])
@@ -101,7 +101,7 @@ class Smooth(Pixels):
 
 def test_a_stop_is_the_same_picture_but_for_the_sensors_noise_and_never_the_same_bytes() -> None:
     query = Smooth(80)
-    driven = Driven(query, "speed", seed=10, every=2)
+    driven = ResampledTraverse(query, "speed", seed=10, every=2)
     frames = list(driven)
 
     assert driven.drive.repeated.sum() >= 3
@@ -116,21 +116,21 @@ def test_a_stop_is_the_same_picture_but_for_the_sensors_noise_and_never_the_same
         assert abs(noise.mean()) < 0.5
     images = [shown(frame) for frame in frames]
     assert len(set(images)) == len(images)
-    assert images == [shown(frame) for frame in Driven(query, "speed", seed=10, every=2)]
+    assert images == [shown(frame) for frame in ResampledTraverse(query, "speed", seed=10, every=2)]
 
 
 def test_a_frame_that_is_no_image_stays_so_where_the_vehicle_stands(tmp_path: Path) -> None:
     for number in range(80):
         (tmp_path / f"{number}.jpg").write_bytes(b"no image")
     with open_source(str(tmp_path)) as source:
-        driven = Driven(source, "speed", seed=10, every=2)
+        driven = ResampledTraverse(source, "speed", seed=10, every=2)
     assert driven.drive.repeated.any()
     assert {frame.image for frame in driven} == {b"no image"}
 
 
 def test_files_come_as_they_lie_on_the_disk(query_dir: Path) -> None:
     with open_source(str(query_dir)) as source:
-        driven = Driven(source, "reverse", seed=0)
+        driven = ResampledTraverse(source, "reverse", seed=0)
     files = sorted(query_dir.iterdir(), reverse=True)
     assert [frame.image for frame in driven] == [file.read_bytes() for file in files]
     assert [frame.name for frame in driven] == [f"{query_dir.name}/{file.name}" for file in files]
@@ -138,4 +138,4 @@ def test_files_come_as_they_lie_on_the_disk(query_dir: Path) -> None:
 
 def test_a_camera_cannot_be_driven_again() -> None:
     with pytest.raises(SourceError, match="record it"):
-        Driven(Pixels(5, live=True), "reverse", seed=0)
+        ResampledTraverse(Pixels(5, live=True), "reverse", seed=0)

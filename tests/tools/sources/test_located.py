@@ -12,9 +12,9 @@ from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.sources import Parts, open_source
-from placefield_tools.sources.distance_sampled import Spaced
+from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import Folder
-from placefield_tools.sources.with_poses import Located
+from placefield_tools.sources.with_poses import WithPoses
 
 COUNT = 40
 RATE = 10
@@ -195,6 +195,6 @@ def test_frames_before_the_first_fix_are_left_out_of_spaced_ones_and_counted(
     way = Trajectory.of(
         np.arange(5, COUNT) * 10**8, np.arange(5.0, COUNT)[:, np.newaxis] * [1, 0, 0]
     )
-    located = Located(Folder(folder), way, "/fix", span_ns=(0, 10**10))
-    assert [frame.index for frame in Spaced(located, 2.0)] == list(range(5, COUNT, 2))
+    located = WithPoses(Folder(folder), way, "/fix", span_ns=(0, 10**10))
+    assert [frame.index for frame in DistanceSampled(located, 2.0)] == list(range(5, COUNT, 2))
     assert "5 frames before the first pose" in caplog.text

@@ -6,7 +6,7 @@ from placefield.errors import SourceError
 from placefield.features.frames import Frame
 from placefield.features.images import decode
 from placefield_tools.sources import Source, open_source
-from placefield_tools.sources.distance_sampled import Spaced
+from placefield_tools.sources.distance_sampled import DistanceSampled
 
 
 class Odometer(Source):
@@ -43,7 +43,7 @@ def test_a_drive_of_varying_speed_is_aligned_to_the_reference_when_it_is_spaced(
 
 
 def test_a_frame_without_odometry_is_named_and_so_is_the_column():
-    spaced = Spaced(Odometer([0.0, 1.0, None]), 1)
+    spaced = DistanceSampled(Odometer([0.0, 1.0, None]), 1)
     with pytest.raises(
         SourceError, match=r"^2\.png: .*--spacing.*column odometry, --odometry-topic or --poses$"
     ):
@@ -51,8 +51,8 @@ def test_a_frame_without_odometry_is_named_and_so_is_the_column():
 
 
 def test_it_is_as_live_as_its_source_and_closes_it():
-    assert Spaced(Odometer([], live=True), 1).live
+    assert DistanceSampled(Odometer([], live=True), 1).live
     source = Odometer([])
-    with Spaced(source, 1) as spaced:
+    with DistanceSampled(source, 1) as spaced:
         assert not spaced.live
     assert source.closed

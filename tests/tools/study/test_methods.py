@@ -41,17 +41,17 @@ def assert_matches(result: MethodResult, matches: list[Match]) -> None:
     assert result.judged.scores.tolist() == [match.score for match in matches]
 
 
-@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", ["filter", "evidence", "ams"])
 def test_ours_are_the_recognizers_matches(
     trial: Trial, results: dict[str, MethodResult], rule: Rule
 ) -> None:
     recognizer = Recognizer(trial.placemap, Config(matching=trial.matching(rule)))
-    name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
+    name = "AMS, published rule" if rule == "ams" else f"Placefield, {rule}"
     assert_matches(results[name], [recognizer.push_raw(raw) for raw in trial.query.raws])
-    assert results[name].ours == (rule != "lowest-score")
+    assert results[name].ours == (rule != "ams")
 
 
-@pytest.mark.parametrize("rule", ["filter", "evidence", "lowest-score"])
+@pytest.mark.parametrize("rule", ["filter", "evidence", "ams"])
 def test_with_a_lag_they_are_its_smoothed_ones(
     trial: Trial, results: dict[str, MethodResult], rule: Rule
 ) -> None:
@@ -59,7 +59,7 @@ def test_with_a_lag_they_are_its_smoothed_ones(
     for raw in trial.query.raws:
         recognizer.push_raw(raw)
     smoothed = recognizer.finish()
-    name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
+    name = "AMS, published rule" if rule == "ams" else f"Placefield, {rule}"
     result = results[f"{name}, lag 20"]
     assert_matches(result, [each.match for each in smoothed])
     assert result.judged is not None

@@ -17,7 +17,7 @@ from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield_tools.evaluate.evaluation import Judged, judge
-from placefield_tools.evaluate.truth_source import Ground
+from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study import figures
 from placefield_tools.study.report import write_report
 from placefield_tools.study.results import (
@@ -105,7 +105,7 @@ def a_study(placemap: Map, **changes: Any) -> Study:
             for rule in _RULES
             for lag in (0, 2)
         ),
-        ground=Ground(Truth.within(FRAMES, FRAMES, 2), "aligned", 2),
+        ground=TruthSource(Truth.within(FRAMES, FRAMES, 2), "aligned", 2),
     )
     return replace(study, **changes)
 

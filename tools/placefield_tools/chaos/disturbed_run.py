@@ -15,8 +15,8 @@ from placefield.maps.opening import open_map
 from placefield.recognizer import Recognizer
 from placefield_tools.chaos.children import Children
 from placefield_tools.chaos.clock import Clock
-from placefield_tools.chaos.fault_injector import Mischief
-from placefield_tools.chaos.faulty_source import Disturbing, looped
+from placefield_tools.chaos.fault_injector import FaultInjector
+from placefield_tools.chaos.faulty_source import FaultySource, looped
 from placefield_tools.chaos.schedule import Fault
 from placefield_tools.chaos.verdict import Answered, Verdict, judge
 from placefield_tools.common.host_process import free_endpoint
@@ -67,8 +67,8 @@ def disturbed_replay(
         open_bus(config.bus) as bus,
     ):
         _await_ready(bus, Keys(config.run), channels, clock)
-        mischief = Mischief(children, bus, Keys(config.run))
-        disturbing = Disturbing(source, frames, faults, mischief.begin, mischief.end, clock)
+        mischief = FaultInjector(children, bus, Keys(config.run))
+        disturbing = FaultySource(source, frames, faults, mischief.begin, mischief.end, clock)
         with open_bus(config.bus) as apart, _listening(apart, config, clock) as answers:
             sent = replay(disturbing, bus, config, threading.Event(), rate=rate).sent
     return judge(undisturbed, answers, disturbing.happened, sent)

@@ -9,7 +9,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.session import Bus
 from placefield_tools.chaos.children import Children
-from placefield_tools.chaos.garbage import Overheard, publish
+from placefield_tools.chaos.garbage import ReceivedTraffic, publish
 from placefield_tools.chaos.schedule import Fault
 
 _KEPT = 256  # messages of all topics
@@ -22,13 +22,13 @@ _OF_EACH = 50
 """Messages of a sort in one burst, over all topics."""
 
 
-class Mischief:
+class FaultInjector:
     """Does what a schedule says, to services that are children and on their bus."""
 
     def __init__(self, children: Children, bus: Bus, keys: Keys) -> None:
         self._children = children
         self._bus = bus
-        self._overheard = Overheard(bus, keys)
+        self._overheard = ReceivedTraffic(bus, keys)
         self._newest: deque[Received] = deque(maxlen=_KEPT)
         self._lock = threading.Lock()
         answers = keys.match, keys.smoothed, keys.ack

@@ -10,7 +10,7 @@ from placefield_tools.chaos.verdict import Happened
 from placefield_tools.sources import Source
 
 
-class Disturbing(Source):
+class FaultySource(Source):
     """So many frames of a source, which begins again at its end, and the faults on the way."""
 
     live = False

@@ -21,7 +21,7 @@ _LARGE = 2**16  # bytes
 _STRANGE_NAMES = ("-1-x", "7-x", "٣-x", "%s", "a b", "0", "-", "9" * 5000 + "-x", "new\nline-x")
 
 
-class Overheard:
+class ReceivedTraffic:
     """The first messages of every topic of a run from now on; those without a header, too."""
 
     def __init__(self, bus: Bus, keys: Keys) -> None:
@@ -180,7 +180,7 @@ def messages(
     """Yield so many messages of a sort, with their keys, evenly over all topics.
 
     Args:
-        heard: messages of every topic, as ``Overheard`` has them.
+        heard: messages of every topic, as ``ReceivedTraffic`` has them.
         sort: of ``SPOILERS``.
         count: how many.
         seed: of what is drawn by chance.

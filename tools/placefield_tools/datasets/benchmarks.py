@@ -24,7 +24,7 @@ class _Entry(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid")
 
 
-class Traverse(_Entry):
+class BenchmarkTraverse(_Entry):
     """One drive along the route.
 
     Attributes:
@@ -59,7 +59,7 @@ class File(_Entry):
         return self.name.endswith(_ARCHIVES)
 
 
-class Study(_Entry):
+class BenchmarkStudy(_Entry):
     """How the benchmark is run here.
 
     Attributes:
@@ -118,8 +118,8 @@ class Benchmark(_Entry):
     tolerance: str
     truth: str
     notes: str = ""
-    traverses: Annotated[tuple[Traverse, ...], Field(strict=False)] = ()
-    study: Study | None = None
+    traverses: Annotated[tuple[BenchmarkTraverse, ...], Field(strict=False)] = ()
+    study: BenchmarkStudy | None = None
     truth_matrix: str | None = None
     truth_gps: GpsTruth | None = None
     files_at: str | None = None

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from placefield.errors import SourceError
-from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, Traverse
+from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, BenchmarkTraverse
 from placefield_tools.datasets.showing import truth_command
 from placefield_tools.sources.folder import IMAGE_SUFFIXES
 
@@ -30,7 +30,7 @@ def check(benchmark: Benchmark, folder: Path) -> dict[str, int]:
     return counts
 
 
-def _complaints(traverse: Traverse, count: int) -> list[str]:
+def _complaints(traverse: BenchmarkTraverse, count: int) -> list[str]:
     if count == 0:
         return [f"no frames in {traverse.folder}"]
     if traverse.frames not in (None, count):

@@ -16,7 +16,7 @@ NEAR = 0.7  # metres; nothing nearer is drawn
 
 
 @dataclass(frozen=True)
-class Camera:
+class PinholeCamera:
     """A camera at `position` (3,) in metres, level, with heading `yaw` in radians."""
 
     position: NDArray[np.float64]

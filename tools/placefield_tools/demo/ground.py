@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import CENTRE, EYE, FOCAL, HEIGHT, HORIZON, WIDTH, Camera
+from placefield_tools.demo.camera import CENTRE, EYE, FOCAL, HEIGHT, HORIZON, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image, Lighting
 from placefield_tools.demo.route import LEAD, Route
 from placefield_tools.demo.street import SIGHT, Building, Street
@@ -58,7 +58,9 @@ def paint_ground(street: Street, lighting: Lighting) -> Ground:
     return Ground(tuple(levels))
 
 
-def draw_ground(image: Image, ground: Ground, route: Route, camera: Camera, arc: float) -> None:
+def draw_ground(
+    image: Image, ground: Ground, route: Route, camera: PinholeCamera, arc: float
+) -> None:
     """Draw the ground below the horizon of `image` as `camera`, at `arc` of the route, sees it.
 
     What lies beyond the painted width repeats its edge, so that side streets lead on.
@@ -84,7 +86,7 @@ def draw_ground(image: Image, ground: Ground, route: Route, camera: Camera, arc:
 
 
 def _street_coordinates(
-    route: Route, camera: Camera, arc: float, depth: NDArray[np.float64]
+    route: Route, camera: PinholeCamera, arc: float, depth: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return metres along the route and left of it, (rows, WIDTH) each, of the ground at `depth`.
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import FOCAL, HEIGHT, NEAR, WIDTH, Camera
+from placefield_tools.demo.camera import FOCAL, HEIGHT, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image
 from placefield_tools.demo.street import SIGHT
 from placefield_tools.demo.texture import Texture
@@ -65,7 +65,7 @@ class View:
 
     image: Image
     sky: Image
-    camera: Camera
+    camera: PinholeCamera
 
 
 def haze(distance: float) -> float:
@@ -198,7 +198,7 @@ def _cut_off(mesh: Mesh, depth: NDArray[np.float64]) -> Mesh:
     return Mesh(points, starts, np.array(colours), mesh.lights, mesh.glows)
 
 
-def _visible_part(camera: Camera, panel: Panel) -> tuple[float, float]:
+def _visible_part(camera: PinholeCamera, panel: Panel) -> tuple[float, float]:
     """Return the part of `panel`, from start to end of its length, that lies beyond `NEAR`."""
     depth = float((panel.origin - camera.position) @ camera.forward)
     depth += min(0.0, float(panel.up @ camera.forward)) - NEAR
@@ -210,7 +210,7 @@ def _visible_part(camera: Camera, panel: Panel) -> tuple[float, float]:
 
 
 def _outline(
-    camera: Camera, panel: Panel, start: float, end: float
+    camera: PinholeCamera, panel: Panel, start: float, end: float
 ) -> tuple[NDArray[np.float64], float]:
     """Return the corner pixels (4, 2) of `panel` from start to end, and its mean depth."""
     units = np.array([[start, end, end, start], [0.0, 0.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield_tools.demo.buildings import building_panels
-from placefield_tools.demo.camera import EYE, NEAR, Camera
+from placefield_tools.demo.camera import EYE, NEAR, PinholeCamera
 from placefield_tools.demo.cars import car_mesh
 from placefield_tools.demo.ground import Ground, draw_ground, paint_ground
 from placefield_tools.demo.lamps import LampPost, draw_lamp_post, make_lamp_post
@@ -76,7 +76,7 @@ def draw_scene(scene: Scene, arc: float, offset: float, traffic: list[Car]) -> I
     comes after the trees and lamps on the pavement behind it.
     """
     route = scene.street.route
-    camera = Camera(route.point(arc, offset, EYE), float(route.heading(arc)))
+    camera = PinholeCamera(route.point(arc, offset, EYE), float(route.heading(arc)))
     sky = view(scene.panorama, camera.yaw)
     drawn = View(sky.copy(), sky, camera)
     draw_ground(drawn.image, scene.ground, route, camera, arc)

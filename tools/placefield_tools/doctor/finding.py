@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Verdict(StrEnum):
+class Health(StrEnum):
     """How grave a finding is."""
 
     GOOD = "good"
@@ -25,21 +25,21 @@ class Finding:
     """
 
     subject: str
-    verdict: Verdict
+    verdict: Health
     found: str
     advice: str = ""
 
 
 def good(subject: str, found: str) -> Finding:
     """Find nothing wrong."""
-    return Finding(subject, Verdict.GOOD, found)
+    return Finding(subject, Health.GOOD, found)
 
 
 def warning(subject: str, found: str, advice: str) -> Finding:
     """Find something that can be lived with."""
-    return Finding(subject, Verdict.WARNING, found, advice)
+    return Finding(subject, Health.WARNING, found, advice)
 
 
 def bad(subject: str, found: str, advice: str) -> Finding:
     """Find something that must be mended."""
-    return Finding(subject, Verdict.BAD, found, advice)
+    return Finding(subject, Health.BAD, found, advice)

@@ -29,9 +29,9 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.through_services import match_through_services
-from placefield_tools.evaluate.truth_source import Asked, Ground, Sides, ground_of
+from placefield_tools.evaluate.truth_source import Asked, Sides, TruthSource, ground_of
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
-from placefield_tools.sources.resampled import Driven
+from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
 
@@ -106,7 +106,7 @@ class Query:
             query = stack.enter_context(opened(self.where))
             other = stack.enter_context(opened(self.other)) if self.other else None
             every = DEFAULT_EVERY if self.every is None else self.every
-            return Driven(query, self.protocol, other=other, seed=self.seed, every=every)
+            return ResampledTraverse(query, self.protocol, other=other, seed=self.seed, every=every)
 
     def numbered(self, drive: Drive) -> Drive:
         """Return the drive by the numbers that its frames have in the query's source.
@@ -156,7 +156,7 @@ class Evaluation:
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
-    ground: Ground
+    ground: TruthSource
     known: dict[Rule, int]
     missing: int
 
@@ -168,7 +168,7 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
         source: of ``Query.open``.
         count: of the frames that it gave.
     """
-    if isinstance(source, Driven):
+    if isinstance(source, ResampledTraverse):
         return source.drive, source.undriven_count
     return aligned(count), count
 

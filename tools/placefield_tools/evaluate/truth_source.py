@@ -66,7 +66,7 @@ class Sides:
 
 
 @dataclass(frozen=True)
-class Ground:
+class TruthSource:
     """What is right, and by what that is known.
 
     Attributes:
@@ -112,7 +112,7 @@ class Ground:
         )
 
 
-def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) -> Ground:
+def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) -> TruthSource:
     """Say what is right.
 
     Poses on earth of both sides decide, or poses in the same frame, if a person says that they are.
@@ -128,18 +128,18 @@ def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) 
         TruthError: ``truth_of`` raises it, or poses are asked for and cannot be compared.
     """
     if asked is None:
-        return Ground(_by_number(sides, truth_of), "given")
+        return TruthSource(_by_number(sides, truth_of), "given")
     if not asked.aligned:
         if (query := _in_frame_of_map(sides, asked)) is not None:
             truth = _by_poses(sides, query, asked)
             if truth.judged is not None and truth.judged.any():
                 tolerance = asked.tolerance if asked.metres is None else None
-                return Ground(truth, "poses", tolerance, asked.metres)
+                return TruthSource(truth, "poses", tolerance, asked.metres)
         _refuse_without_poses(sides, asked)
         if why := _unaligned(sides):
             more = _SAME_FRAME if _have_poses(sides) and not _is_on_earth(sides) else ""
-            return Ground(None, "none", why_none=f"{why}; {_REMEDY}{more}")
-    return Ground(_by_number(sides, truth_of), "aligned", asked.tolerance)
+            return TruthSource(None, "none", why_none=f"{why}; {_REMEDY}{more}")
+    return TruthSource(_by_number(sides, truth_of), "aligned", asked.tolerance)
 
 
 def _by_number(sides: Sides, truth_of: Callable[[], Truth]) -> Truth:

@@ -54,7 +54,7 @@ def record(
         with open_bus(config.bus, stop, watches=True) as bus:
             warn_of_other_runs(bus, config.run)
             recorder = stack.enter_context(into)
-            recording = Recording(bus, Keys(config.run), recorder, frames=frames, digest=digest)
+            recording = RecordSession(bus, Keys(config.run), recorder, frames=frames, digest=digest)
             ready()
             while not stop.is_set():
                 recording.take(_POLL_S)
@@ -63,7 +63,7 @@ def record(
     return recording.counts
 
 
-class Recording:
+class RecordSession:
     """The matches of a run, and its frames if they are wanted, as they come.
 
     A picture is written when its frame comes, which is before its match does.

@@ -44,12 +44,12 @@ def _service(name: str, *, publishes: tuple[str, ...], reads: tuple[str, ...]) -
 
 ROLES = {
     "featurizer": _service(
-        "featurizer", publishes=(_ANY.feature, _ANY.moments, _ANY.unseen), reads=(_ANY.frame,)
+        "featurizer", publishes=(_ANY.feature, _ANY.moments, _ANY.unobserved), reads=(_ANY.frame,)
     ),
     "channel": _service(
         "channel",
-        publishes=(_ANY.all_candidates, _ANY.all_borders),
-        reads=(_ANY.feature, _ANY.moments, _ANY.all_borders),
+        publishes=(_ANY.all_candidates, _ANY.all_halos),
+        reads=(_ANY.feature, _ANY.moments, _ANY.all_halos),
     ),
     "fuser": _service(
         "fuser",
@@ -58,7 +58,7 @@ ROLES = {
     ),
     "camera": Role(
         publishes=(_ANY.frame, _ANY.odometry),
-        reads=(_ANY.match, _ANY.ack, _ANY.unseen, _ANY.odometry),
+        reads=(_ANY.match, _ANY.ack, _ANY.unobserved, _ANY.odometry),
         is_alive_as=(_ANY.all_alive("replay"),),
     ),
     "dashboard": Role(reads=(EVERYTHING,), asks=(_HISTORY,)),

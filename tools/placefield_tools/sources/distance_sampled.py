@@ -8,12 +8,12 @@ from placefield.features.frames import Frame
 from placefield.features.spacing import Spacing
 from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.source import Derived, Source
-from placefield_tools.sources.with_poses import Located
+from placefield_tools.sources.with_poses import WithPoses
 
 log = logging.getLogger(__name__)
 
 
-class Spaced(Derived):
+class DistanceSampled(Derived):
     """The frames of a source that a ``Spacing`` takes.
 
     Frames before the first pose of a trajectory are left out, which is logged: nobody knows how far
@@ -32,7 +32,7 @@ class Spaced(Derived):
         Of a live source it is left out: with no news, the vehicle is no farther for all we know.
         """
         spacing = Spacing(self._metres)
-        early, begun = 0, not isinstance(self._source, Located)
+        early, begun = 0, not isinstance(self._source, WithPoses)
         for frame in self._source:
             if frame.odometry_m is None:
                 if self.live:
@@ -52,6 +52,6 @@ class Spaced(Derived):
                 yield frame
 
     def _remedy(self) -> str:
-        if isinstance(self._source, Located):
+        if isinstance(self._source, WithPoses):
             return f"give poses that are at most {MAX_GAP_NS / 1e9:g} s apart there"
         return "give a frames.csv with the column odometry, --odometry-topic or --poses"

@@ -15,15 +15,15 @@ from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
-from placefield_tools.sources.distance_sampled import Spaced
+from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.video import Video
-from placefield_tools.sources.with_odometry import Metered
-from placefield_tools.sources.with_poses import Located
+from placefield_tools.sources.with_odometry import WithOdometry
+from placefield_tools.sources.with_poses import WithPoses
 
 if TYPE_CHECKING:
     from placefield_tools.sources.recording import Recording
@@ -86,7 +86,7 @@ def open_source(
     the entry point ``NAME`` of ``placefield.sources``.
 
     The source gives the frames that ``parts`` says, and of these, if asked to, only one every
-    ``spacing_m`` metres (see ``Spaced``). The odometry of a camera's frames is what
+    ``spacing_m`` metres (see ``DistanceSampled``). The odometry of a camera's frames is what
     ``metres`` tells, None where that is no news. ``stop`` ends the frames; a camera that is away is
     waited for until then.
 
@@ -123,8 +123,8 @@ def open_source(
     if parts.stop is not None:
         source = Ended(source, start, parts.stop, stride)
     if source.live and metres is not None:
-        source = Metered(source, metres)
-    return source if spacing_m is None else Spaced(source, spacing_m)
+        source = WithOdometry(source, metres)
+    return source if spacing_m is None else DistanceSampled(source, spacing_m)
 
 
 def _open(
@@ -283,4 +283,4 @@ def _located(
             raise SourceError(f"--poses {poses}: has {total} lines, and none for {frame.name}")
         return file.key(frame.index, frame.stamp_ns)
 
-    return Located(source, file.trajectory, str(poses), key=key)
+    return WithPoses(source, file.trajectory, str(poses), key=key)

@@ -16,7 +16,7 @@ from placefield_tools.sources.pose_files import LARGEST
 from placefield_tools.sources.recording import Recording, known_errors
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import pose_topic
-from placefield_tools.sources.with_poses import Located
+from placefield_tools.sources.with_poses import WithPoses
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ _RECORDED_AXES = "give them as a file, with --poses and --pose-axes z-forward"
 _Row = tuple[float, ...]
 
 
-class Way(NamedTuple):
+class RecordedTrajectory(NamedTuple):
     """A trajectory, where on earth it is, if that is known, and from when to when it was told."""
 
     trajectory: Trajectory
@@ -35,7 +35,7 @@ class Way(NamedTuple):
     span_ns: tuple[int, int]
 
 
-def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
+def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> RecordedTrajectory:
     """Make a trajectory of messages of one of the types known here, each behind its stamp in ns.
 
     Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
@@ -61,10 +61,10 @@ def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Way:
     if kind not in (_ROS_FIX, _FOXGLOVE_FIX):
         forwards = forwards_of(values[:, 3:], "x-forward")
         poses = ground_poses(name, values[:, :3], forwards, "x-forward", _RECORDED_AXES)
-        return Way(Trajectory.of(stamps, poses), None, span_ns)
+        return RecordedTrajectory(Trajectory.of(stamps, poses), None, span_ns)
     origin, positions = laid_out(values)
     poses = np.column_stack([positions, directions(positions)])
-    return Way(Trajectory.of(stamps, poses), origin, span_ns)
+    return RecordedTrajectory(Trajectory.of(stamps, poses), origin, span_ns)
 
 
 def _of_pose(pose: Any) -> _Row:
@@ -114,7 +114,7 @@ def with_poses(source: Source, recordings: Sequence[Recording], asked: str | Non
         return source
     name = f"{path.name}:{topic}"
     way = way_of(name, types[topic], _messages(recordings, topic))
-    return Located(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
+    return WithPoses(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
 
 
 def _messages(recordings: Sequence[Recording], topic: str) -> Iterator[tuple[int, Any]]:

@@ -23,7 +23,7 @@ JPEG_QUALITY = 90
 _NOMINAL_NS = 100_000_000  # from frame to frame, where the query's stamps do not tell
 
 
-class Driven(Source):
+class ResampledTraverse(Source):
     """The frames of a query, and of another route, as a drive takes them.
 
     They are numbered anew, and stamped evenly at the query's mean rate, so that time goes on where

@@ -7,7 +7,7 @@ from placefield.features.frames import Frame
 from placefield_tools.sources.source import Derived, Source
 
 
-class Metered(Derived):
+class WithOdometry(Derived):
     """The frames of a live source, with the metres travelled, where the vehicle has told them."""
 
     count = None

@@ -15,7 +15,7 @@ from placefield_tools.sources.source import Derived, Source
 log = logging.getLogger(__name__)
 
 
-class Located(Derived):
+class WithPoses(Derived):
     """The frames from a trajectory's first message to its last, each with its pose.
 
     A recorder's topics do not begin at one instant, and a SLAM's trajectory begins where it finds

@@ -98,10 +98,10 @@ def _by_channels(lag: int) -> list[Method]:
     """Return the methods that match by channels: at a lag of 0 at once, else smoothed."""
     named = f", lag {lag}" if lag else ""
     lowest, evidence, filtered = (
-        partial(_channels, rule=rule, lag=lag) for rule in ("lowest-score", "evidence", "filter")
+        partial(_channels, rule=rule, lag=lag) for rule in ("ams", "evidence", "filter")
     )
     return [
-        Method(f"AMS, lowest-score{named}", lowest, lag=lag),
+        Method(f"AMS, published rule{named}", lowest, lag=lag),
         Method(f"Placefield, evidence{named}", evidence, ours=True, lag=lag),
         Method(f"Placefield, filter{named}", filtered, ours=True, lag=lag),
     ]
@@ -178,7 +178,7 @@ def _fabmap(trial: Trial) -> Matched:
 def _published(trial: Trial, map_of: Callable[[Trial], Map]) -> Matched:
     placemap = map_of(trial)
     on_map = trial.on_published(placemap)
-    return match_smoothed(placemap.channels, on_map, "lowest-score", PUBLISHED_LAG)
+    return match_smoothed(placemap.channels, on_map, "ams", PUBLISHED_LAG)
 
 
 def _channels(trial: Trial, rule: Rule, lag: int) -> Matched:

@@ -7,7 +7,7 @@ from placefield.config import Rule
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluate.evaluation import Judged
-from placefield_tools.evaluate.truth_source import Ground
+from placefield_tools.evaluate.truth_source import TruthSource
 
 LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]
 """A part of the method: several scales per channel, adaptive ones, a learned metric, channels."""
@@ -84,4 +84,4 @@ class Study:
     placemap: Map
     methods: tuple[MethodResult, ...]
     ablation: tuple[AblationResult, ...]
-    ground: Ground
+    ground: TruthSource

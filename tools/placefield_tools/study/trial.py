@@ -21,7 +21,7 @@ from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
 from placefield_tools.evaluate.drive_matching import Metres
 from placefield_tools.evaluate.evaluation import RawFeature
-from placefield_tools.evaluate.truth_source import Ground
+from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study.describing import Described
 
 Array = NDArray[np.float32]
@@ -59,7 +59,7 @@ class Trial:
     descriptors: list[Array | None]
     metres: Metres
     truth: Truth
-    ground: Ground
+    ground: TruthSource
     jumps: NDArray[np.int64]
     every: int | None = None
     lowered_min_scale: int | None = None

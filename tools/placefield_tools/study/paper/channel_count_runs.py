@@ -31,7 +31,7 @@ def count_channels(trial: Trial) -> tuple[CountResult, ...]:
     """
     scales = trial.config.scales.model_copy(update={"channels": CHANNELS})
     placemap = trial.build(trial.config.model_copy(update={"scales": scales}))
-    matching = trial.matching("lowest-score")
+    matching = trial.matching("ams")
     candidates = settled_candidates(placemap.channels, trial.descriptors, trial.metres, matching)
     fusion = FusionStage(placemap.places.same, matching)
     numbers = range(1, CHANNELS + 1)

@@ -38,7 +38,7 @@ def measure_cost(trial: Trial) -> Cost:
     """
     channels = trial.placemap.channels
     begun = time.perf_counter()
-    match_smoothed(channels, trial, "lowest-score", trial.config.matching.lag)
+    match_smoothed(channels, trial, "ams", trial.config.matching.lag)
     seconds = (time.perf_counter() - begun) / len(trial.descriptors)
     return Cost(
         places=trial.places,
@@ -58,7 +58,7 @@ def _metric_bytes(metrics: Iterable[MapMetric]) -> int:
 
 def _stream_bytes(trial: Trial, channels: Sequence[MapChannel]) -> int:
     """Measure what a stream that has begun holds."""
-    stage = ChannelStage(dict(enumerate(channels)), trial.matching("lowest-score"))
+    stage = ChannelStage(dict(enumerate(channels)), trial.matching("ams"))
     tracemalloc.start()
     stream = stage.new_stream()
     stream.push(None)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluate.evaluation import Judged
-from placefield_tools.evaluate.truth_source import Ground
+from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.plots import Neighbourhood
 from placefield_tools.study.results import MethodResult
 
@@ -140,4 +140,4 @@ class PaperStudy:
     tolerance: int | None
     features: tuple[FeatureResult, ...]
     others: tuple[MethodResult, ...]
-    ground: Ground
+    ground: TruthSource

@@ -113,7 +113,7 @@ def _lines(
 
 
 def _judged(trial: Trial, channels: Sequence[MapChannel]) -> Judged:
-    matched = match_smoothed(channels, trial, "lowest-score", trial.config.matching.lag)
+    matched = match_smoothed(channels, trial, "ams", trial.config.matching.lag)
     return replace(judge(matched.matches, trial.truth), mean_lag=matched.mean_lag)
 
 

@@ -16,7 +16,7 @@ _PLACES = 100  # compiled code is the same for any number of them
 Part = TypeVar("Part", bound=Any)
 
 
-def rehearse(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
+def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
     """Match frames of no stream along the first places of each channel.
 
     What is made at the first use of whole channels is all that shards use.

@@ -22,7 +22,7 @@ All are infinite where fewer frames are known than the scale has, or the map is 
 """
 
 
-class LowestScoreMatcher(WindowMatcher):
+class AmsMatcher(WindowMatcher):
     """Finds the best hypothesis of all coarse scales that have a window yet.
 
     Of the windows, the first length is the smallest scale s_min, the others are the coarse scales

@@ -12,8 +12,8 @@ from windowed import Windowed
 
 from placefield.config import MatchingConfig
 from placefield.fusion.rules import fuse
+from placefield.matching.ams import AmsMatcher
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED
-from placefield.matching.lowest_score import LowestScoreMatcher
 
 Array = NDArray[np.int32]
 Scored = tuple[float, int]
@@ -86,7 +86,7 @@ def test_places_and_scores_are_those_of_the_equations(
     channels: list[tuple[Array, list[int]]],
 ) -> None:
     frames, places = channels[0][0].shape
-    windows = [Windowed(LowestScoreMatcher, scales, places, unit=0.25) for _, scales in channels]
+    windows = [Windowed(AmsMatcher, scales, places, unit=0.25) for _, scales in channels]
     for newest in range(frames):
         candidates = []
         for channel, (D, scales) in zip(windows, channels, strict=True):
@@ -97,7 +97,7 @@ def test_places_and_scores_are_those_of_the_equations(
             else:
                 assert (candidate.score * 16, candidate.place) == expected
             candidates.append(candidate)
-        match = fuse(candidates, MatchingConfig(rule="lowest-score"))
+        match = fuse(candidates, MatchingConfig(rule="ams"))
         expected = literal_match([(D[: newest + 1], scales) for D, scales in channels])
         if expected is None:
             assert match.place == UNANSWERED
@@ -137,12 +137,12 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
 ) -> None:
     frames, places = channels[0][0].shape
     settled = [
-        Windowed(LowestScoreMatcher, scales, places, unit=0.25, lag=20).settle_all(list(D))
+        Windowed(AmsMatcher, scales, places, unit=0.25, lag=20).settle_all(list(D))
         for D, scales in channels
     ]
     for frame in range(frames):
         candidates = [of_channel[frame].candidate for of_channel in settled]
-        match = fuse(candidates, MatchingConfig(rule="lowest-score"))
+        match = fuse(candidates, MatchingConfig(rule="ams"))
         expected = published_match([(D[frame:], scales) for D, scales in channels])
         if expected is None:
             assert match.place == UNANSWERED
@@ -151,7 +151,7 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
 
 
 def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
-    windows = Windowed(LowestScoreMatcher, [2, 3], 10)
+    windows = Windowed(AmsMatcher, [2, 3], 10)
     for _ in range(5):
         assert windows.push_missing() is NO_CANDIDATE
     D = np.ones((3, 10), np.int32)
