@@ -108,8 +108,9 @@ def test_credentials_that_find_no_room_leave_no_key_behind(
     folder = tmp_path / "pki"
     if was_there:
         folder.mkdir()
-    with full_after(room), pytest.raises(OSError, match="large"):
+    with full_after(room), pytest.raises(OSError, match="large") as refused:
         write_credentials(folder, [], days=1)
+    assert Path(refused.value.filename).is_relative_to(folder)
     assert folder.exists() == was_there
     assert not was_there or not list(folder.iterdir())
     write_credentials(folder, [], days=1)

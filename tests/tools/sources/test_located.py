@@ -85,16 +85,33 @@ def test_a_kitti_file_of_another_drive_is_refused(folder: Path, tmp_path: Path, 
         open_source(str(folder), parts=parts)
 
 
-@pytest.fixture
-def miscounted(tmp_path: Path) -> str:
-    """A video whose container says that it has more frames than it has."""
-    whole = tmp_path / "whole.avi"
+@pytest.mark.parametrize(("start", "stride"), [(0, 1), (3, 7), (0, COUNT)])
+def test_a_video_of_fewer_frames_than_lines_is_refused_at_its_end(
+    tmp_path: Path, start: int, stride: int
+) -> None:
+    video = write_video(tmp_path / "whole.avi")
+    parts = Parts(poses=kitti(tmp_path / "00.txt", COUNT), start=start, stride=stride)
+    frames = list(open_source(video, parts=parts))
+    assert [frame.pose.x for frame in frames if frame.pose] == [*range(start, COUNT, stride)]
+    parts = Parts(poses=kitti(tmp_path / "00.txt", 2 * COUNT), start=start, stride=stride)
+    with pytest.raises(SourceError, match=f"has {2 * COUNT} lines"):
+        list(open_source(video, parts=parts))
+
+
+def write_video(path: Path) -> str:
     writer = cv2.VideoWriter(
-        str(whole), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), RATE, (64, 48)
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), RATE, (64, 48)
     )
     for at in range(COUNT):
         writer.write(np.full((48, 64, 3), at, np.uint8))
     writer.release()
+    return str(path)
+
+
+@pytest.fixture
+def miscounted(tmp_path: Path) -> str:
+    """A video whose container says that it has more frames than it has."""
+    whole = Path(write_video(tmp_path / "whole.avi"))
     cut = tmp_path / "cut.avi"
     cut.write_bytes(whole.read_bytes()[: 6 * whole.stat().st_size // 10])
     return str(cut)
@@ -106,6 +123,9 @@ def test_of_a_video_the_frames_that_there_are_need_a_line(miscounted: str, tmp_p
     for lines in (count, COUNT):
         parts = Parts(poses=kitti(tmp_path / "00.txt", lines))
         assert [frame.pose.x for frame in open_source(miscounted, parts=parts)] == [*range(count)]
+    parts = Parts(poses=kitti(tmp_path / "00.txt", COUNT + 1))
+    with pytest.raises(SourceError, match=f"{COUNT + 1} lines, and there are {count} frames"):
+        list(open_source(miscounted, parts=parts))
     parts = Parts(poses=kitti(tmp_path / "00.txt", count - 1))
     with pytest.raises(SourceError, match=rf"{count - 1} lines, and none for cut.avi#{count - 1}$"):
         list(open_source(miscounted, parts=parts))

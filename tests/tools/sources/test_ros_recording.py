@@ -360,6 +360,17 @@ def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
         build_from([str(bag)], Config())
 
 
+@pytest.mark.parametrize(("form", "suffix"), [("sqlite3", "db3"), ("mcap", "mcap")])
+def test_a_file_that_a_bags_metadata_do_not_list_is_told(
+    tmp_path: Path, form: str, suffix: str
+) -> None:
+    bag = Path(record(tmp_path / "drive", images(), form))
+    assert len(list(open_source(str(bag)))) == COUNT
+    (bag / f"drive_1.{suffix}").write_bytes((bag / f"drive.{suffix}").read_bytes())
+    with pytest.raises(SourceError, match=rf"metadata.yaml: does not list drive_1.{suffix}, "):
+        open_source(str(bag))
+
+
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 @pytest.mark.parametrize("share", [0, 0.1, 0.5, 0.95])
 def test_a_recording_that_was_cut_off_is_told_in_one_line(

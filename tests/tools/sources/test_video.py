@@ -1,4 +1,5 @@
 import struct
+from fractions import Fraction
 
 import cv2
 import numpy as np
@@ -158,6 +159,42 @@ def test_a_whole_video_is_missing_nothing_whatever_part_of_it_is_taken(tmp_path,
         source = open_source(video, parts=parts)
         assert list(source)
         assert source.not_given["missing"] == 0
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    "shown_at",
+    [
+        pytest.param(np.cumsum(np.linspace(0.02, 0.5, 40)), id="uneven"),
+        pytest.param(20 + np.arange(40) / 10, id="late"),
+        pytest.param(np.arange(40) / 10, id="even"),
+    ],
+)
+@pytest.mark.parametrize("sound_s", [0, 9])
+def test_a_whole_matroska_is_missing_nothing_whenever_its_frames_come(
+    tmp_path, caplog, shown_at, sound_s
+):
+    av = pytest.importorskip("av")
+    video = tmp_path / "a.mkv"
+    with av.open(str(video), "w") as file:
+        stream = file.add_stream("mjpeg", rate=10, width=64, height=48, pix_fmt="yuvj420p")
+        stream.codec_context.time_base = Fraction(1, 1000)
+        sound = file.add_stream("pcm_s16le", rate=8000) if sound_s else None
+        for at, second in enumerate(shown_at):
+            pixels = np.full((48, 64, 3), 5 * at, np.uint8)
+            picture = av.VideoFrame.from_ndarray(pixels, format="bgr24")
+            picture.pts, picture.time_base = round(1000 * second), Fraction(1, 1000)
+            file.mux(stream.encode(picture))
+        file.mux(stream.encode())
+        if sound:
+            silence = np.zeros((1, 8000 * sound_s), np.int16)
+            samples = av.AudioFrame.from_ndarray(silence, format="s16", layout="mono")
+            samples.sample_rate = 8000
+            file.mux(sound.encode(samples))
+            file.mux(sound.encode())
+    source = open_source(str(video))
+    assert len(list(source)) == len(shown_at)
+    assert source.not_given["missing"] == 0
     assert not caplog.records
 
 

@@ -12,7 +12,7 @@ from placefield.bus.credentials import AUTHORITY, CERTIFICATE, KEY, ROUTER_SETTI
 from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
 from placefield.errors import ConfigError
-from placefield.files import sync, write_whole
+from placefield.files import named, sync, write_whole
 from placefield_tools.security.access import access_control
 from placefield_tools.security.certificates import Certified, issue, make_authority
 from placefield_tools.security.roles import ROLES, ROUTER
@@ -85,9 +85,12 @@ def _write_role(folder: Path, authority: Certified, certified: Certified) -> Non
 
 
 def _write_secret(file: Path, secret: bytes) -> None:
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as opened:
-        opened.write(secret)
-    sync(file)
+    try:
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as opened:
+            opened.write(secret)
+        sync(file)
+    except OSError as error:
+        raise named(error, file) from None
 
 
 def _router_settings(beside: Path, folder: Path, address: str) -> str:

@@ -17,6 +17,7 @@ from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
+from placefield_tools.sources.lined import Lined
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.secrets import without_secrets
@@ -278,9 +279,10 @@ def _located(
         log.warning("%s: the frames have no stamps: line i is taken for frame i", poses)
         file = file.by_number()
 
+    if file.numbered:
+        source = Lined(source, str(poses), total, stride)
+
     def key(frame: Frame) -> int:
-        if file.numbered and frame.index >= total:
-            raise SourceError(f"--poses {poses}: has {total} lines, and none for {frame.name}")
         return file.key(frame.index, frame.stamp_ns)
 
     return WithPoses(source, file.trajectory, str(poses), key=key)

@@ -22,6 +22,12 @@ log = logging.getLogger(__name__)
 
 _REASON = 150  # characters
 
+_MENDED_BY = {
+    ".bag": "'rosbag reindex'",
+    ".db3": "'.recover' of sqlite3",
+    ".mcap": "'mcap recover'",
+}
+
 Stamped = tuple[int, bytes | NDArray[np.uint8] | FrameError]
 """A stamp in nanoseconds, and an image or why there is none."""
 
@@ -121,7 +127,16 @@ def known_errors(path: Path) -> Iterator[None]:
     except Exception as error:
         reason = _short(error)
         question = "; was it cut off?" if is_cut_off(path) else ""
-        raise SourceError(f"{path}: cannot be read as a recording ({reason}){question}") from error
+        raise SourceError(
+            f"{path}: cannot be read as a recording ({reason}){question}{_remedy(path)}"
+        ) from error
+
+
+def _remedy(path: Path) -> str:
+    """Return what gets out of a damaged recording what is whole, by the form of its files."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    mended_by = [_MENDED_BY[suffix] for file in files if (suffix := file.suffix) in _MENDED_BY]
+    return f"; if it is damaged, try {mended_by[0]}" if mended_by else ""
 
 
 def _short(error: Exception) -> str:

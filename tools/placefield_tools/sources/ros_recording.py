@@ -9,6 +9,7 @@ from typing import Any
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
+from ruamel.yaml import YAML
 
 from placefield.errors import SourceError
 from placefield_tools.common.natural_sort import in_natural_order
@@ -64,6 +65,7 @@ def open_ros_recording(
     with known_errors(path):
         _check_files(path)
     with known_errors(path), _reader(path) as reader:
+        _check_listed(path)
         held = [each for each in reader.connections if each.msgcount]
         types = {each.topic: each.msgtype for each in held}
         images = image_topic(str(path), types, IMAGES, topic)
@@ -83,6 +85,31 @@ def _check_files(path: Path) -> None:
             read_summary(file)
 
 
+def _check_listed(folder: Path) -> None:
+    """Refuse a bag's folder that does not hold the very files that its metadata list.
+
+    Raises:
+        SourceError: one is missing, or there is another one of messages.
+    """
+    if not folder.is_dir():
+        return
+    metadata = folder / "metadata.yaml"
+    told = YAML(typ="safe").load(metadata.read_text())["rosbag2_bagfile_information"]
+    names = [Path(name).name for name in told["relative_file_paths"]]
+    if missing := [name for name in names if not (folder / name).is_file()]:
+        raise SourceError(
+            f"{metadata}: lists {', '.join(missing)}, not there: bring it back, or leave it out "
+            f"with: ros2 bag reindex {folder}"
+        )
+    listed = {name.removesuffix(".zstd") for name in names}
+    held = (file.name for file in folder.iterdir() if file.suffix.lower() in (".db3", ".mcap"))
+    if unlisted := [name for name in in_natural_order(held) if name not in listed]:
+        raise SourceError(
+            f"{metadata}: does not list {', '.join(unlisted)}, whose messages would be lost: "
+            f"remove what is not of this drive, or run: ros2 bag reindex {folder}"
+        )
+
+
 def mixed_files(path: Path) -> list[Path]:
     """Return the MCAP files of a bag's folder, if other messages than ROS's are among theirs.
 
@@ -97,7 +124,7 @@ def mixed_files(path: Path) -> list[Path]:
     with known_errors(path):
         if not any(map(_holds_others, files)):
             return []
-        Reader2(path)  # which looks for all files that the bag has
+        _check_listed(path)
     return files
 
 

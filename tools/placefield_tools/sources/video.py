@@ -82,10 +82,8 @@ class Video(Source):
             )
 
     def _expected(self, capture: cv2.VideoCapture) -> Completeness:
-        with self._path.open("rb") as file:
-            head = file.read(12)
         total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        return Completeness(head, total, capture.get(cv2.CAP_PROP_FPS))
+        return Completeness(self._path, total, capture.get(cv2.CAP_PROP_FPS))
 
     def _grabbed(self, capture: cv2.VideoCapture) -> Iterator[tuple[int, int, bool]]:
         """Grab all frames up to the last that is there; yield number, stamp, and if it is there.
