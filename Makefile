@@ -2,6 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUNNING := .venv/.installed-dashboard
 WORKING := .venv/.installed-dev
+FAST := $(addprefix tests/shared/,bus fusion maps matching ros scales)
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile
 
 .PHONY: demo test test-fast lint docs audit bench
@@ -13,7 +14,7 @@ test: $(WORKING)
 	$(PYTEST)
 
 test-fast: $(WORKING)
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow" $(FAST)
 
 lint: $(WORKING)
 	$(BIN)/ruff check
