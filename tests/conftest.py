@@ -1,7 +1,8 @@
 """What all tests share."""
 
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from inspect import signature
 from pathlib import Path
 from shutil import copy
@@ -162,6 +163,30 @@ def map_path(made_up: Path, reference_dir: Path) -> Path:
 def route_map(map_path: Path) -> Map:
     """The same map, open."""
     return open_map(map_path)
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Path]]:
+    """Install a package as pip does: its module, and a dist-info folder with its entry points."""
+
+    def installed(name: str, code: str, groups: Mapping[str, Mapping[str, str]]) -> Path:
+        site = tmp_path / f"site-{name}"
+        about = site / f"{name}-1.0.dist-info"
+        about.mkdir(parents=True)
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        lines = []
+        for group, entries in groups.items():
+            lines += [f"[{group}]", *(f"{entry} = {value}" for entry, value in entries.items())]
+        (about / "entry_points.txt").write_text("\n".join(lines))
+        (site / f"{name}.py").write_text(code)
+        monkeypatch.syspath_prepend(site)
+        names.append(name)
+        return site
+
+    names: list[str] = []
+    yield installed
+    for name in names:
+        sys.modules.pop(name, None)
 
 
 @pytest.fixture

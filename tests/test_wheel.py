@@ -20,9 +20,9 @@ PACKAGES = {
 RECOGNISE = """
 import sys
 from pathlib import Path
-from placefield import MatchingConfig, Recognizer, open_map
+from placefield import Config, Recognizer, open_map
 
-recognizer = Recognizer(open_map(Path("route.pfmap")), MatchingConfig(rule="lowest-score"))
+recognizer = Recognizer(open_map(Path("route.pfmap")), Config(matching={"rule": "lowest-score"}))
 for file in sorted(Path(sys.argv[1]).iterdir()):
     print(recognizer.push(file.read_bytes()).place)
 """

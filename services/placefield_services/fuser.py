@@ -146,7 +146,7 @@ class Fuser:
     ) -> None:
         self._map = placemap
         self._config = config
-        self._stage = FusionStage(placemap.places.same, config.matching)
+        self._stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
         self._feature_key = keys.feature
         self.channels = channels
         self._memories = memories
@@ -368,7 +368,7 @@ class Fuser:
 
     def _publish(self, header: Header, joined: Joined) -> None:
         match = replace(self._fuse(joined), forgotten=self._smoothing.is_forgotten)
-        message = MatchMessage.of(match, self._map.places.pose, map=self._map.digest)
+        message = MatchMessage.of(match, map=self._map.digest)
         self._outlets.matches.put(header, message)
         self._counts["matches"] += 1
         if message.too_fast:

@@ -158,9 +158,7 @@ class Smoothing:
         for joined in released:
             header = self._answered.pop(joined.sequence)
             match = replace(self._fuse(joined), forgotten=self.is_forgotten)
-            message = SmoothedMessage.of(
-                match, self._map.places.pose, map=self._map.digest, lag=joined.lag
-            )
+            message = SmoothedMessage.of(match, map=self._map.digest, lag=joined.lag)
             self._outbox.put(header, message)
             self._counts["smoothed"] += 1
             self._shards.forget_before(joined.sequence + 1)

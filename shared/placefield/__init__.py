@@ -15,30 +15,64 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from placefield.bus.client import Client, connect
     from placefield.config import Config, MatchingConfig
+    from placefield.errors import (
+        BusError,
+        ConfigError,
+        FrameError,
+        MapError,
+        MessageError,
+        OtherMapError,
+        PlacefieldError,
+        SourceError,
+        TruthError,
+    )
+    from placefield.evaluation.curves import PrecisionRecall, precision_recall
+    from placefield.evaluation.truth import Truth, read_truth
     from placefield.features.describer import Describer
-    from placefield.features.frames import Frame, Pose
+    from placefield.features.frames import Frame
     from placefield.fusion.match import Match, SmoothedMatch
     from placefield.library import build_map
+    from placefield.loading import load_config
     from placefield.maps.map import Map
     from placefield.maps.opening import open_map
     from placefield.maps.store import save_map
+    from placefield.matching.candidate import UNANSWERED
+    from placefield.pose import Pose
     from placefield.recognizer import Recognizer
 
 __version__ = version("placefield")
 
 __all__ = (
+    "UNANSWERED",
+    "BusError",
+    "Client",
     "Config",
+    "ConfigError",
     "Describer",
     "Frame",
+    "FrameError",
     "Map",
+    "MapError",
     "Match",
     "MatchingConfig",
+    "MessageError",
+    "OtherMapError",
+    "PlacefieldError",
     "Pose",
+    "PrecisionRecall",
     "Recognizer",
     "SmoothedMatch",
+    "SourceError",
+    "Truth",
+    "TruthError",
     "build_map",
+    "connect",
+    "load_config",
     "open_map",
+    "precision_recall",
+    "read_truth",
     "save_map",
 )
 
@@ -47,17 +81,34 @@ __all__ = (
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "64000000")
 
 _HOMES = {
+    "UNANSWERED": "placefield.matching.candidate",
+    "BusError": "placefield.errors",
+    "Client": "placefield.bus.client",
     "Config": "placefield.config",
+    "ConfigError": "placefield.errors",
     "Describer": "placefield.features.describer",
     "Frame": "placefield.features.frames",
+    "FrameError": "placefield.errors",
     "Map": "placefield.maps.map",
+    "MapError": "placefield.errors",
     "Match": "placefield.fusion.match",
     "MatchingConfig": "placefield.config",
-    "Pose": "placefield.features.frames",
+    "MessageError": "placefield.errors",
+    "OtherMapError": "placefield.errors",
+    "PlacefieldError": "placefield.errors",
+    "Pose": "placefield.pose",
+    "PrecisionRecall": "placefield.evaluation.curves",
     "Recognizer": "placefield.recognizer",
     "SmoothedMatch": "placefield.fusion.match",
+    "SourceError": "placefield.errors",
+    "Truth": "placefield.evaluation.truth",
+    "TruthError": "placefield.errors",
     "build_map": "placefield.library",
+    "connect": "placefield.bus.client",
+    "load_config": "placefield.loading",
     "open_map": "placefield.maps.opening",
+    "precision_recall": "placefield.evaluation.curves",
+    "read_truth": "placefield.evaluation.truth",
     "save_map": "placefield.maps.store",
 }
 

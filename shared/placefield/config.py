@@ -1,5 +1,6 @@
 """The configuration of a run: one frozen value."""
 
+import re
 from typing import Annotated, Literal
 
 import tomli_w
@@ -24,9 +25,15 @@ CROSS_VALIDATION = "cross-validation"
 """In place of a number that is to be chosen by it."""
 
 
+FEATURES = ("grayscale", "gist")
+"""The kinds of features that need neither a network nor another package."""
+
+_PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+
+
 def _check_kind(kind: str) -> str:
     is_network = kind.startswith(ONNX) and len(kind) > len(ONNX)
-    if kind not in ("grayscale", "gist") and not is_network:
+    if not is_network and not _PLUGIN.fullmatch(kind):  # built-in kinds are such names, too
         raise PydanticCustomError("feature_kind", "give grayscale, gist or onnx:FILE")
     return kind
 
@@ -92,7 +99,9 @@ class BusConfig(_Section):
 class FeatureConfig(_Section):
     """How a frame becomes a descriptor."""
 
-    kind: FeatureKind = Field("gist", description="grayscale, gist or onnx:FILE, a network")
+    kind: FeatureKind = Field(
+        "gist", description="grayscale, gist, onnx:FILE, a network, or another package's"
+    )
     dimensions: int | None = Field(
         None,
         ge=1,

@@ -14,8 +14,9 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from placefield.config import Config
+from placefield.config import FEATURES, ONNX, Config
 from placefield.errors import ConfigError
+from placefield.plugins import has_plugin
 from placefield.presets import PRESETS
 from placefield.toml import parse_toml
 
@@ -71,7 +72,7 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
             return *given, InitSettingsSource(settings_cls, init_kwargs=dict(preset))
 
     try:
-        return Config.model_validate(Loader(**(flags or {})).model_dump())
+        config = Config.model_validate(Loader(**(flags or {})).model_dump())
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -86,6 +87,17 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
         ) from None
     except RecursionError:  # flags and file have been read
         raise ConfigError(f"environment: a {ENV_PREFIX} variable is nested too deeply") from None
+    _check_feature(config.features.kind)
+    return config
+
+
+def _check_feature(kind: str) -> None:
+    if kind in FEATURES or kind.startswith(ONNX) or has_plugin("placefield.features", kind):
+        return
+    raise ConfigError(
+        f"setting features.kind: {kind!r}: give {', '.join(FEATURES)} or {ONNX}FILE, or install "
+        "the package that brings it"
+    )
 
 
 def _read(file: Path) -> dict[str, Any]:

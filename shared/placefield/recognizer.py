@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import MatchingConfig
+from placefield.config import Config
 from placefield.errors import FrameError
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.images import Image, check_pixels, load
@@ -15,7 +15,7 @@ from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
 from placefield.matching.channel_stage import ChannelStage
 
-_DEFAULTS = MatchingConfig()
+_DEFAULTS = Config()
 
 
 class Recognizer:
@@ -26,22 +26,31 @@ class Recognizer:
     frames after it have told enough.
     """
 
-    def __init__(self, placemap: Map, config: MatchingConfig = _DEFAULTS) -> None:
-        """Begin a stream on a map, with the rule of a configuration.
+    def __init__(self, placemap: Map, config: Config = _DEFAULTS) -> None:
+        """Begin a stream on a map.
+
+        Args:
+            placemap: whose places are recognised.
+            config: of which the section ``matching`` says how; the map has the rest.
 
         Raises:
             ConfigError: the rule does not follow the map's descriptors.
         """
-        placemap.features.check_rule(config.rule)
+        placemap.features.check_rule(config.matching.rule)
+        matching = config.matching
+        self._map, self._rule = placemap, matching.rule
         self._model = placemap.model
         self._images = DescriptorStage(placemap.model).new_stream()
         channels = dict(enumerate(placemap.channels))
         places = placemap.places
         self._channels = ChannelStage(
-            channels, config, travelled=places.travelled, same=places.same
+            channels, matching, travelled=places.travelled, same=places.same
         )
-        fusion = FusionStage(places.same, config)
-        self._stream = FusedStream(self._channels, fusion, config.lag)
+        fusion = FusionStage(places.same, matching, places.pose)
+        self._stream = FusedStream(self._channels, fusion, matching.lag)
+
+    def __repr__(self) -> str:
+        return f"Recognizer({self._map!r}, rule {self._rule}, after {self._stream.frames} frames)"
 
     def push(self, image: Image, odometry_m: float | None = None) -> Match:
         """Match the next frame.

@@ -1,5 +1,6 @@
 """The library on its own: what a program imports from ``placefield``, with no bus."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,17 @@ from sklearn.preprocessing import Normalizer
 from threadpoolctl import threadpool_limits
 
 import placefield
-from placefield import Config, Describer, Frame, Pose, Recognizer, build_map, open_map, save_map
+from placefield import (
+    Config,
+    Describer,
+    Frame,
+    Pose,
+    Recognizer,
+    build_map,
+    errors,
+    open_map,
+    save_map,
+)
 from placefield.errors import FrameError, MapError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.images import decode
@@ -26,9 +37,15 @@ def files(reference_dir: Path) -> list[Path]:
 
 def test_every_public_name_is_there() -> None:
     assert tuple(placefield._HOMES) == placefield.__all__
+    assert len(set(placefield.__all__)) == len(placefield.__all__)
     assert all(getattr(placefield, name) is not None for name in placefield.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = placefield.nothing  # type: ignore[attr-defined]
+
+
+def test_every_known_error_is_public() -> None:
+    known = {name for name, kind in vars(errors).items() if inspect.isclass(kind)}
+    assert known <= set(placefield.__all__)
 
 
 def test_five_lines_recognise_a_route(files: list[Path], query_dir: Path) -> None:

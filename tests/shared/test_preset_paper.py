@@ -111,7 +111,7 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
     day, shown, places = images(seed), images(seed, night=True), driven(seed)
     night = [shown[place] for place in places]
     placemap = build_map(day, config=config)
-    recognizer = Recognizer(placemap, config.matching)
+    recognizer = Recognizer(placemap, config)
     for image in night:
         recognizer.push(image)
     fuzzifiers = np.linspace(1.02, 1.4, CHANNELS)
@@ -267,7 +267,7 @@ def test_no_channel_wins_by_comparing_another_number_of_frames(
 
 def test_no_window_is_cut_however_long() -> None:
     placemap = map_of([[70, 5]], min_scale=4, frames=75)
-    recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}).matching)
+    recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}))
     places = placemap.channels[0].metric.places / 4000
     for place in places.astype(np.float32):
         recognizer.push_descriptor(place)

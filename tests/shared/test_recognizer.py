@@ -30,7 +30,7 @@ Raw = NDArray[np.float32] | None
 
 
 def recognise(placemap: Map, rule: Rule, query: list[Raw]) -> list[Match]:
-    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     return [recognizer.push_raw(raw) for raw in query]
 
 
@@ -55,7 +55,7 @@ def test_every_channel_is_matched_under_its_own_metric(
     descriptors = (first.metric.unit * first.metric.places).astype(np.float32)
     channels = (first, replace(other, metric=learned_metric(projection, descriptors)), other)
     config = MatchingConfig(rule=rule, reverse=reverse)
-    recognizer = Recognizer(replace(small_map, channels=channels), config)
+    recognizer = Recognizer(replace(small_map, channels=channels), Config(matching=config))
 
     matchers = [ChannelShard(channel, config).new_matcher() for channel in channels]
     places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
@@ -88,7 +88,9 @@ def test_streams_of_one_map_do_not_meddle(
 ) -> None:
     forwards = [*make_traverse(40).raw]
     backwards = forwards[::-1]
-    recognizers = [Recognizer(small_map, MatchingConfig(rule=rule)) for _ in range(2)]
+    recognizers = [
+        Recognizer(small_map, Config(matching=MatchingConfig(rule=rule))) for _ in range(2)
+    ]
     matches = [
         [recognizer.push_raw(raw) for recognizer, raw in zip(recognizers, pair, strict=True)]
         for pair in zip(forwards, backwards, strict=True)
@@ -103,7 +105,7 @@ def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
     small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule, wrong: NDArray[np.float64]
 ) -> None:
     query = make_traverse(noise=0.3).raw[:20]
-    recognizer = Recognizer(small_map, MatchingConfig(rule=rule))
+    recognizer = Recognizer(small_map, Config(matching=MatchingConfig(rule=rule)))
     matches = []
     for raw in query:
         with pytest.raises(FrameError):
@@ -194,12 +196,12 @@ def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
     dusk = [np.asarray(view * 0.6 + 10, np.uint8) for view in views]
     encoded = [cv2.imencode(".jpg", view)[1].tobytes() for view in dusk]
     encoded[30] = encoded[30][:500]
-    recognizer = Recognizer(placemap, config.matching)
+    recognizer = Recognizer(placemap, config)
     matches = [recognizer.push(image) for image in encoded]
     assert [match.place for match in matches] == pytest.approx(range(60), abs=1)
 
-    by_pixels = Recognizer(placemap, config.matching)
-    by_feature = Recognizer(placemap, config.matching)
+    by_pixels = Recognizer(placemap, config)
+    by_feature = Recognizer(placemap, config)
     for view in dusk:
         raw = feature.describe(view)
         assert by_pixels.push(view) == by_feature.push_raw(raw)
@@ -207,3 +209,20 @@ def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
         with pytest.raises(FrameError, match="pixels"):
             by_pixels.push(wrong)
     assert by_pixels.push(dusk[0]) == by_feature.push_raw(feature.describe(dusk[0]))
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_match_has_the_pose_of_its_place_at_once_and_smoothed(
+    make_map: Callable[[Traverse], Map], make_traverse: Callable[..., Traverse], rule: Rule
+) -> None:
+    placemap = make_map(make_traverse(spacing=0.5))
+    poses = placemap.places.poses.copy()
+    poses[::3] = np.nan
+    placemap = replace(placemap, places=replace(placemap.places, poses=poses))
+    recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
+    matches = [recognizer.push_raw(raw) for raw in [None, *make_traverse(noise=0.3).raw]]
+    matches += [each.match for each in recognizer.smoothed() + recognizer.finish()]
+    assert {match.pose is None for match in matches} == {True, False}
+    for match in matches:
+        known = match.place != UNANSWERED and np.isfinite(poses[match.place]).all()
+        assert match.pose == (tuple(poses[match.place]) if known else None)

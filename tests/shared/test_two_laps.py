@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from placefield.config import MatchingConfig
+from placefield.config import Config, MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
 from placefield.fusion.shards import join_shards
@@ -35,7 +35,9 @@ def map_of_laps(
 
 def matches_of(placemap: Map, query: Traverse, *, reverse: bool = False) -> list[list[Match]]:
     """Matches at once, and smoothed."""
-    recognizer = Recognizer(placemap, MatchingConfig(precision=0.95, reverse=reverse))
+    recognizer = Recognizer(
+        placemap, Config(matching=MatchingConfig(precision=0.95, reverse=reverse))
+    )
     raws = query.raw[::-1] if reverse else query.raw
     at_once = [recognizer.push_raw(raw) for raw in raws]
     smoothed = [each.match for each in [*recognizer.smoothed(), *recognizer.finish()]]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus
-from placefield.config import BusConfig, MatchingConfig, Rule
+from placefield.config import BusConfig, Config, MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map
@@ -289,7 +289,7 @@ def offline(
     placemap: Map, images: Sequence[Path | NDArray[np.uint8]], rule: Rule = _DEFAULT_RULE
 ) -> list[tuple[int, float, tuple[int, ...]]]:
     """Return what the recognizer says of the same frames, with no bus."""
-    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     matches = [
         recognizer.push(image.read_bytes() if isinstance(image, Path) else image)
         for image in images
@@ -309,7 +309,7 @@ def smoothed_offline(
     placemap: Map, images: Sequence[Path], rule: Rule = _DEFAULT_RULE
 ) -> list[Smoothed]:
     """Return what the recognizer says of the same frames in hindsight."""
-    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     for image in images:
         recognizer.push(image.read_bytes())
     smoothed = recognizer.smoothed() + recognizer.finish()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from placefield.config import MatchingConfig
+from placefield.config import Config, MatchingConfig
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.recognizer import Recognizer
@@ -19,8 +19,8 @@ def test_a_coarse_map_and_an_exact_search_of_it_agree(tmp_path: Path) -> None:
     save_map(made_map(walk, coarse=True), tmp_path / "walk.pfmap")
     placemap = open_map(tmp_path / "walk.pfmap")
     assert all(metric.coarse is not None for metric in placemap.metrics)
-    coarse = Recognizer(placemap, MatchingConfig())
-    exact = Recognizer(placemap, MatchingConfig(exact=True))
+    coarse = Recognizer(placemap, Config(matching=MatchingConfig()))
+    exact = Recognizer(placemap, Config(matching=MatchingConfig(exact=True)))
     found = np.array([coarse.push_descriptor(frame).place for frame in query])
     expected = np.array([exact.push_descriptor(frame).place for frame in query])
     assert np.mean(found == expected) >= 0.99
@@ -32,6 +32,8 @@ def test_other_rules_compare_exactly_whatever_the_map(tmp_path: Path) -> None:
     query = seen_again(walk[100:140], 0.5, seed=1)
     answers = []
     for coarse in (False, True):
-        recognizer = Recognizer(made_map(walk, coarse=coarse), MatchingConfig(rule="evidence"))
+        recognizer = Recognizer(
+            made_map(walk, coarse=coarse), Config(matching=MatchingConfig(rule="evidence"))
+        )
         answers.append([recognizer.push_descriptor(frame) for frame in query])
     assert answers[0] == answers[1]

@@ -52,7 +52,7 @@ def told(smoothed: list[tuple[int, SmoothedMessage]]) -> list[Told]:
 
 
 def told_offline(placemap: Map, folder: Path) -> list[Told]:
-    recognizer = Recognizer(placemap, PAPER.matching)
+    recognizer = Recognizer(placemap, PAPER)
     for file in sorted(folder.iterdir()):
         recognizer.push(file.read_bytes())
     smoothed = recognizer.smoothed() + recognizer.finish()

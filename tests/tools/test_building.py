@@ -201,7 +201,7 @@ def test_a_map_of_a_network_recognises_without_the_networks_files(
     save_map(build_from([str(reference_dir)], with_network(network, metric)), path)
     network.unlink()
     network.with_suffix(".toml").unlink()
-    recognizer = Recognizer(open_map(path), Config().matching)
+    recognizer = Recognizer(open_map(path))
     places = [recognizer.push(file.read_bytes()).place for file in sorted(query_dir.iterdir())]
     assert np.mean(np.abs(np.array(places) - range(60)) <= 2) > 0.95
 

@@ -58,7 +58,7 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     route_map: Map, damaged_query: Path, rule: Rule
 ) -> None:
     config = MatchingConfig(rule=rule)
-    recognizer = Recognizer(route_map, config)
+    recognizer = Recognizer(route_map, Config(matching=config))
     files = sorted(damaged_query.iterdir())
     with open_source(str(damaged_query)) as source:
         matches = match_here(

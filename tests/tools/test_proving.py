@@ -2,7 +2,7 @@
 
 import pytest
 
-from placefield_tools.proving import Proof
+from placefield.bus.proof import Proof
 
 
 def sent(frames: int, *, again: int = 0) -> Proof:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from frame_folders import uneven_drive
 
+from placefield.bus import sending
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -204,7 +205,7 @@ def test_no_more_frames_are_under_way_than_there_are_credits(
 def test_what_is_not_answered_is_sent_again_from_the_oldest_on(
     services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 0.1)
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 0.1)
     services.answering = False
     with in_background(MadeUp(3 * WINDOW), bus, config):
         wait_for(services, 2 * WINDOW)
@@ -222,7 +223,7 @@ def test_what_is_not_answered_is_sent_again_from_the_oldest_on(
 def test_what_was_under_way_when_a_service_died_is_sent_again_when_it_is_back(
     router: Bus, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 1000.0)
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 1000.0)
     with ExitStack() as stack:
         first = Services(stack.enter_context(open_bus(config.bus)), answering=False)
         with in_background(MadeUp(3 * WINDOW), bus, config):
@@ -403,7 +404,7 @@ def test_at_a_rate_a_camera_gives_its_newest_frames_not_a_queue_of_old_ones(
 def test_at_a_low_rate_what_is_lost_is_sent_again_before_the_next_frame_is_due(
     services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replaying, "_SEND_AGAIN_S", 0.1)
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 0.1)
     services.answering = False
     stop = threading.Event()
     arguments = {"rate": 0.001}
@@ -418,9 +419,9 @@ def test_at_a_low_rate_what_is_lost_is_sent_again_before_the_next_frame_is_due(
 def test_a_source_that_is_slow_to_give_a_frame_does_not_count_as_silent_services(
     services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replaying, "_STALLED_S", 1.0)
+    monkeypatch.setattr(sending, "_STALLED_S", 1.0)
     clock = Clock()
-    monkeypatch.setattr(replaying, "time", clock)
+    monkeypatch.setattr(sending, "time", clock)
 
     class Slow(MadeUp):
         def __iter__(self) -> Iterator[Frame]:
@@ -455,7 +456,7 @@ def test_services_that_stop_answering_end_the_replay_with_a_word(
     source: Source,
     sent: int,
 ) -> None:
-    monkeypatch.setattr(replaying, "_STALLED_S", 0.3)
+    monkeypatch.setattr(sending, "_STALLED_S", 0.3)
     services.answering = False
     with pytest.raises(BusError, match=rf"'test': {sent} frames sent, 0 answered.*status"):
         replay(source, bus, config, threading.Event())

@@ -62,7 +62,7 @@ def match_drive(
     stage = ChannelStage(
         dict(enumerate(channels)), config, travelled=places.travelled, same=places.same
     )
-    fusion = FusionStage(places.same, config)
+    fusion = FusionStage(places.same, config, places.pose)
     streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])

@@ -4,7 +4,7 @@ Every data message has a ``Header`` in its attachment; the payload is one of the
 Decoding checks everything: what does not parse raises ``MessageError`` and goes no further.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -24,7 +24,8 @@ from placefield.bus.wire import FloatVector, Image, IndexVector, NumberVector, S
 from placefield.config import Rule
 from placefield.errors import MessageError, OtherMapError
 from placefield.fusion.match import Match
-from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.candidate import Candidate
+from placefield.pose import Pose as PlacePose
 
 MAX_BYTES = 128 * 2**20
 """No message is larger than this."""
@@ -383,15 +384,15 @@ class MatchMessage(_OfMap):
     pose: Pose | None = None
 
     @classmethod
-    def of(cls, match: Match, pose_of: Callable[[int], Pose | None], **more: Any) -> Self:
-        """Say where the place is, too; ``pose_of`` returns it for a place that there is."""
-        pose = None if match.place == UNANSWERED else pose_of(match.place)
-        return cls(**vars(match), pose=pose, **more)
+    def of(cls, match: Match, **more: Any) -> Self:
+        """Make the message of a match; ``more`` is what else the message has."""
+        return cls(**vars(match), **more)
 
     @property
     def match(self) -> Match:
-        """The match, without the pose."""
-        return Match(**{name: getattr(self, name) for name in _OF_MATCH})
+        """The match."""
+        told = {name: getattr(self, name) for name in _OF_MATCH}
+        return Match(**told | {"pose": None if self.pose is None else PlacePose(*self.pose)})
 
 
 class SmoothedMessage(MatchMessage):

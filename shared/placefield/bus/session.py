@@ -176,6 +176,17 @@ class Bus:
                 attachment = reply.ok.attachment
                 yield reply.ok.payload.to_bytes(), attachment.to_bytes() if attachment else b""
 
+    @contextmanager
+    def scoped(self) -> Iterator[None]:
+        """Forget at the end of the block what is declared inside it."""
+        before = len(self._declared)
+        try:
+            yield
+        finally:
+            for declared in self._declared[before:]:
+                declared.undeclare()
+            del self._declared[before:]
+
     def log_dropped(self, key: str, error: Exception) -> None:
         """Log a message that was dropped; once in a while only, for there may be many."""
         now = time.monotonic()

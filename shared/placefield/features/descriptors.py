@@ -60,6 +60,10 @@ class DescriptorModel:
     plain: bool = False
     network: Network | None = None
 
+    def __repr__(self) -> str:
+        reduced, raw = self.components.shape
+        return f"DescriptorModel({self.kind}, {raw} to {reduced} dimensions)"
+
     @property
     def follows_query(self) -> bool:
         """Whether a descriptor depends on the frames of the stream before it."""

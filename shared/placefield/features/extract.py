@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import ONNX, FeatureKind
+from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
@@ -16,6 +17,7 @@ from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
 from placefield.features.shrink import small_grey
 from placefield.features.trying import try_network
+from placefield.plugins import load_plugin
 
 GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer
 
@@ -47,8 +49,8 @@ def feature_of(kind: FeatureKind) -> Feature:
     """Return the feature of a kind; ``onnx:FILE`` reads the network and its TOML.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it; see
-            ``try_network``.
+        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it, see
+            ``try_network``; or no package brings a feature of another name.
     """
     return _feature(kind, network_of(kind))
 
@@ -57,7 +59,8 @@ def feature_of_model(model: DescriptorModel) -> Feature:
     """Return the feature that a descriptor model was fitted on; a network is the model's own.
 
     Raises:
-        ConfigError: OpenCV cannot run the network; see ``try_network``.
+        ConfigError: OpenCV cannot run the network, see ``try_network``; or the package that brought
+            the feature is gone.
     """
     return _feature(model.kind, model.network)
 
@@ -75,7 +78,21 @@ def _feature(kind: FeatureKind, network: Network | None) -> Feature:
     if network is not None:
         try_network(kind, network)
         return Feature(network, NetworkFeature(kind, network).describe)
-    return Feature(None, grayscale if kind == "grayscale" else _gist)
+    built_in = {"grayscale": grayscale, "gist": _gist}.get(kind)
+    return Feature(None, built_in or _of_plugin(kind))
+
+
+def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
+    """Return a feature of another package, whose vectors are looked at before they are believed."""
+    describe = load_plugin("placefield.features", kind)
+
+    def checked(pixels: Pixels) -> Array:
+        raw = np.asarray(describe(pixels), np.float32)
+        if raw.ndim != 1 or not len(raw):
+            raise FrameError(f"feature {kind!r}: gives shape {raw.shape}; it must give (D,)")
+        return raw
+
+    return checked
 
 
 def _gist(pixels: Pixels) -> Array:

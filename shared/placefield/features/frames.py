@@ -7,15 +7,9 @@ from numpy.typing import NDArray
 
 from placefield.errors import FrameError
 from placefield.features.images import decode
+from placefield.pose import Pose
 
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where a frame was taken: x and y in metres, yaw in radians, in the user's own map frame."""
-
-    x: float
-    y: float
-    yaw: float
+__all__ = ["Frame", "Pose"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +32,12 @@ class Frame:
     pose: Pose | None = None
     odometry_m: float | None = None
     fault: str = ""
+
+    def __repr__(self) -> str:
+        image = self.image
+        held = f"{len(image)} bytes" if isinstance(image, bytes) else f"pixels {image.shape}"
+        about = f"{self.name!r}, {held}" + (f", {self.pose}" if self.pose is not None else "")
+        return f"Frame({self.index}, {about})"
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the image decoded, (H, W) grey or (H, W, 3) BGR.

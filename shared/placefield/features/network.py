@@ -67,6 +67,9 @@ class Network:
     input: NetworkInput
     onnx: NDArray[np.uint8]
 
+    def __repr__(self) -> str:
+        return f"Network({self.input.width} × {self.input.height}, {len(self.onnx)} bytes)"
+
     @property
     def digest(self) -> bytes:
         """SHA-256 of the network and its input: two of one digest give the same features."""

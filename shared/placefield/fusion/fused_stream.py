@@ -23,6 +23,11 @@ class FusedStream:
         self._joiner = SettledJoiner(channels.channels, lag)
         self._smoothed: list[SmoothedMatch] = []
 
+    @property
+    def frames(self) -> int:
+        """How many frames it has had."""
+        return self._stream.next
+
     def push(self, compared: Compared | None, odometry_m: float | None = None) -> Match:
         """Match the next frame; None is a missing observation, or a reading that is unknown."""
         frame = self._stream.next

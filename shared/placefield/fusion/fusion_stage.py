@@ -4,7 +4,8 @@ With no bus and no clock: a library and a fuser compose it alike. Which candidat
 the ``Joiner``'s.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +16,32 @@ from placefield.fusion.rules import fuse
 from placefield.fusion.shards import ShardJoiner
 from placefield.matching.best_window import twins_in
 from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.pose import Pose
+
+
+def _unposed(place: int) -> None:
+    """Nobody knows where any place is."""
 
 
 class FusionStage:
     """Fuses the candidates of channels of a map; all streams may share it."""
 
-    def __init__(self, same: NDArray[np.int32], matching: MatchingConfig) -> None:
+    def __init__(
+        self,
+        same: NDArray[np.int32],
+        matching: MatchingConfig,
+        pose_of: Callable[[int], Pose | None] = _unposed,
+    ) -> None:
         """Prepare for a map.
 
         Args:
             same: (K,) int32, which of its places each is the same as, see ``Places``.
             matching: how candidates are made and fused.
+            pose_of: where a place is, see ``Places.pose``; None where nobody knows.
         """
         self._places, self._same = len(same), twins_in(same)
         self._matching = matching
+        self._pose_of = pose_of
 
     def rehearse(self) -> None:
         """Fuse a candidate of no frame, so that what is made at its first use is made."""
@@ -59,7 +72,10 @@ class FusionStage:
             candidates: of whole channels for one frame, that fit the map.
             missing: the channels of which there is none.
         """
-        return fuse(candidates, self._matching, same=self._same, missing=missing)
+        match = fuse(candidates, self._matching, same=self._same, missing=missing)
+        if match.place == UNANSWERED:
+            return match
+        return replace(match, pose=self._pose_of(match.place))
 
 
 def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+from placefield.notebook import html_of_match
+from placefield.pose import Pose
+
 FASTER = "faster than the map resolves"
 """What is told of a match that is ``too_fast``, everywhere in the same words."""
 
@@ -22,6 +25,7 @@ class Match:
             is not known, for nobody knows where it is; only ``filter`` tells.
         forgotten: whether services have begun the stream anew in its midst, and nobody remembered
             enough of it: the match may differ from that of a stream that was never disturbed.
+        pose: of the place, in the map's frame; None where there is no place, or nobody knows it.
     """
 
     place: int
@@ -31,6 +35,10 @@ class Match:
     known: bool | None = None
     too_fast: bool = False
     forgotten: bool = False
+    pose: Pose | None = None
+
+    def _repr_html_(self) -> str:
+        return html_of_match(self)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
 from placefield.metric.coarse import Coarse
 from placefield.metric.codes import Codes
+from placefield.notebook import html_of_map
+from placefield.pose import Pose
 from placefield.presets import Preset
 
 Array = NDArray[np.float32]
@@ -46,17 +48,20 @@ class Places:
     thumbnails: NDArray[np.uint8]
     thumbnail_ends: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        posed = "with poses" if len(self.poses) else "no poses"
+        return f"Places({self.count}, {posed})"
+
     @property
     def count(self) -> int:
         """K."""
         return len(self.stamps)
 
-    def pose(self, place: int) -> tuple[float, float, float] | None:
-        """Return x, y and yaw of a place; None if nobody knows them."""
+    def pose(self, place: int) -> Pose | None:
+        """Return the pose of a place; None if nobody knows it."""
         if not len(self.poses) or not np.isfinite(self.poses[place]).all():
             return None
-        x, y, yaw = map(float, self.poses[place])
-        return x, y, yaw
+        return Pose(*map(float, self.poses[place]))
 
     def thumbnail(self, place: int) -> bytes:
         """Return the thumbnail of a place, JPEG."""
@@ -87,6 +92,11 @@ class MapMetric:
     steps: Array
     coarse: Coarse | None = None
 
+    def __repr__(self) -> str:
+        kind = "learned" if self.learned else "identity"
+        count, dimensions = self.places.shape
+        return f"MapMetric({kind}, {dimensions} dimensions, {count} places)"
+
 
 @dataclass(frozen=True)
 class MapChannel:
@@ -111,6 +121,11 @@ class MapChannel:
     scales: NDArray[np.int32]
     smallest: int
     curve: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        lengths = f"{self.scales[0]} to {self.scales[-1]} frames"
+        made = f"{self.clusters} clusters of fuzzifier {self.fuzzifier:g}"
+        return f"MapChannel({made}, {len(self.segments)} segments of {lengths}, {self.metric!r})"
 
 
 def _stays() -> None:
@@ -140,6 +155,19 @@ class Map:
     channels: Sequence[MapChannel]
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
+
+    def __repr__(self) -> str:
+        known = f"{self.digest}, " if self.is_saved else ""
+        made = f"{len(self.channels)} channels, {self.features.kind}"
+        return f"Map({known}{self.places.count} places of {self.traverses[0].name!r}, {made})"
+
+    def _repr_html_(self) -> str:
+        return html_of_map(self)
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether it was opened from disk, so that its digest says which map it is."""
+        return self.digest != NO_DIGEST
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:

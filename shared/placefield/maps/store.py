@@ -7,11 +7,11 @@ import errno
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from placefield import __version__
 from placefield.errors import MapError
 from placefield.files import sync, write_whole
 from placefield.maps.checksums import checksum_of
@@ -90,7 +90,7 @@ def _write(built: Map, folder: Path) -> None:
         sync(file)
         files[name] = checksum_of(file)
     manifest = Manifest(
-        placefield=__version__,
+        placefield=version("placefield"),
         preset=built.preset,
         seed=built.seed,
         features=built.features,

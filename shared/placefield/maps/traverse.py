@@ -57,6 +57,10 @@ class Traverse:
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
 
+    def __repr__(self) -> str:
+        frames, dimensions = self.raw.shape
+        return f"Traverse({self.name!r}, {frames} frames, features of {dimensions} dimensions)"
+
 
 def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """Describe a reference frame.

@@ -311,7 +311,7 @@ def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
     told = Candidate(1, 0.25, places, evidence, too_fast=0.625)
     assert ChannelCandidate.of(3, told).candidate == told
     match = Match(7, -2.0, (), 0.125, known=False, too_fast=True)
-    sent = MatchMessage.of(match, lambda place: None, map=NO_DIGEST)
+    sent = MatchMessage.of(match, map=NO_DIGEST)
     assert MatchMessage.decode(sent.encode()).match == match
 
 

@@ -3,7 +3,7 @@ from typing import get_args
 
 import pytest
 
-from placefield.config import MatchingConfig, Rule
+from placefield.config import Config, MatchingConfig, Rule
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
@@ -31,7 +31,7 @@ def test_streams_of_one_comparison_match_as_alone(
             together[lag][0].append(stream.push(compared))
             together[lag][1].extend(stream.smoothed())
     for lag, stream in streams.items():
-        recognizer = Recognizer(small_map, MatchingConfig(rule=rule, lag=lag))
+        recognizer = Recognizer(small_map, Config(matching=MatchingConfig(rule=rule, lag=lag)))
         alone = [
             recognizer.push_descriptor(None if frame in unseen else descriptor)
             for frame, descriptor in enumerate(descriptors)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from placefield.config import FeatureKind, MatchingConfig, Rule
+from placefield.config import Config, FeatureKind, MatchingConfig, Rule
 from placefield.features.extract import feature_of
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
@@ -15,7 +15,7 @@ UNREADABLE = b"no image"
 
 
 def matches(placemap: Map, rule: Rule, frames: list[bytes | np.ndarray]) -> list[Match]:
-    recognizer = Recognizer(placemap, MatchingConfig(rule=rule))
+    recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     return [recognizer.push(frame) for frame in frames]
 
 

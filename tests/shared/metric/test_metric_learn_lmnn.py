@@ -57,7 +57,7 @@ def map_by(solver: str, raws: Array) -> Map:
 
 
 def smoothed(placemap: Map, raws: Array) -> list[tuple[int, float]]:
-    recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}).matching)
+    recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}))
     for raw in raws:
         recognizer.push_raw(raw)
     matches = recognizer.smoothed() + recognizer.finish()

@@ -39,7 +39,7 @@ def build(raw_features, feature, references, metric):
 
 
 def auc(placemap, query):
-    recognizer = Recognizer(placemap, Config().matching)
+    recognizer = Recognizer(placemap)
     matches = [recognizer.push_raw(raw) for raw in query]
     places = np.array([match.place for match in matches])
     scores = np.array([match.score for match in matches])

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from placefield.config import Config
 from placefield.maps.map import MapChannel
 from placefield.maps.metrics import learned_metric
 from placefield.recognizer import Recognizer
@@ -56,7 +57,7 @@ def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learn
     ]
     for result in results:
         placemap = replace(learned.placemap, channels=tuple(variants[result.left_out]))
-        recognizer = Recognizer(placemap, learned.matching(result.rule))
+        recognizer = Recognizer(placemap, Config(matching=learned.matching(result.rule)))
         matches = [recognizer.push_raw(raw) for raw in learned.query.raws]
         smoothed = recognizer.finish()
         if result.lag:

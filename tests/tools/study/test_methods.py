@@ -8,7 +8,7 @@ from placefield.baselines.fabmap import fabmap, learn_tree
 from placefield.baselines.fixed_window import fixed_window
 from placefield.baselines.multiscale import fixed_scale_channels
 from placefield.baselines.seqslam import seqslam
-from placefield.config import Rule
+from placefield.config import Config, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.loading import load_config
@@ -45,7 +45,7 @@ def assert_matches(result: MethodResult, matches: list[Match]) -> None:
 def test_ours_are_the_recognizers_matches(
     trial: Trial, results: dict[str, MethodResult], rule: Rule
 ) -> None:
-    recognizer = Recognizer(trial.placemap, trial.matching(rule))
+    recognizer = Recognizer(trial.placemap, Config(matching=trial.matching(rule)))
     name = "AMS, lowest-score" if rule == "lowest-score" else f"Placefield, {rule}"
     assert_matches(results[name], [recognizer.push_raw(raw) for raw in trial.query.raws])
     assert results[name].ours == (rule != "lowest-score")
@@ -55,7 +55,7 @@ def test_ours_are_the_recognizers_matches(
 def test_with_a_lag_they_are_its_smoothed_ones(
     trial: Trial, results: dict[str, MethodResult], rule: Rule
 ) -> None:
-    recognizer = Recognizer(trial.placemap, trial.matching(rule))
+    recognizer = Recognizer(trial.placemap, Config(matching=trial.matching(rule)))
     for raw in trial.query.raws:
         recognizer.push_raw(raw)
     smoothed = recognizer.finish()
@@ -142,7 +142,7 @@ def test_ams_as_published_is_the_preset_whatever_the_settings_of_our_map(
 
 def published_matches(trial: Trial, built: Map) -> list[Match]:
     """The smoothed matches of a recognizer by the preset, by windows of any length."""
-    recognizer = Recognizer(built, load_config(None, {"preset": "paper"}).matching)
+    recognizer = Recognizer(built, load_config(None, {"preset": "paper"}))
     for raw in trial.query.raws:
         recognizer.push_raw(raw)
     return [each.match for each in recognizer.finish()]

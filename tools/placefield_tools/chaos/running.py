@@ -56,7 +56,7 @@ def disturbed_replay(
         BusError: the services do not start.
     """
     placemap = open_map(map_path)
-    recognizer = Recognizer(placemap, config.matching)
+    recognizer = Recognizer(placemap, config)
     undisturbed = [
         recognizer.push(frame.image, frame.odometry_m) for frame in looped(source, frames)
     ]

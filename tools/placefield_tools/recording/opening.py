@@ -1,4 +1,4 @@
-"""A file to record into, by its suffix."""
+"""A file to record into, by its suffix, which may be one that another package brings."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -7,12 +7,14 @@ from pathlib import Path
 from placefield.errors import ConfigError
 from placefield.files import sync
 from placefield.maps.geography import Origin
+from placefield.plugins import Group, has_plugin, load_plugin
 from placefield_tools.recording.recorder import Recorder
 from placefield_tools.recording.records import RecordingError
 from placefield_tools.recording.text import record_csv, record_json_lines
 
 _TEXT = {".jsonl": record_json_lines, ".csv": record_csv}
 _RICH = (".mcap", ".rrd")
+_RECORDERS: Group = "placefield.recorders"
 
 
 def recorder_of(
@@ -30,16 +32,31 @@ def recorder_of(
         ConfigError: there is no such kind of recording, it does not hold what it is to hold, or a
             library is missing.
     """
-    if path.suffix not in (*_TEXT, *_RICH):
+    is_ours = path.suffix in (*_TEXT, *_RICH)
+    if not is_ours and not has_plugin(_RECORDERS, path.suffix[1:]):
         raise ConfigError(f"{path}: name it .jsonl, .csv, .mcap or .rrd, as it is to be written")
     if path.exists():
         raise RecordingError(f"{path}: is there already; remove it, or name another file")
+    if not is_ours:
+        brought = load_plugin(_RECORDERS, path.suffix[1:])
+        return _told(path, _with_pictures(path, brought(path, origin), frames))
     if path.suffix in _RICH:
         return _told(path, _rich(path.suffix)(path, origin))
     if frames or origin is not None:
         flag = "--frames" if frames else "--map"
         raise ConfigError(f"{flag}: only .mcap and .rrd hold that, and {path} is neither")
     return _told(path, _TEXT[path.suffix](path))
+
+
+@contextmanager
+def _with_pictures(
+    path: Path, into: AbstractContextManager[Recorder], frames: bool
+) -> Iterator[Recorder]:
+    """Refuse a recorder of another package that holds no pictures, where there are to be some."""
+    with into as recorder:
+        if frames and not recorder.has_pictures:
+            raise ConfigError(f"--frames: a recording {path.suffix} holds no pictures")
+        yield recorder
 
 
 @contextmanager

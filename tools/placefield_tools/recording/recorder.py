@@ -21,3 +21,8 @@ class Recorder:
 
     write_match: Callable[[Header, MatchMessage | None], None]
     write_frame: Callable[[Header, bytes], None] = _no_pictures
+
+    @property
+    def has_pictures(self) -> bool:
+        """Whether it writes pictures of frames."""
+        return self.write_frame is not _no_pictures

@@ -77,7 +77,7 @@ class OneDrive(Source):
             return frame
         assert self.origin is not None
         x, y = self.origin.to_local(*part.origin.to_degrees(frame.pose.x, frame.pose.y))
-        return replace(frame, pose=replace(frame.pose, x=x, y=y))
+        return replace(frame, pose=frame.pose._replace(x=x, y=y))
 
     def close(self) -> None:
         """Give back what the parts hold."""

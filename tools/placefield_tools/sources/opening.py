@@ -12,6 +12,7 @@ from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame
 from placefield.features.spacing import check_spacing
 from placefield.maps.trajectory import PoseAxes
+from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.natural import in_natural_order
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
@@ -30,6 +31,9 @@ log = logging.getLogger(__name__)
 
 _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 _URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
+
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*):")
+"""Of a source that another package brings."""
 
 _RECORDINGS = (".bag", ".db3", ".mcap")
 _UNFINISHED = (".active", ".part", ".partial", ".tmp")
@@ -78,7 +82,8 @@ def open_source(
     one after the other, in the order of their stamps where all have some, else in that given.
 
     A recording is a bag of ROS or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or of
-    the network ``rtsp://…`` or ``http://…``.
+    the network ``rtsp://…`` or ``http://…``. ``NAME:…`` is a source that another package brings by
+    the entry point ``NAME`` of ``placefield.sources``.
 
     The source gives the frames that ``parts`` says, and of these, if asked to, only one every
     ``spacing_m`` metres (see ``Spaced``). The odometry of a camera's frames is what
@@ -137,6 +142,12 @@ def _open(
         return Camera(int(device[1]), start=start, stride=stride, stop=stop)
     if _URL.fullmatch(where):
         return Camera(where, start=start, stride=stride, stop=stop)
+    scheme = _SCHEME.match(where)
+    if scheme and not path.exists() and has_plugin("placefield.sources", scheme[1]):
+        opened: Source = load_plugin("placefield.sources", scheme[1])(
+            where, start=start, stride=stride, stop=stop
+        )
+        return opened
     return _open_path(path, start, stride, stop)
 
 

@@ -37,7 +37,7 @@ def test_all_channels_together_and_one_alone_are_maps_of_these_channels(
 
 def published_curve(trial: Trial, placemap: Map) -> tuple[float, float]:
     """AUC and recall of a recognizer's smoothed matches."""
-    recognizer = Recognizer(placemap, trial.config.matching)
+    recognizer = Recognizer(placemap, trial.config)
     for raw in trial.query.raws:
         recognizer.push_raw(raw)
     curve = judge([each.match for each in recognizer.finish()], trial.truth).curve

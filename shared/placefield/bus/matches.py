@@ -1,0 +1,161 @@
+"""The matches of a run off the bus, in order."""
+
+import queue
+import time
+from collections import Counter, OrderedDict, deque
+from collections.abc import Iterable, Iterator
+
+from placefield.bus.history import LENGTH, Recall, recalling
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.session import Bus
+from placefield.bus.streams import StreamFollower, Turn
+from placefield.errors import MessageError
+
+_QUIET_S = 2.0
+_STREAMS = 16  # of which it is known which map they are of
+
+Taken = tuple[Header, MatchMessage | None]
+
+
+class MatchQueue:
+    """The matches of a run from now on, each once; smoothed ones, too, if they are wanted.
+
+    Either come in order, and the end of a stream after the last of all. In a lossless stream what
+    was lost on the way is asked for. All are of one map.
+    """
+
+    def __init__(
+        self, bus: Bus, keys: Keys, *, smoothed: bool = False, digest: str | None = None
+    ) -> None:
+        """Take whether smoothed matches are wanted: they are taken as ``SmoothedMessage``.
+
+        ``digest`` is that of the map which they have to be of; None: the map of a stream's first.
+        """
+        self.counts: Counter[str] = Counter()
+        self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
+        self._taken: deque[Taken] = deque()
+        kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
+        maps = _Maps(digest)
+        self._in_order = {
+            key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts, maps)
+            for key, kind in kinds.items()
+        }
+        self._ended = dict.fromkeys(kinds, "")  # stream, by key
+        for key in kinds:
+            bus.subscribe(key, self._received.put, self.counts)
+
+    def take(self, timeout: float) -> Taken | None:
+        """Return the next match with its header, no match at the end of a stream; None: none yet.
+
+        Raises:
+            MessageError: it does not parse, or is of another map.
+        """
+        end = time.monotonic() + timeout
+        while not self._taken:
+            try:
+                received = self._received.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                for key, in_order in self._in_order.items():
+                    self._keep(key, in_order.ask_if_quiet())
+                return self._taken.popleft() if self._taken else None
+            in_order = self._in_order[received.key]
+            self._keep(received.key, in_order.receive(received.header, received.payload))
+        return self._taken.popleft()
+
+    def _keep(self, key: str, taken: Iterable[Taken]) -> None:
+        for header, match in taken:
+            if match is None:
+                self._ended[key] = header.stream
+            if match is not None or set(self._ended.values()) == {header.stream}:
+                self._taken.append((header, match))
+
+
+class _Maps:
+    """Which map the matches of each stream are of: the given one, or that of the first match."""
+
+    def __init__(self, digest: str | None) -> None:
+        self._digest = digest
+        self._by_stream: OrderedDict[str, str] = OrderedDict()
+
+    def check(self, header: Header, match: MatchMessage) -> None:
+        """Refuse a match of another map.
+
+        Raises:
+            OtherMapError: it is.
+        """
+        match.check_map(self._digest or self._by_stream.setdefault(header.stream, match.map))
+        if self._digest is None:
+            self._by_stream.move_to_end(header.stream)
+            if len(self._by_stream) > _STREAMS:
+                self._by_stream.popitem(last=False)
+
+
+class _InOrder:
+    """Puts what comes on one key in order, and asks for what is missing."""
+
+    def __init__(
+        self, kind: type[MatchMessage], recall: Recall, counts: Counter[str], maps: _Maps
+    ) -> None:
+        self._kind = kind
+        self._maps = maps
+        self._recall = recall
+        self._follower = StreamFollower(counts, lambda header: header.sequence)
+        self._open_stream: str | None = None
+        self._ask_at = 0.0
+
+    def ask_if_quiet(self) -> list[Taken]:
+        """Ask for what comes next: it, and all behind it, may have been lost on the way."""
+        if self._open_stream is None or time.monotonic() < self._ask_at:
+            return []
+        self._ask_at = time.monotonic() + _QUIET_S
+        first = self._follower.next
+        recalled = self._recall(self._open_stream, first, first + LENGTH).values()
+        return [
+            taken
+            for header, payload in recalled
+            if header.end or self._decoded(header, payload)
+            for taken in self.receive(header, payload)
+        ]
+
+    def receive(self, header: Header, payload: bytes) -> list[Taken]:
+        """Return what has its turn now."""
+        self._ask_at = time.monotonic() + _QUIET_S
+        match = None if header.end else self._decode(header, payload)
+        turn = self._follower.follow(header)
+        taken: list[Taken] = []
+        if turn is Turn.AHEAD:
+            taken = [] if header.live else self._missed(header)
+            gap = header.sequence - self._follower.next
+            self._follower.leap(header.sequence, gap - len(taken))
+        if turn in (Turn.NEXT, Turn.AHEAD):
+            taken.append((header, match))
+            self._open_stream = None if header.end or header.live else header.stream
+        return taken
+
+    def _missed(self, header: Header) -> list[Taken]:
+        recalled = self._recall(header.stream, self._follower.next, header.sequence)
+        decoded = ((old, self._decoded(old, payload)) for old, payload in recalled.values())
+        return [(old, match) for old, match in decoded if match is not None]
+
+    def _decode(self, header: Header, payload: bytes) -> MatchMessage:
+        match = self._kind.decode(payload)
+        self._maps.check(header, match)
+        return match
+
+    def _decoded(self, header: Header, payload: bytes) -> MatchMessage | None:
+        """Return a match that was asked for; none if it is to be refused."""
+        try:
+            return self._decode(header, payload)
+        except MessageError:
+            return None
+
+
+def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:
+    """Yield the matches that are there until the stream ends, or none comes for ``timeout`` s."""
+    while (taken := matches.take(timeout)) is not None:
+        header, match = taken
+        if match is None:
+            return
+        yield header, match

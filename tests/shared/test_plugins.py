@@ -1,0 +1,122 @@
+"""Features of another package: found by name, loaded when asked for, refused in a line."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from placefield import Config, ConfigError, FrameError, Recognizer, build_map, open_map, save_map
+from placefield.features.extract import feature_of
+from placefield.loading import load_config
+from placefield.plugins import has_plugin, load_plugin
+
+Install = Callable[..., Path]
+
+ROWS = """
+import numpy as np
+
+def describe(pixels):
+    grey = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
+    return np.resize(grey.mean(axis=1), 40).astype(np.float32)
+"""
+
+
+@pytest.fixture
+def views() -> list[NDArray[np.uint8]]:
+    return [*np.random.default_rng(7).integers(0, 256, (20, 40, 30), np.uint8)]
+
+
+@pytest.fixture
+def rows(install: Install) -> Path:
+    return install("rowspack", ROWS, {"placefield.features": {"rows": "rowspack:describe"}})
+
+
+def test_a_map_of_a_brought_feature_is_built_kept_and_recognised(
+    rows: Path, views: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    config = load_config(None, {"features": {"kind": "rows"}, "scales": {"channels": 1}})
+    save_map(build_map(views, config=config), tmp_path / "route.pfmap")
+    placemap = open_map(tmp_path / "route.pfmap")
+    assert placemap.features.kind == placemap.model.kind == "rows"
+    np.testing.assert_allclose(feature_of("rows").describe(views[3]), views[3].mean(axis=1))
+    recognizer = Recognizer(placemap, Config.model_validate({"matching": {"rule": "evidence"}}))
+    assert [recognizer.push(view).place for view in views] == list(range(20))
+
+
+def test_a_map_whose_feature_is_gone_opens_and_is_recognised_by_nobody(
+    rows: Path, views: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = Config.model_validate({"features": {"kind": "rows"}, "scales": {"channels": 1}})
+    save_map(build_map(views, config=config), tmp_path / "route.pfmap")
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder != str(rows)])
+    placemap = open_map(tmp_path / "route.pfmap")  # channels and fuser need no feature
+    assert "rows" in repr(placemap)
+    with pytest.raises(ConfigError, match="feature 'rows': no installed package brings it"):
+        Recognizer(placemap)
+
+
+def test_it_is_loaded_only_when_it_is_asked_for(install: Install) -> None:
+    install(
+        "lazypack", "raise RuntimeError('loaded')", {"placefield.features": {"lazy": "lazypack:it"}}
+    )
+    assert has_plugin("placefield.features", "lazy")
+    assert not has_plugin("placefield.sources", "lazy")
+    load_config(None, {"features": {"kind": "lazy"}})
+    assert "lazypack" not in sys.modules
+    with pytest.raises(
+        ConfigError, match="lazypack brings it, and lazypack:it cannot be loaded: RuntimeError: lo"
+    ):
+        feature_of("lazy")
+
+
+@pytest.mark.parametrize(
+    ("code", "value", "reason"),
+    [
+        ("import nowhere_to_be_found", "badpack:it", "ModuleNotFoundError"),
+        ("it = 1", "badpack:other", "AttributeError"),
+        ("it =", "badpack:it", "SyntaxError"),
+    ],
+)
+def test_a_broken_one_is_one_line_that_names_its_package(
+    install: Install, code: str, value: str, reason: str
+) -> None:
+    install("badpack", code, {"placefield.features": {"bad": value}})
+    with pytest.raises(ConfigError, match=f"feature 'bad': badpack brings it.*{reason}") as told:
+        load_plugin("placefield.features", "bad")
+    assert "\n" not in str(told.value)
+
+
+def test_what_two_packages_bring_is_refused(install: Install) -> None:
+    for name in ("onepack", "otherpack"):
+        install(name, "it = 1", {"placefield.features": {"both": f"{name}:it"}})
+    with pytest.raises(ConfigError, match="several packages bring it: onepack, otherpack"):
+        load_plugin("placefield.features", "both")
+
+
+def test_a_name_that_nobody_brings_is_refused_where_it_is_given() -> None:
+    with pytest.raises(ConfigError, match=r"setting features\.kind: 'rows': give grayscale, gist"):
+        load_config(None, {"features": {"kind": "rows"}})
+    with pytest.raises(ConfigError, match="feature 'rows': no installed package"):
+        feature_of("rows")
+
+
+def test_a_name_of_ours_is_ours_whoever_brings_it(
+    install: Install, views: list[NDArray[np.uint8]]
+) -> None:
+    plain = feature_of("gist").describe(views[0])
+    install("gistpack", "raise RuntimeError", {"placefield.features": {"gist": "gistpack:it"}})
+    np.testing.assert_array_equal(feature_of("gist").describe(views[0]), plain)
+
+
+@pytest.mark.parametrize("given", ["np.zeros((2, 2))", "np.zeros(0)", "3.0"])
+def test_a_feature_of_another_shape_is_refused(
+    install: Install, views: list[NDArray[np.uint8]], given: str
+) -> None:
+    code = f"import numpy as np\n\ndef it(pixels):\n    return {given}\n"
+    name = f"shape{abs(hash(given))}"
+    install(name, code, {"placefield.features": {"shaped": f"{name}:it"}})
+    with pytest.raises(FrameError, match=r"feature 'shaped': gives shape .*must give \(D,\)"):
+        feature_of("shaped").describe(views[0])
