@@ -7,6 +7,14 @@ A program that has frames at hand needs five lines::
     recognizer = Recognizer(build_map(reference_images))
     for image in camera:
         print(recognizer.push(image))
+
+Services on a bus recognise the same places::
+
+    with placefield.connect("tcp/127.0.0.1:7557") as client:
+        for match in client.stream(camera):
+            print(match)
+
+``placefield_tools.sources.open_source`` gives the frames of folders, videos, recordings, cameras.
 """
 
 import os

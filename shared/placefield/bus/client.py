@@ -3,9 +3,10 @@
 import logging
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from weakref import WeakSet
 
 from placefield.bus.keys import Keys
 from placefield.bus.matches import MatchQueue
@@ -49,7 +50,11 @@ def connect(
     config = load_config(None, given | ({} if run is None else {"runs": run}))
     keys = Keys(config.run)
     with open_bus(config.bus) as opened:
-        yield Client(opened, keys, config)
+        client = Client(opened, keys, config)
+        try:
+            yield client
+        finally:
+            client.leave()
 
 
 class Client:
@@ -57,6 +62,7 @@ class Client:
 
     def __init__(self, bus: Bus, keys: Keys, config: Config) -> None:
         self._bus, self._keys, self._config = bus, keys, config
+        self._streams = WeakSet[Generator[Match, None, None]]()
 
     def __repr__(self) -> str:
         return f"Client({self._config.bus.endpoint!r}, run={self._keys.run!r})"
@@ -80,6 +86,16 @@ class Client:
                 too. The frames before it have been matched.
             FrameError: pixels are of another shape or dtype.
         """
+        stream = self._stream(images, live)
+        self._streams.add(stream)
+        return stream
+
+    def leave(self) -> None:
+        """End the streams that are on; ``connect`` does it at the end of its block."""
+        for stream in list(self._streams):
+            stream.close()
+
+    def _stream(self, images: Iterable[Image | Frame], live: bool) -> Generator[Match, None, None]:
         stop, patience_s = threading.Event(), self._config.bus.connect_timeout_s
         with (
             self._bus.scoped(),

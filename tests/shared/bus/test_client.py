@@ -126,6 +126,25 @@ def test_a_stream_that_is_left_ends(client: Client, services: StandIn) -> None:
     assert len(set(services.ended)) == 2
 
 
+def test_a_stream_that_is_on_when_the_program_leaves_ends(services: StandIn, endpoint: str) -> None:
+    with placefield.connect(endpoint, run="test") as client:
+        matches = client.stream(itertools.repeat(b"\5"))
+        assert next(matches).place == 5
+    assert list(matches) == []
+    end = time.monotonic() + 10
+    while not services.ended:
+        assert time.monotonic() < end, "in vain"
+        time.sleep(0.01)
+
+
+def test_a_run_has_one_stream_at_a_time(client: Client) -> None:
+    first = client.stream(itertools.repeat(b"\5"))
+    assert next(first).place == 5
+    with pytest.raises(BusError, match="has a replay already"):
+        next(client.stream([b"\0"]))
+    assert [next(first).place for _ in range(50)] == [5] * 50
+
+
 def test_frames_that_a_live_stream_drops_are_unanswered(endpoint: str) -> None:
     config = BusConfig(endpoint=endpoint)
     with open_router(config), open_bus(config) as bus:

@@ -1,4 +1,8 @@
-"""A file from an address: gone on with where it was cut off, begun anew where it has changed."""
+"""A file from an address: gone on with where it was cut off, begun anew where it has changed.
+
+``pooch`` downloads files and checks their sums, but begins each at its first byte whenever it is
+called; the archive of a benchmark may be large, and come over a link that breaks.
+"""
 
 import http.client
 import re
