@@ -11,7 +11,7 @@ demo: $(RUNNING)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
 
 test: $(WORKING)
-	$(PYTEST)
+	$(PYTEST) --durations=40 --durations-min=3
 
 test-fast: $(WORKING)
 	$(PYTEST) -m "not slow" $(FAST)
