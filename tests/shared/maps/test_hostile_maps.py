@@ -27,8 +27,6 @@ from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.metric.codes import DESCRIPTOR_UNIT
 
-pytestmark = pytest.mark.slow
-
 LEAVES: st.SearchStrategy[Any] = (
     st.none()
     | st.booleans()
