@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUNNING := .venv/.installed-dashboard
 WORKING := .venv/.installed-dev
-FAST := $(addprefix tests/shared/,bus fusion matching ros scales)
+FAST := $(addprefix tests/shared/,bus fusion matching ros scales search)
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile
 
 .PHONY: demo test test-fast lint docs audit bench

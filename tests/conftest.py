@@ -22,8 +22,8 @@ from placefield.matching.comparing import Comparison
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
 from placefield.matching.odometry import Road
-from placefield_tools.building import build_from
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.common.host_process import free_endpoint
 
 settings.register_profile("no deadline", deadline=None)  # the machine may be shared
 settings.load_profile("no deadline")

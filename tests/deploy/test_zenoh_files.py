@@ -12,7 +12,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.session import open_bus
 from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 from placefield_tools.security.folders import write_credentials
 
 INSECURE = {

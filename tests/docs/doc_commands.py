@@ -11,7 +11,7 @@ from typing import Self
 
 from hosting import PLACEFIELD, Process, environment, wait_until
 
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 PROJECT = Path(__file__).resolve().parents[2]
 

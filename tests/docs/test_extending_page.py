@@ -11,8 +11,8 @@ from doc_commands import PROJECT, blocks
 from placefield import Recognizer, SourceError, build_map
 from placefield.bus.messages import Header, MatchMessage
 from placefield.loading import load_config
-from placefield.maps.map import NO_DIGEST
-from placefield_tools.recording.opening import recorder_of
+from placefield.maps.digest import NO_DIGEST
+from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.sources import open_source
 
 

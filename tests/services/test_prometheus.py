@@ -12,7 +12,7 @@ from placefield.bus.session import Bus
 from placefield.config import MonitoringConfig
 from placefield.errors import ConfigError
 from placefield_services.metrics import Overheard, Told, serve_metrics
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 FUSER = Told(
     "day", "ab12", StatsMessage(service="fuser", counts={"matches": 7, "late": 1}, sequence=6)

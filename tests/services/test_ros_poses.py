@@ -7,7 +7,7 @@ from ros_doubles import RecordingTopic
 
 from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.errors import MessageError, OtherMapError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield.ros.covariance import pose_covariance
 from placefield.ros.messages import POSE
 from placefield_services.ros_poses import Poses

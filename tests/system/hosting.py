@@ -23,8 +23,8 @@ from placefield.errors import MessageError
 from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield_tools.hosting import free_endpoint
-from placefield_tools.listening import MatchQueue
+from placefield_tools.common.host_process import free_endpoint
+from placefield_tools.listen.match_queue import MatchQueue
 
 PLACEFIELD = (sys.executable, "-m", "placefield_tools")
 PATIENCE_S = 60.0

@@ -25,7 +25,7 @@ from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
-from placefield_tools.building import build_from
+from placefield_tools.build.map_from_sources import build_from
 
 HURRIED = ("--set", "bus.connect_timeout_s=0.3")
 

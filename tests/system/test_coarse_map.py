@@ -8,7 +8,7 @@ from placefield.config import Config, MatchingConfig
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.recognizer import Recognizer
-from placefield_tools.bench.made import made_map
+from placefield_tools.bench.synthetic import made_map
 from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 
 

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 from hosting import Answer, Host, Listener, Process, placefield, refusal, wait_until
 
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hosting import Host, Process, wait_until
 
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
 

@@ -23,7 +23,7 @@ from slow_links import SlowLink
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 _AN_HOUR_AHEAD = """
 #define _GNU_SOURCE

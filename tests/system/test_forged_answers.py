@@ -13,7 +13,8 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.map import Map
 
 KEYS = Keys("default")
 

@@ -12,7 +12,7 @@ from hosting import Host, Listener, wait_until
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig, Config
 from placefield.features.frames import Frame
-from placefield_tools.replaying import replay
+from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Source, open_source
 
 RATE = 30.0

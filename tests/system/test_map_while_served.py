@@ -11,7 +11,7 @@ from hosting import Host, answers_of, offline, placefield, refusal, wait_until
 from placefield.maps.map import Map, fingerprint
 from placefield.maps.store import save_map
 from placefield_tools.bench.feeding import Feeder
-from placefield_tools.bench.made import made_map
+from placefield_tools.bench.synthetic import made_map
 from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 
 

@@ -9,7 +9,7 @@ from urllib.request import urlopen
 from hosting import Host, placefield, wait_until
 from prometheus_client.parser import text_string_to_metric_families
 
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 
 def counted(port: int, service: str, event: str) -> float:
@@ -49,7 +49,9 @@ def test_an_error_is_an_object_too(tmp_path: Path) -> None:
 
 
 def test_a_defect_that_nobody_caught_is_one_object_with_its_traceback() -> None:
-    raising = "from placefield_tools.logs import *; log_for_a_person(); log_as_json(); 1 / 0"
+    raising = (
+        "from placefield_tools.common.log_format import *; log_for_a_person(); log_as_json(); 1 / 0"
+    )
     ended = subprocess.run(
         [sys.executable, "-c", raising], capture_output=True, text=True, check=False
     )

@@ -17,7 +17,7 @@ from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield_tools.recording.records import read_records
+from placefield_tools.record.records import read_records
 
 BEFORE = 15
 """Frames that are answered before the map is another one."""

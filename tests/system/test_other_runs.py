@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hosting import Host, Process, wait_until
 
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 
 def test_who_waits_at_a_run_without_services_is_told_which_runs_there_are(

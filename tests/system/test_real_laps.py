@@ -10,9 +10,9 @@ import pytest
 
 from placefield.config import Config
 from placefield.maps.opening import open_map
-from placefield_tools.building import map_of
+from placefield_tools.build.map_from_sources import map_of
 from placefield_tools.cli import options
-from placefield_tools.evaluating import Evaluation, Query, evaluate
+from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate
 
 LAP = 200  # frames
 TRUTH = partial(options.truth_of, tolerance=3, truth=None)

@@ -10,8 +10,8 @@ import pytest
 from placefield.config import Config
 from placefield.evaluation.truth import Truth
 from placefield.features.network import NetworkInput
-from placefield_tools.building import map_of
-from placefield_tools.evaluating import Query, evaluate
+from placefield_tools.build.map_from_sources import map_of
+from placefield_tools.evaluate.evaluation import Query, evaluate
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
 

@@ -10,12 +10,12 @@ import pytest
 from placefield.config import Config, Rule
 from placefield.evaluation.curves import PrecisionRecall
 from placefield.evaluation.truth import Truth
-from placefield_tools.building import map_of
+from placefield_tools.build.map_from_sources import map_of
 from placefield_tools.cli import options
-from placefield_tools.evaluating import Evaluation, Query, evaluate, judge
+from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate, judge
 from placefield_tools.study import describing
 from placefield_tools.study.matching import match_channels
-from placefield_tools.study.running import prepare
+from placefield_tools.study.run_study import prepare
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from placefield.bus.messages import SmoothedMessage
 from placefield.features.images import decode
-from placefield_tools.recording.records import Record, read_records
+from placefield_tools.record.records import Record, read_records
 
 
 def told(fields: dict[str, object]) -> dict[str, object]:

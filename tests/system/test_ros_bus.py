@@ -30,7 +30,7 @@ from placefield.bus.messages import OdometryMessage
 from placefield.config import Config
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield_tools.building import build_from
+from placefield_tools.build.map_from_sources import build_from
 
 DOMAIN = 3
 CAMERA, ODOM = "/camera/image_raw/compressed", "/odom"

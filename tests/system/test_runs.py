@@ -13,8 +13,8 @@ from placefield.bus.session import open_bus
 from placefield.config import BusConfig, Config
 from placefield.features.frames import Frame
 from placefield.maps.map import Map
-from placefield_tools.parallel import cores
-from placefield_tools.replaying import replay
+from placefield_tools.common.parallel import cores
+from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Source
 
 RUNS = ("day", "night")

@@ -27,7 +27,8 @@ from placefield.bus.messages import Header, MatchMessage
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Rule
 from placefield.features.images import decode
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.map import Map
 
 
 def connected(process: Process, endpoint: str) -> bool:

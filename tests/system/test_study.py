@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from placefield.evaluation.protocols import THINS_REFERENCE, Protocol
 from placefield_tools.cli.main import app
 from placefield_tools.study import describing, report
-from placefield_tools.study.paper import channel_counts
+from placefield_tools.study.paper import channel_count_runs as channel_counts
 
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 FIGURES = {

@@ -8,8 +8,8 @@ import pytest
 
 from placefield.bus.messages import Header, MatchMessage
 from placefield.errors import ConfigError, SourceError
-from placefield.maps.map import NO_DIGEST
-from placefield_tools.recording.opening import recorder_of
+from placefield.maps.digest import NO_DIGEST
+from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.sources import open_source
 
 Install = Callable[..., Path]
@@ -37,7 +37,7 @@ def open(where, *, start, stride, stop):
 LIST = """
 import json
 from contextlib import contextmanager
-from placefield_tools.recording.recorder import Recorder
+from placefield_tools.record.recorder import Recorder
 
 
 @contextmanager

@@ -11,14 +11,15 @@ import pytest
 
 from placefield.bus.messages import Header, MatchMessage
 from placefield.errors import PlacefieldError
-from placefield.evaluation.plots import style
 from placefield.files import write_whole, written_whole
+from placefield.maps.digest import NO_DIGEST
 from placefield.maps.geography import Origin
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield_tools.datasets.ground_truth import write_runs
 from placefield_tools.datasets.sums import write_sums
-from placefield_tools.recording.opening import recorder_of
+from placefield_tools.plots import style
+from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.security.folders import write_credentials
 
 

@@ -10,8 +10,8 @@ import pytest
 from placefield.config import Config
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map
-from placefield_tools.building import build_from
-from placefield_tools.map_facts import map_facts
+from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.inspect.map_facts import map_facts
 from placefield_tools.sources import NO_PARTS, Parts
 from placefield_tools.sources.recorded_poses import way_of
 

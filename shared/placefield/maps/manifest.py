@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
+from placefield.maps.digest import short_digest
 from placefield.maps.reading import open_inside
 from placefield.presets import Preset
 
@@ -29,9 +30,6 @@ MOST_PLACES = 10**7
 
 REBUILD = "build the map again with 'placefield build'"
 """What is to be done about a map that is refused."""
-
-DIGEST_LENGTH = 16
-"""So many hexadecimal digits tell one map from another; see ``short_digest``."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -110,14 +108,6 @@ def seal_of(written: bytes) -> bytes:
     It is of the bytes, and not of what they mean: that may change with the program that reads them.
     """
     return f"{hashlib.sha256(written).hexdigest()}  {MANIFEST}\n".encode()
-
-
-def short_digest(written: bytes) -> str:
-    """Return which map a manifest is of, as it is written: the first digits of its SHA-256.
-
-    The manifest has the checksums of all files, so that no two maps share one.
-    """
-    return hashlib.sha256(written).hexdigest()[:DIGEST_LENGTH]
 
 
 def parse_manifest(written: bytes, source: str) -> Manifest:

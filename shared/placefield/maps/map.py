@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.manifest import DIGEST_LENGTH, TraverseRecord
-from placefield.metric.coarse import Coarse
-from placefield.metric.codes import Codes
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.manifest import TraverseRecord
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
+from placefield.search.coarse import Coarse
+from placefield.search.quantized import Codes
 
 Array = NDArray[np.float32]
-
-NO_DIGEST = "0" * DIGEST_LENGTH
-"""Stands for the digest of a map that is not on disk, or that an old recording does not name."""
 
 STEPS = 6
 """Places between those whose distances a map keeps: a vehicle may go as many per frame."""
@@ -76,7 +74,7 @@ class MapMetric:
     Attributes:
         learned: whether the projection was learned; else it is the identity.
         projection: (M, N) float32, v of Eq. 6.
-        unit: length of one code, see ``placefield.metric.codes``.
+        unit: length of one code, see ``placefield.search.quantized``.
         places: (K, M) int16, the codes of the places under it.
         squares: (K,) int32, their squared lengths.
         steps: (6, K) float32, how far each place is from the one before it, the second before it,

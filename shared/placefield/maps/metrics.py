@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, MapMetric
-from placefield.metric.coarse import coarse_look
-from placefield.metric.codes import (
+from placefield.search.coarse import coarse_look
+from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
     CodedProjection,
     Codes,

@@ -24,7 +24,7 @@ from placefield.maps.layout import (
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
 from placefield.maps.reading import ArrayFile, Header, open_inside
-from placefield.metric.coarse import Coarse
+from placefield.search.coarse import Coarse
 
 _QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told
 # Of a file; the largest hold some kB of each place.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
-from placefield.metric.codes import (
+from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
     CodedProjection,
     Codes,

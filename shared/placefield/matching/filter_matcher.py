@@ -28,8 +28,8 @@ from placefield.matching.partial_results import Share, fits, pack, unpack
 from placefield.matching.place_filter import Observation, PlaceFilter
 from placefield.matching.smoother import Smoothed, Smoother
 from placefield.matching.trace import NEGLIGIBLE, Trace
-from placefield.metric.codes import Codes
-from placefield.metric.spread import Spread, deviation_from
+from placefield.search.quantized import Codes
+from placefield.search.spread import Spread, deviation_from
 
 LEAST_PLACES = REACH
 """Places that a shard has at least, if there are several: a step leads to the next one at most."""

@@ -24,7 +24,7 @@ from placefield.matching.motion import evenly_spaced
 from placefield.matching.odometry import Road, road
 from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
-from placefield.metric.spread import Spread, spread_of
+from placefield.search.spread import Spread, spread_of
 
 _WINDOW_RULES = {"evidence": EvidenceMatcher, "lowest-score": LowestScoreMatcher}
 

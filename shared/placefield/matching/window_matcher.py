@@ -21,7 +21,7 @@ from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison
 from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.windows import RecentDistances, WindowSums
-from placefield.metric.codes import Codes
+from placefield.search.quantized import Codes
 
 
 class MeanDistance:

@@ -19,7 +19,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 
 KEYS = Keys("test")
 

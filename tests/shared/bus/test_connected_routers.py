@@ -9,7 +9,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import BusError
-from placefield_tools.hosting import free_endpoint
+from placefield_tools.common.host_process import free_endpoint
 
 KEYS = Keys("test")
 ALIVE = KEYS.alive("fuser", "here")

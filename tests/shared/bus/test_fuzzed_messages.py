@@ -31,7 +31,7 @@ from placefield.bus.messages import (
     UnseenMessage,
 )
 from placefield.errors import MessageError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 pytestmark = pytest.mark.slow

@@ -25,7 +25,7 @@ from placefield.bus.messages import (
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

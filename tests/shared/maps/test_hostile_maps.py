@@ -25,7 +25,7 @@ from placefield.maps.map import Map
 from placefield.maps.metrics import identity_metric
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.metric.codes import DESCRIPTOR_UNIT
+from placefield.search.quantized import DESCRIPTOR_UNIT
 
 LEAVES: st.SearchStrategy[Any] = (
     st.none()

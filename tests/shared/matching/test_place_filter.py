@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
 from placefield.matching.odometry import Odometer
-from placefield.metric.codes import DESCRIPTOR_UNIT, Codes, codes_of
+from placefield.search.quantized import DESCRIPTOR_UNIT, Codes, codes_of
 
 Point = list[int]
 UNIT = 0.25  # of small maps' codes

@@ -21,7 +21,7 @@ from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.sharding import ChannelShard, shard_range
-from placefield.metric.codes import Codes
+from placefield.search.quantized import Codes
 
 pytestmark = pytest.mark.slow
 

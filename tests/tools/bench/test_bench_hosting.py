@@ -6,7 +6,7 @@ import psutil
 import pytest
 
 from placefield.errors import BusError
-from placefield_tools.bench.hosting import started
+from placefield_tools.bench.host_chain import started
 
 READY = """
 import signal, subprocess, sys

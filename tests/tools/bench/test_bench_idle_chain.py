@@ -9,10 +9,10 @@ import pytest
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
 from placefield_tools.bench.chain import shape_of
-from placefield_tools.bench.hosting import started
+from placefield_tools.bench.host_chain import started
 from placefield_tools.bench.idle_chain import Shape
 from placefield_tools.bench.load import LiveCamera, play
-from placefield_tools.replaying import replay
+from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import open_source
 
 SHAPE = Shape(workers=((0, 2), (1,)), feature=1300, candidates=70)

@@ -11,7 +11,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, Header, MatchMessage, Message
 from placefield.bus.session import Bus
 from placefield.errors import BusError
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_tools.bench.load import LiveCamera, play
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from placefield_tools.chaos.children import Children
-from placefield_tools.chaos.disturbing import Disturbing
+from placefield_tools.chaos.faulty_source import Disturbing
 from placefield_tools.chaos.schedule import Fault
 from placefield_tools.chaos.verdict import Happened
 from placefield_tools.sources import open_source

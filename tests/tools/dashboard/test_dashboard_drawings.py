@@ -17,7 +17,7 @@ from placefield_tools.dashboard.drawings import (
     segments_drawing,
 )
 from placefield_tools.dashboard.fields import Window
-from placefield_tools.dashboard.pictures import distance_picture, frame_picture
+from placefield_tools.dashboard.frame_images import distance_picture, frame_picture
 
 
 def drawn(inside: str) -> list[ET.Element]:

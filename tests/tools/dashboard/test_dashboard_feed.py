@@ -9,9 +9,10 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus
-from placefield.maps.map import NO_DIGEST, Map
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.map import Map
 from placefield_tools.dashboard.feed import Feed, Newest
-from placefield_tools.dashboard.lacking import can_answer
+from placefield_tools.dashboard.missing_services import can_answer
 from placefield_tools.dashboard.state import LiveState
 
 KEYS = Keys("day")

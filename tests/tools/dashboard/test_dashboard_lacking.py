@@ -1,7 +1,7 @@
 import pytest
 
-from placefield_tools.dashboard.lacking import can_answer, lacking_words
-from placefield_tools.standing import RunStanding
+from placefield_tools.dashboard.missing_services import can_answer, lacking_words
+from placefield_tools.status.service_status import RunStanding
 
 
 def lacking(*missing: str) -> RunStanding:

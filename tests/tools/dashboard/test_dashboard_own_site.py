@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("starlette", reason="the dashboard's extra is not installed")
 
-from placefield_tools.dashboard.own_site import LOOPBACK, OwnSite, names_of
+from placefield_tools.dashboard.same_origin import LOOPBACK, OwnSite, names_of
 
 
 async def _app(scope: Any, receive: Any, send: Any) -> None:

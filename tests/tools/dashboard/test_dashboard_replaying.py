@@ -4,7 +4,7 @@ import psutil
 from hosting import wait_until
 
 from placefield.config import BusConfig
-from placefield_tools.dashboard.replaying import ReplayChild, replay_flags
+from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
 
 
 def test_a_replay_that_fails_says_why_in_one_line(endpoint: str, tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ from placefield.bus.messages import (
 )
 from placefield.config import Rule
 from placefield.errors import MessageError
-from placefield.maps.map import NO_DIGEST, Map, fingerprint
+from placefield.maps.digest import NO_DIGEST
+from placefield.maps.map import Map, fingerprint
 from placefield.matching.comparing import distance_matrix
 from placefield_tools.dashboard.state import KEPT, LiveState
 

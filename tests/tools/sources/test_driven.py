@@ -12,7 +12,7 @@ from placefield.evaluation.protocols import Protocol, drive_of
 from placefield.features.frames import Frame
 from placefield.features.images import decode
 from placefield_tools.sources import open_source
-from placefield_tools.sources.driven import Driven
+from placefield_tools.sources.resampled import Driven
 from placefield_tools.sources.source import Source
 
 

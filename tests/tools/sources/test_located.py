@@ -10,11 +10,11 @@ from placefield.errors import SourceError
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory
-from placefield_tools.building import build_from
+from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources.distance_sampled import Spaced
 from placefield_tools.sources.folder import Folder
-from placefield_tools.sources.located import Located
-from placefield_tools.sources.spaced import Spaced
+from placefield_tools.sources.with_poses import Located
 
 COUNT = 40
 RATE = 10

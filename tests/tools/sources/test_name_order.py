@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield_tools.natural import in_natural_order
+from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources import open_source
 from placefield_tools.sources.name_order import wrap_in
 

@@ -24,7 +24,7 @@ from test_ros_recording import (
 from placefield.config import Config
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.building import build_from
+from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.sources import NO_PARTS, Parts, open_source
 from placefield_tools.sources.drives import drives_of
 

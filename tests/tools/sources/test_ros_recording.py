@@ -20,7 +20,7 @@ from placefield.config import Config
 from placefield.errors import ConfigError, SourceError
 from placefield.features.frames import Frame, Pose
 from placefield.maps.geography import Origin
-from placefield_tools.building import build_from
+from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.sources import Parts, mcap_summary, open_source
 
 SECOND = 1_000_000_000

@@ -6,7 +6,7 @@ from placefield.errors import SourceError
 from placefield.features.frames import Frame
 from placefield.features.images import decode
 from placefield_tools.sources import Source, open_source
-from placefield_tools.sources.spaced import Spaced
+from placefield_tools.sources.distance_sampled import Spaced
 
 
 class Odometer(Source):

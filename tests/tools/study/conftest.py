@@ -5,9 +5,9 @@ import pytest
 
 from placefield.config import Config
 from placefield_tools.cli import options
-from placefield_tools.evaluating import Query
+from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study import describing
-from placefield_tools.study.running import prepare
+from placefield_tools.study.run_study import prepare
 from placefield_tools.study.trial import Trial
 
 TRUTH = partial(options.truth_of, tolerance=3, truth=None)

@@ -14,10 +14,10 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
 from placefield.matching.odometry import Road
-from placefield_tools.evaluating import Query
+from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import methods_of, run_methods
-from placefield_tools.study.running import prepare
+from placefield_tools.study.run_study import prepare
 from placefield_tools.study.trial import Trial
 
 

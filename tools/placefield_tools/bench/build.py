@@ -23,7 +23,7 @@ from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbou
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.frames import street_frames
 from placefield_tools.bench.timing import Timings
-from placefield_tools.parallel import cores, map_in_order
+from placefield_tools.common.parallel import cores, map_in_order
 
 _FRAMES = 1261  # of the paper's longest route
 _CHANNELS = 8

@@ -12,7 +12,7 @@ from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.frames import street_frames
-from placefield_tools.bench.hosting import Chain, started
+from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
 
 CAMERAS = 16

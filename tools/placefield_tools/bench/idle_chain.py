@@ -19,7 +19,7 @@ from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import MatchMessage, Message
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
-from placefield.maps.map import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST
 from placefield_services.host import run_host
 from placefield_services.process import ServiceProcess, stop_event
 

@@ -18,8 +18,8 @@ from placefield.maps.map import MapChannel
 from placefield.maps.metrics import identity_metric
 from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.literal import literal_match
-from placefield_tools.bench.made import CHANNELS, SCALES, made_channel
+from placefield_tools.bench.reference_implementation import literal_match
+from placefield_tools.bench.synthetic import CHANNELS, SCALES, made_channel
 from placefield_tools.bench.timing import Timings
 from placefield_tools.bench.walks import random_walk, seen_again
 

@@ -16,12 +16,12 @@ from placefield.maps.map import fingerprint
 from placefield.maps.store import save_map
 from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.hosting import started
-from placefield_tools.bench.made import made_map
+from placefield_tools.bench.host_chain import started
 from placefield_tools.bench.shards import bench_shards
 from placefield_tools.bench.start import bench_start
+from placefield_tools.bench.synthetic import made_map
 from placefield_tools.bench.walks import drive_along, random_walk, seen_again
-from placefield_tools.progress import tracked
+from placefield_tools.common.progress import tracked
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 DIMENSIONS = 300

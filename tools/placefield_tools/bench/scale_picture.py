@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from placefield.evaluation.plots.style import INK, RIGHT, WRONG, new_figure, save, tidy
+from placefield_tools.plots.style import INK, RIGHT, WRONG, new_figure, save, tidy
 
 
 def draw_scale(path: Path, numbers: Mapping[str, float], sizes: Sequence[int]) -> None:

@@ -17,8 +17,8 @@ from placefield.errors import BusError
 from placefield.fusion.match import Match
 from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.hosting import default_environment, started
-from placefield_tools.bench.made import CHANNELS
+from placefield_tools.bench.host_chain import default_environment, started
+from placefield_tools.bench.synthetic import CHANNELS
 
 SHARDS = 4
 

@@ -67,7 +67,7 @@ def _build(
     """
     from placefield.errors import ConfigError
     from placefield.maps.store import check_map_path, save_map
-    from placefield_tools.building import build_from
+    from placefield_tools.build.map_from_sources import build_from
     from placefield_tools.sources import Parts
 
     effective = options.effective_config(

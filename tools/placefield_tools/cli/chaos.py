@@ -54,10 +54,10 @@ def _chaos(
     from placefield.errors import ConfigError
     from placefield.maps.manifest import read_manifest
     from placefield_tools.chaos.clock import RealClock
-    from placefield_tools.chaos.running import disturbed_replay
+    from placefield_tools.chaos.disturbed_run import disturbed_replay
     from placefield_tools.chaos.schedule import APART, schedule
     from placefield_tools.cli.up import deal
-    from placefield_tools.parallel import cores
+    from placefield_tools.common.parallel import cores
     from placefield_tools.sources import open_source
     from placefield_tools.sources.secrets import without_secrets
 

@@ -47,9 +47,9 @@ def _dashboard(
     from placefield.maps.opening import open_map
     from placefield_services.process import stop_event
     from placefield_tools.dashboard.feed import Feed
-    from placefield_tools.dashboard.replaying import ReplayChild, replay_flags
+    from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
     from placefield_tools.dashboard.state import LiveState
-    from placefield_tools.listening import warn_of_other_runs
+    from placefield_tools.listen.match_queue import warn_of_other_runs
 
     try:
         from placefield_tools.dashboard.serving import serve

@@ -65,11 +65,11 @@ def _get(
     Examples:
       placefield datasets get corridor --into benchmarks
     """
+    from placefield_tools.common.progress import progress_bar
     from placefield_tools.datasets.benchmarks import benchmark
     from placefield_tools.datasets.checking import check
     from placefield_tools.datasets.getting import get, sums_file
     from placefield_tools.datasets.showing import study_command
-    from placefield_tools.progress import progress_bar
 
     known = benchmark(name)
     count = len(known.files)

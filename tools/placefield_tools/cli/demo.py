@@ -51,8 +51,8 @@ def _demo(
 
 
 def _render(folder: Path, light: "Light") -> str:
+    from placefield_tools.common.progress import progress_bar
     from placefield_tools.demo.traverse import render_traverse
-    from placefield_tools.progress import progress_bar
 
     target = folder / light
     with progress_bar() as bar:
@@ -63,12 +63,12 @@ def _render(folder: Path, light: "Light") -> str:
 
 def _run(reference: str, query: str, output: Path, config: Config) -> None:
     from placefield.maps.store import save_map
-    from placefield_tools.building import build_from
-    from placefield_tools.evaluating import Query, evaluate
-    from placefield_tools.inspecting import draw_segments
-    from placefield_tools.pictures import draw
-    from placefield_tools.progress import CONSOLE
-    from placefield_tools.reporting import print_table
+    from placefield_tools.build.map_from_sources import build_from
+    from placefield_tools.common.progress import CONSOLE
+    from placefield_tools.evaluate.evaluation import Query, evaluate
+    from placefield_tools.evaluate.evaluation_plots import draw
+    from placefield_tools.evaluate.evaluation_report import print_table
+    from placefield_tools.inspect.map_summary import draw_segments
 
     map_path = output / "route.pfmap"
     built = build_from([reference], config)

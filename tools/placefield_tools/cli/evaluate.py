@@ -68,12 +68,12 @@ def _evaluate(
       placefield evaluate route.pfmap dusk.mcap --tolerance 5m
       placefield evaluate day/ dusk/ --protocol kidnap --seed 1
     """
-    from placefield_tools.building import map_of
-    from placefield_tools.evaluating import Query, evaluate
-    from placefield_tools.grounds import Asked
-    from placefield_tools.pictures import draw
-    from placefield_tools.progress import CONSOLE
-    from placefield_tools.reporting import figures, print_table
+    from placefield_tools.build.map_from_sources import map_of
+    from placefield_tools.common.progress import CONSOLE
+    from placefield_tools.evaluate.evaluation import Query, evaluate
+    from placefield_tools.evaluate.evaluation_plots import draw
+    from placefield_tools.evaluate.evaluation_report import figures, print_table
+    from placefield_tools.evaluate.truth_source import Asked
     from placefield_tools.sources import Parts
 
     options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)

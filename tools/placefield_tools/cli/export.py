@@ -53,9 +53,9 @@ def _export(
       placefield export drive.csv loops.g2o --map route.pfmap --all
     """
     from placefield.maps.opening import open_map
-    from placefield_tools.exporting.exporting import check_target, export
-    from placefield_tools.exporting.traverse import localise, of_one_stream
-    from placefield_tools.recording.records import read_records
+    from placefield_tools.export.export_file import check_target, export
+    from placefield_tools.export.matched_traverse import localise, of_one_stream
+    from placefield_tools.record.records import read_records
 
     effective = options.effective_config(config, settings, matching__tolerance=tolerance)
     check_target(out)

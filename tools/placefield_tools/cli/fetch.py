@@ -35,8 +35,8 @@ def _fetch(
     from placefield.errors import ConfigError
     from placefield.maps.manifest import SUFFIX
     from placefield_services.process import stop_event
-    from placefield_tools.fetching import Fetch
-    from placefield_tools.progress import progress_bar
+    from placefield_tools.common.progress import progress_bar
+    from placefield_tools.fetch.map_download import Fetch
 
     name = name.removesuffix(SUFFIX)
     if not name or "/" in name:

@@ -31,7 +31,7 @@ def _inspect(
       placefield inspect route.pfmap -o segments.png
     """
     from placefield.maps.opening import open_map
-    from placefield_tools.inspecting import draw_segments, print_map
+    from placefield_tools.inspect.map_summary import draw_segments, print_map
 
     opened = open_map(map_path)
     print_map(opened, map_path)

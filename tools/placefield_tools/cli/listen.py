@@ -9,7 +9,7 @@ import typer
 from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield_tools.cli import options
-from placefield_tools.recording.records import as_object
+from placefield_tools.record.records import as_object
 
 log = logging.getLogger(__name__)
 
@@ -40,8 +40,8 @@ def _listen(
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError
     from placefield_services.process import stop_event
-    from placefield_tools.listening import MatchQueue, warn_of_other_runs
-    from placefield_tools.natural import counted
+    from placefield_tools.common.natural_sort import counted
+    from placefield_tools.listen.match_queue import MatchQueue, warn_of_other_runs
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials

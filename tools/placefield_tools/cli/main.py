@@ -37,7 +37,7 @@ from placefield_tools.cli import (
     up,
 )
 from placefield_tools.cli.helping import unwrapped
-from placefield_tools.logs import log, log_for_a_person
+from placefield_tools.common.log_format import log, log_for_a_person
 
 app = typer.Typer(
     help="Visual place recognition with adaptive multiple scales, as a stream of processes.",

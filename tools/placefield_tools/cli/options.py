@@ -23,7 +23,7 @@ from placefield.loading import load_config
 from placefield.maps.manifest import read_manifest
 from placefield.maps.trajectory import PoseAxes
 from placefield.presets import Preset
-from placefield_tools.logs import log_as_json
+from placefield_tools.common.log_format import log_as_json
 
 _DEFAULTS = Config()
 

@@ -14,7 +14,7 @@ from placefield.config import BusConfig
 from placefield_tools.cli import options
 
 if TYPE_CHECKING:
-    from placefield_tools.planning import Plan, Process
+    from placefield_tools.plan.host_plan import Plan, Process
 
 _PORT = BusConfig().endpoint.rpartition(":")[2]
 
@@ -57,7 +57,7 @@ def _plan(
       placefield plan city.pfmap --hosts 4 --cores 2 --memory 1.5
     """
     from placefield.maps.manifest import read_manifest
-    from placefield_tools.planning import loads_of, plan, services_of
+    from placefield_tools.plan.host_plan import loads_of, plan, services_of
 
     names = _names(hosts)
     memory_bytes = math.inf if memory is None else memory * 1e9
@@ -179,7 +179,7 @@ def _print(
     from rich.console import Console
     from rich.table import Table
 
-    from placefield_tools.planning import ROOM
+    from placefield_tools.plan.host_plan import ROOM
 
     console = Console(markup=False, highlight=False)
     table = Table(title=f"an estimate, at {rate:g} frames/s")

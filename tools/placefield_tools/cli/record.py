@@ -53,9 +53,9 @@ def _record(
     """
     from placefield.maps.manifest import read_identified
     from placefield_services.process import stop_event
-    from placefield_tools.recording.earth import origin_of
-    from placefield_tools.recording.opening import recorder_of
-    from placefield_tools.recording.recording import record
+    from placefield_tools.record.georeference import origin_of
+    from placefield_tools.record.record_run import record
+    from placefield_tools.record.recorder_files import recorder_of
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials

@@ -59,8 +59,8 @@ def _replay(
     from placefield.bus.session import open_bus
     from placefield.errors import SourceError
     from placefield_services.process import stop_event
-    from placefield_tools.odometry import Odometry
-    from placefield_tools.replaying import replay
+    from placefield_tools.replay.replay_source import replay
+    from placefield_tools.replay.vehicle_odometry import Odometry
     from placefield_tools.sources import Parts, open_source
     from placefield_tools.sources.secrets import without_secrets
 

@@ -16,8 +16,8 @@ from placefield_tools.cli import options
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from placefield_tools.overhearing import RunListener
-    from placefield_tools.standing import RunStanding, ServiceStanding
+    from placefield_tools.status.service_status import RunStanding, ServiceStanding
+    from placefield_tools.status.statistics import RunListener
 
 log = logging.getLogger(__name__)
 
@@ -55,9 +55,9 @@ def _status(
     from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError
     from placefield_services.process import stop_event
-    from placefield_tools.listening import warn_of_other_runs
-    from placefield_tools.overhearing import RunListener, RunsListener
-    from placefield_tools.standing import other_runs
+    from placefield_tools.listen.match_queue import warn_of_other_runs
+    from placefield_tools.status.service_status import other_runs
+    from placefield_tools.status.statistics import RunListener, RunsListener
 
     if watch and json_:
         raise ConfigError("--watch and --json: give one of them")
@@ -128,7 +128,7 @@ def _table(standing: "RunStanding", run: str) -> "RenderableType":
 
 
 def _cells(service: "ServiceStanding") -> tuple[str, str, str, str]:
-    from placefield_tools.standing import counts_in_words
+    from placefield_tools.status.service_status import counts_in_words
 
     rate = "" if service.rate is None else f"{service.rate:.1f}"
     return (

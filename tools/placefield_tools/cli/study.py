@@ -54,14 +54,14 @@ def _study(
       placefield study day/ dusk/ --protocol kidnap
       placefield study day/ dusk/ --preset paper
     """
-    from placefield_tools.evaluating import Query
-    from placefield_tools.grounds import Asked
+    from placefield_tools.evaluate.evaluation import Query
+    from placefield_tools.evaluate.truth_source import Asked
     from placefield_tools.sources import Parts
-    from placefield_tools.study.paper.report import write_paper_report
-    from placefield_tools.study.paper.running import FEATURES, run_paper_study
-    from placefield_tools.study.paper.table import paper_figures, print_paper_study
+    from placefield_tools.study.paper.paper_report import write_paper_report
+    from placefield_tools.study.paper.paper_table import paper_figures, print_paper_study
+    from placefield_tools.study.paper.run_paper import FEATURES, run_paper_study
     from placefield_tools.study.report import write_report
-    from placefield_tools.study.running import run_study
+    from placefield_tools.study.run_study import run_study
     from placefield_tools.study.table import figures, print_study
 
     options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)

@@ -82,7 +82,7 @@ def _up(
     from placefield.maps.manifest import read_identified
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
-    from placefield_tools.parallel import cores
+    from placefield_tools.common.parallel import cores
 
     stop = stop_event()
     effective = options.effective_config(

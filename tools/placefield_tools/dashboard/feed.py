@@ -13,8 +13,8 @@ from placefield.bus.messages import Header
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_tools.dashboard.state import LiveState
-from placefield_tools.overhearing import RunListener
-from placefield_tools.standing import RunStanding
+from placefield_tools.status.service_status import RunStanding
+from placefield_tools.status.statistics import RunListener
 
 _MOST = 1024  # messages
 _MOST_BYTES = 64 * 2**20

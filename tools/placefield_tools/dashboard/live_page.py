@@ -6,7 +6,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from placefield_tools.dashboard.field_panel import FieldsPanel
-from placefield_tools.dashboard.lacking import can_answer, lacking_words
+from placefield_tools.dashboard.missing_services import can_answer, lacking_words
 from placefield_tools.dashboard.panels import (
     AnswerPanel,
     CertaintyPanel,

@@ -10,7 +10,7 @@ from placefield_tools.dashboard.charts import curves_chart, scales_chart
 from placefield_tools.dashboard.drawings import FIELD_HEIGHT, segments_drawing
 from placefield_tools.dashboard.fields import Window, window_around
 from placefield_tools.dashboard.site import Site, card, chart, page, svg
-from placefield_tools.map_facts import map_facts
+from placefield_tools.inspect.map_facts import map_facts
 
 _PER_PAGE = 48
 _WHOLE_ROUTE = 4000  # places; of a longer one the segments are drawn by the part

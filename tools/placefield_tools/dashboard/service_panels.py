@@ -4,9 +4,9 @@ import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.lacking import lacking_words
+from placefield_tools.dashboard.missing_services import lacking_words
 from placefield_tools.dashboard.site import Site, card
-from placefield_tools.standing import RunStanding, ServiceStanding, counts_in_words
+from placefield_tools.status.service_status import RunStanding, ServiceStanding, counts_in_words
 
 _COLUMNS = {
     "service": "service",

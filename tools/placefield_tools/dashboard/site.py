@@ -10,7 +10,7 @@ from nicegui import app, ui
 from placefield.maps.map import Map
 from placefield_tools.dashboard.charts import Options
 from placefield_tools.dashboard.feed import Feed
-from placefield_tools.dashboard.replaying import ReplayChild
+from placefield_tools.dashboard.replay_process import ReplayChild
 from placefield_tools.dashboard.state import LiveState
 
 _STYLE = Path(__file__).with_name("style.css").read_text()

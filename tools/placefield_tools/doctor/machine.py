@@ -6,8 +6,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from placefield_tools.common.parallel import cores
 from placefield_tools.doctor.finding import Finding, good, warning
-from placefield_tools.parallel import cores
 
 _LEAST_CORES = 2
 _LEAST_MEMORY = 2 * 2**30  # bytes

@@ -9,7 +9,7 @@ from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.errors import BusError, PlacefieldError
 from placefield_tools.doctor.finding import Finding, bad, good, warning
-from placefield_tools.standing import other_runs
+from placefield_tools.status.service_status import other_runs
 
 _TIMEOUT_S = 1.0
 _ADDRESS = re.compile(r"(?P<protocol>\w+)/\[?(?P<host>[^\]]+?)\]?:(?P<port>\d+)")

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.natural import in_natural_order
-from placefield_tools.sources.files import check_file
+from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
 from placefield_tools.sources.listing import Listed, Listing
+from placefield_tools.sources.regular_files import check_file
 from placefield_tools.sources.source import Source, Span, until
 
 log = logging.getLogger(__name__)

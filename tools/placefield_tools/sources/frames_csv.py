@@ -15,7 +15,6 @@ from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield_tools.sources.degrees import is_fix
-from placefield_tools.sources.files import check_inside
 from placefield_tools.sources.listing import (
     DefaultStamp,
     Listed,
@@ -23,6 +22,7 @@ from placefield_tools.sources.listing import (
     Position,
     with_positions,
 )
+from placefield_tools.sources.regular_files import check_inside
 from placefield_tools.sources.seconds import nanoseconds
 
 _METRES, _DEGREES = ("x", "y"), ("latitude", "longitude")

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from placefield.errors import SourceError
 from placefield.features.frames import Frame
-from placefield_tools.natural import counted
+from placefield_tools.common.natural_sort import counted
 from placefield_tools.sources.source import Source, Span
 
 log = logging.getLogger(__name__)

@@ -13,17 +13,17 @@ from placefield.features.frames import Frame
 from placefield.features.spacing import check_spacing
 from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
-from placefield_tools.natural import in_natural_order
+from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
+from placefield_tools.sources.distance_sampled import Spaced
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
-from placefield_tools.sources.located import Located
-from placefield_tools.sources.metered import Metered
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
-from placefield_tools.sources.spaced import Spaced
 from placefield_tools.sources.video import Video
+from placefield_tools.sources.with_odometry import Metered
+from placefield_tools.sources.with_poses import Located
 
 if TYPE_CHECKING:
     from placefield_tools.sources.recording import Recording

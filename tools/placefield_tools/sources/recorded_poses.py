@@ -11,12 +11,12 @@ from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
 from placefield.ros.messages import ODOMETRY, POSE
 from placefield_tools.sources.degrees import is_fix, laid_out
-from placefield_tools.sources.located import Located
 from placefield_tools.sources.pose_axes import forwards_of, ground_poses
 from placefield_tools.sources.pose_files import LARGEST
 from placefield_tools.sources.recording import Recording, known_errors
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.topics import pose_topic
+from placefield_tools.sources.with_poses import Located
 
 log = logging.getLogger(__name__)
 

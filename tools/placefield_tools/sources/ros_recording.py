@@ -11,7 +11,7 @@ from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
 from placefield.errors import SourceError
-from placefield_tools.natural import in_natural_order
+from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.mcap_messages import stamp_ns_of
 from placefield_tools.sources.mcap_summary import read_summary
 from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder, images_of

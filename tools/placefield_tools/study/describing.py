@@ -13,9 +13,9 @@ from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import grey
 from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
-from placefield_tools.evaluating import RawFeature, describe_located_query
-from placefield_tools.parallel import map_in_order
-from placefield_tools.progress import tracked
+from placefield_tools.common.parallel import map_in_order
+from placefield_tools.common.progress import tracked
+from placefield_tools.evaluate.evaluation import RawFeature, describe_located_query
 from placefield_tools.sources import Source
 
 WORDS = 2000

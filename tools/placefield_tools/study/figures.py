@@ -11,13 +11,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from placefield.evaluation.claims import Claims
-from placefield.evaluation.plots import (
+from placefield_tools.inspect.map_summary import draw_segments
+from placefield_tools.plots import (
     AucBar,
     plot_auc_bars,
     plot_precision_recall_panels,
     plot_reliability,
 )
-from placefield_tools.inspecting import draw_segments
 from placefield_tools.study.results import MethodResult, Study
 
 

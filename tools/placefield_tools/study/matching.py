@@ -11,7 +11,7 @@ from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage
-from placefield_tools.drive_matching import Descriptors, Metres, match_drive
+from placefield_tools.evaluate.drive_matching import Descriptors, Metres, match_drive
 
 
 def match_channels(

@@ -6,8 +6,8 @@ from typing import Literal
 from placefield.config import Rule
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
-from placefield_tools.evaluating import Judged
-from placefield_tools.grounds import Ground
+from placefield_tools.evaluate.evaluation import Judged
+from placefield_tools.evaluate.truth_source import Ground
 
 LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]
 """A part of the method: several scales per channel, adaptive ones, a learned metric, channels."""

@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from placefield_tools.reporting import certainty_figures, certainty_line
+from placefield_tools.evaluate.evaluation_report import certainty_figures, certainty_line
 from placefield_tools.study.results import MethodResult, Study
 
 

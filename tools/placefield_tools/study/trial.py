@@ -19,9 +19,9 @@ from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
-from placefield_tools.drive_matching import Metres
-from placefield_tools.evaluating import RawFeature
-from placefield_tools.grounds import Ground
+from placefield_tools.evaluate.drive_matching import Metres
+from placefield_tools.evaluate.evaluation import RawFeature
+from placefield_tools.evaluate.truth_source import Ground
 from placefield_tools.study.describing import Described
 
 Array = NDArray[np.float32]

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from placefield_tools.study.paper import figures, verdicts
-from placefield_tools.study.paper.report import write_paper_report
-from placefield_tools.study.paper.results import CountResult, FeatureResult, PaperStudy
-from placefield_tools.study.paper.table import paper_figures, print_paper_study
+from placefield_tools.study.paper import paper_figures as figures
+from placefield_tools.study.paper import verdicts
+from placefield_tools.study.paper.paper_report import write_paper_report
+from placefield_tools.study.paper.paper_results import CountResult, FeatureResult, PaperStudy
+from placefield_tools.study.paper.paper_table import paper_figures, print_paper_study
 
 _VOID = {"meta", "img", "br", "link"}
 

@@ -6,12 +6,12 @@ import pytest
 from placefield.errors import MapError
 from placefield.maps.map import MapChannel
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluating import judge
-from placefield_tools.study.paper import running
+from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.study.paper import run_paper as running
 from placefield_tools.study.paper.cost import comparisons, multiplications
 from placefield_tools.study.paper.neighbours import learned_by
-from placefield_tools.study.paper.results import Cost, PaperStudy
-from placefield_tools.study.paper.running import one_scale
+from placefield_tools.study.paper.paper_results import Cost, PaperStudy
+from placefield_tools.study.paper.run_paper import one_scale
 from placefield_tools.study.trial import Trial
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.study.methods import match_smoothed
-from placefield_tools.study.paper.results import Cost
+from placefield_tools.study.paper.paper_results import Cost
 from placefield_tools.study.trial import Trial
 
 COMPARISONS_PER_SECOND = 1e9

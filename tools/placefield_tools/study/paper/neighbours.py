@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.evaluation.plots import Neighbourhood
 from placefield.metric.distances import squared_distances
 from placefield.metric.lmnn import target_neighbours
-from placefield_tools.study.paper.results import Learned
+from placefield_tools.plots import Neighbourhood
+from placefield_tools.study.paper.paper_results import Learned
 from placefield_tools.study.trial import Trial
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The paper's two claims, put to the results: AMS beats MS, and gains from more channels."""
 
-from placefield_tools.study.paper.results import CountResult, FeatureResult
+from placefield_tools.study.paper.paper_results import CountResult, FeatureResult
 
 _EQUAL = 0.01  # AUC
 _PLATEAU = 8  # channels, beyond which the paper gains no more

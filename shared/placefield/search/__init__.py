@@ -1,0 +1,1 @@
+"""Nearest places, quickly: quantized descriptors, coarse search and re-ranking."""

@@ -1,0 +1,49 @@
+"""A coarse look at many places: along few axes, in few bits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.blocks import blocks
+from placefield.search.quantized import Codes
+from placefield.search.spread import Spread, deviation_from, spread_of
+
+AXES = 64
+"""Along which places are looked at: the row of one is as long as a cache line."""
+
+_SAMPLE = 20_000  # places that the axes are found from
+_BLOCK = 4096  # places whose float32 copy is held at once
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """The places of a metric, along the principal axes of a sample of them.
+
+    Attributes:
+        axes: (R, M) float32, orthonormal rows.
+        codes: (K, R) int8, the places along them.
+        spread: (M + 1, M + 1) float64, see ``spread_of``.
+        unit: of these codes, in codes of the places.
+    """
+
+    axes: NDArray[np.float32]
+    codes: NDArray[np.int8]
+    spread: Spread
+    unit: float
+
+    def deviation(self, codes: Codes) -> float:
+        """Standard deviation of the exact squared distances of a vector (M,) to all places."""
+        return deviation_from(codes, self.spread)
+
+
+def coarse_look(places: Codes) -> Coarse:
+    """Look at places (K, M) along their ``AXES`` principal axes, or all of them if fewer."""
+    sample = places[:: -(-len(places) // _SAMPLE)].astype(np.float32)
+    axes = np.linalg.svd(sample, full_matrices=False)[2][:AXES]
+    unit = max(float(np.abs(sample @ axes.T).max()), 1.0) / np.iinfo(np.int8).max
+    codes = np.empty((len(places), len(axes)), np.int8)
+    for block in blocks(len(places), _BLOCK):
+        along = places[block].astype(np.float32) @ axes.T
+        codes[block] = np.clip(np.rint(along / unit), -127, 127)
+    return Coarse(np.ascontiguousarray(axes), codes, spread_of(places), unit)

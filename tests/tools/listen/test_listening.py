@@ -1,0 +1,105 @@
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from placefield.bus.keys import Keys
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
+from placefield.bus.session import Bus, open_bus, open_router
+from placefield.config import BusConfig
+from placefield.errors import MessageError, OtherMapError
+from placefield.maps.digest import NO_DIGEST
+from placefield_tools.listen.match_queue import MatchQueue, stream_matches
+
+KEYS = Keys("test")
+
+
+def header(sequence: int, *, end: bool = False) -> Header:
+    return Header(stream="s", sequence=sequence, stamp_ns=0, end=end)
+
+
+@pytest.fixture
+def buses(endpoint: str) -> Iterator[tuple[Bus, Bus]]:
+    config = BusConfig(endpoint=endpoint)
+    with open_router(config) as one, open_bus(config) as other:
+        yield one, other
+
+
+def test_matches_come_in_order_up_to_the_end_of_the_stream(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    matches = MatchQueue(listener, KEYS)
+    time.sleep(0.2)  # a subscription needs a moment to get around
+    publisher = fuser.publisher(KEYS.match)
+    sent = [MatchMessage(map=NO_DIGEST, place=7 * s, score=s / 3, missing=(s,)) for s in range(20)]
+    for sequence, match in enumerate(sent):
+        publisher.put(header(sequence), match)
+    publisher.put(header(20, end=True))
+    publisher.put(header(0), sent[0])
+    assert list(stream_matches(matches, 10)) == [(header(s), m) for s, m in enumerate(sent)]
+
+
+def test_listening_ends_when_nothing_comes(buses: tuple[Bus, Bus]) -> None:
+    assert list(stream_matches(MatchQueue(buses[1], KEYS), 0.05)) == []
+
+
+def test_what_is_no_match_is_refused_and_the_next_one_still_comes(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    matches = MatchQueue(listener, KEYS)
+    time.sleep(0.2)
+    publisher = fuser.publisher(KEYS.match)
+    publisher.put(header(0), StatsMessage(service="fuser", counts={}))
+    publisher.put(header(1), MatchMessage(map=NO_DIGEST, place=3, score=1.0))
+    with pytest.raises(MessageError):
+        matches.take(10)
+    assert matches.take(10) == (header(1), MatchMessage(map=NO_DIGEST, place=3, score=1.0))
+
+
+def test_smoothed_matches_come_in_order_too_and_the_end_behind_them(buses: tuple[Bus, Bus]) -> None:
+    fuser, listener = buses
+    both = MatchQueue(listener, KEYS, smoothed=True)
+    time.sleep(0.2)
+    matches, smoothed = fuser.publisher(KEYS.match), fuser.publisher(KEYS.smoothed)
+    at_once = [MatchMessage(map=NO_DIGEST, place=s, score=0.0) for s in range(5)]
+    later = [SmoothedMessage(map=NO_DIGEST, place=s + 1, score=0.0, lag=3) for s in range(5)]
+    for sequence in range(5):
+        matches.put(header(sequence), at_once[sequence])
+    matches.put(header(5, end=True))
+    for sequence in (0, 1, 0, 2, 3, 4):  # one is published a second time, by a new fuser
+        smoothed.put(header(sequence), later[sequence])
+    smoothed.put(header(5, end=True))
+    taken = list(stream_matches(both, 10))
+    kinds = [[t for t in taken if isinstance(t[1], SmoothedMessage) == is_one] for is_one in (0, 1)]
+    assert kinds[0] == [(header(s), one) for s, one in enumerate(at_once)]
+    assert kinds[1] == [(header(s), one) for s, one in enumerate(later)]
+
+
+@pytest.mark.parametrize("digest", [None, "a" * 16])
+def test_of_a_stream_matches_of_one_map_are_taken(
+    buses: tuple[Bus, Bus], digest: str | None
+) -> None:
+    fuser, listener = buses
+    both = MatchQueue(listener, KEYS, smoothed=True, digest=digest)
+    time.sleep(0.2)
+    matches, smoothed = fuser.publisher(KEYS.match), fuser.publisher(KEYS.smoothed)
+    own, other = {"map": "a" * 16, "score": 0.0}, {"map": "b" * 16, "score": 0.0}
+    matches.put(header(0), MatchMessage(place=1, **own))
+    assert both.take(10) == (header(0), MatchMessage(place=1, **own))
+    matches.put(header(1), MatchMessage(place=2, **other))
+    with pytest.raises(OtherMapError):
+        both.take(10)
+    smoothed.put(header(0), SmoothedMessage(place=1, lag=2, **other))
+    with pytest.raises(OtherMapError):
+        both.take(10)
+    matches.put(header(2), MatchMessage(place=3, **own))
+    assert both.take(10) == (header(2), MatchMessage(place=3, **own))
+    assert both.counts["gaps"] == 1
+    matches.put(replace_stream(header(0)), MatchMessage(place=2, **other))
+    if digest is None:  # another stream may be of another map
+        assert both.take(10) == (replace_stream(header(0)), MatchMessage(place=2, **other))
+    else:
+        with pytest.raises(OtherMapError):
+            both.take(10)
+
+
+def replace_stream(about: Header) -> Header:
+    return about.model_copy(update={"stream": "another"})

@@ -1,0 +1,31 @@
+import time
+from collections.abc import Callable
+
+from placefield.bus.keys import Keys
+from placefield.bus.session import open_bus, open_router
+from placefield.config import BusConfig
+from placefield_tools.status.statistics import RunsListener
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_runs_are_known_whether_they_were_there_before_or_come_later_until_they_go(
+    endpoint: str,
+) -> None:
+    config = BusConfig(endpoint=endpoint)
+    with open_router(config), open_bus(config) as listening:
+        with open_bus(config) as early:
+            early.declare_alive(Keys("early").alive("fuser", "a"))
+            heard = RunsListener(listening)
+            wait_until(lambda: heard.runs == {"early"})
+            with open_bus(config) as late:
+                late.declare_alive(Keys("late").alive("featurizer", "b"))
+                late.declare_alive(Keys("late").alive("fuser", "c"))
+                wait_until(lambda: heard.runs == {"early", "late"})
+            wait_until(lambda: heard.runs == {"early"})
+        wait_until(lambda: not heard.runs)

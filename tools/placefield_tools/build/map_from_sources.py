@@ -1,0 +1,137 @@
+"""Sources of frames to a map."""
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from placefield.config import Config
+from placefield.errors import MapError, SourceError
+from placefield.features.descriptors import DescriptorModel
+from placefield.features.extract import feature_of, network_of
+from placefield.maps.build import adaptive_channels, build_map
+from placefield.maps.manifest import SUFFIX
+from placefield.maps.map import Map
+from placefield.maps.opening import open_map
+from placefield.maps.same_route import check_same_route
+from placefield.maps.store import save_map
+from placefield_tools.build.references import describe_reference, without_bad
+from placefield_tools.common.parallel import map_in_order
+from placefield_tools.common.progress import channel_progress
+from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.opening import name_of
+from placefield_tools.sources.secrets import without_secrets
+
+
+def build_from(
+    references: Sequence[str],
+    config: Config,
+    *,
+    spacing_m: float | None = None,
+    parts: Parts = NO_PARTS,
+    leave_out_bad: bool = False,
+    one_drive: bool | None = None,
+) -> Map:
+    """Build a map from the sources of its reference traverses, showing progress.
+
+    Args:
+        references: sources of frames.
+        config: of the map.
+        spacing_m: metres between the frames, by odometry; None: take every frame.
+        parts: of the sources; the poses are the first's, whose frames are the places.
+        leave_out_bad: build without frames that cannot be read, in any of the sources, or that a
+            source has promised and not given; how many they are is logged.
+        one_drive: whether the sources are parts of one drive, see ``drives_of``.
+
+    Raises:
+        SourceError: a source or one of its frames cannot be read, or is a camera.
+        MapError: the traverses do not make a map, see ``build_map``.
+    """
+    feature = feature_of(config.features.kind)
+    first, *others = drives_of(references, parts, one_drive)
+    unlocated = replace(parts, poses=None, pose_axes=None)
+    described = [
+        describe_reference(
+            _open_reference(drive, spacing_m, own),
+            name_of(drive),
+            feature,
+            leave_out_bad=leave_out_bad,
+        )
+        for drive, own in [(first, parts), *((other, unlocated) for other in others)]
+    ]
+    traverses = [each.traverse() for each in without_bad(described)]
+    check_same_route(traverses, config.features.kind)
+    with channel_progress(config.scales.channels) as progress:
+        cut = partial(adaptive_channels, run=map_in_order, progress=progress)
+        return build_map(
+            traverses, config, progress, cut, network=feature.network, run=map_in_order
+        )
+
+
+def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+    source = open_source(drive, spacing_m=spacing_m, parts=parts)
+    if source.live:
+        raise SourceError(
+            f"{without_secrets(drive[0])}: a camera gives no second look; "
+            "record a traverse and build from that"
+        )
+    return source
+
+
+@contextmanager
+def map_of(
+    reference: str,
+    config: Config,
+    *,
+    feature_asked: bool,
+    spacing_m: float | None = None,
+    parts: Parts = NO_PARTS,
+    leave_out_bad: bool = False,
+) -> Iterator[Path]:
+    """Give the path of a map: of ``reference`` itself, or one built from it for the time being.
+
+    Args:
+        reference: a map, or a source of frames.
+        config: of the map to build.
+        feature_asked: whether the feature was asked for, which a map there already must then hold.
+        spacing_m: see ``build_from``; says nothing of a map there already.
+        parts: likewise.
+        leave_out_bad: likewise.
+
+    Raises:
+        MapError: the map holds another feature, or one of another network.
+        PlacefieldError: see ``build_from``.
+    """
+    path = Path(reference)
+    if path.suffix == SUFFIX:
+        if feature_asked:
+            _check_feature(path, config.features.kind)
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
+        built = Path(folder) / f"reference{SUFFIX}"
+        built_map = build_from(
+            [reference], config, spacing_m=spacing_m, parts=parts, leave_out_bad=leave_out_bad
+        )
+        save_map(built_map, built)
+        yield built
+
+
+def _check_feature(path: Path, kind: str) -> None:
+    model = open_map(path).model
+    if not _is_of(model, kind):
+        asked = f"{kind} as it is now" if kind == model.kind else kind
+        raise MapError(
+            f"{path}: holds {model.kind} features, not {asked}: "
+            "leave --feature out, or build another map"
+        )
+
+
+def _is_of(model: DescriptorModel, kind: str) -> bool:
+    asked = network_of(kind)
+    if asked is None or model.network is None:
+        return kind == model.kind
+    return asked.digest == model.network.digest  # wherever its file lies by now

@@ -1,0 +1,103 @@
+"""Reference traverses, described frame by frame; those that are bad are refused or left out."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from placefield.errors import FrameError, SourceError
+from placefield.features.extract import Feature
+from placefield.features.frames import Frame
+from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
+from placefield_tools.common.parallel import map_in_order
+from placefield_tools.common.progress import tracked
+from placefield_tools.sources import Source
+
+log = logging.getLogger(__name__)
+
+_REMEDY = "mend it, or give --leave-out-bad to build without"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference traverse of K frames.
+
+    Attributes:
+        name: for a person.
+        frames: K described frames, None for one that is bad.
+        pose_frame: what the poses are measured in.
+        stamped: whether the frames' stamps are their own.
+    """
+
+    name: str
+    frames: Sequence[DescribedFrame | None]
+    pose_frame: str = ROUTE
+    stamped: bool = True
+
+    def traverse(self) -> Traverse:
+        """Return it without its bad frames; see ``traverse_of`` for the errors."""
+        good = (frame for frame in self.frames if frame is not None)
+        return traverse_of(self.name, good, self.pose_frame, stamped=self.stamped)
+
+
+def describe_reference(
+    source: Source, name: str, feature: Feature, *, leave_out_bad: bool
+) -> Reference:
+    """Describe all frames of a source.
+
+    Args:
+        source: of the frames, closed after it.
+        name: of the traverse.
+        feature: to describe by.
+        leave_out_bad: go on without frames that cannot be read or have not come.
+
+    Raises:
+        SourceError: there are some, and that was not asked for. A map is built once and used for
+            long: one missing frame may shift every place behind it. Or no frame can be read.
+    """
+    faults: dict[int, FrameError] = {}
+
+    def describe(frame: Frame) -> DescribedFrame | None:
+        try:
+            return describe_frame(frame, feature)
+        except FrameError as error:
+            if not leave_out_bad:
+                raise SourceError(f"{error}; {_REMEDY} such frames") from None
+            faults[frame.index] = error
+            return None
+
+    shown = Path(name).name
+    with source, tracked(source, f"describing {shown}", source.count) as frames:
+        described = list(map_in_order(describe, frames))
+    if faults:
+        log.warning(
+            "%s: %d of %d frames cannot be read: left out (the first: %s)",
+            name,
+            len(faults),
+            len(described),
+            faults[min(faults)],
+        )
+    if len(faults) == len(described) > 0:
+        raise SourceError(f"{name}: no frame can be read ({faults[min(faults)]})")
+    missing = source.not_given["missing"]
+    if missing and not leave_out_bad:
+        raise SourceError(f"{name}: {missing} frames of it are missing; {_REMEDY} them")
+    pose_frame = source.origin.frame if source.origin else ROUTE
+    return Reference(name, described, pose_frame, source.stamped)
+
+
+def without_bad(references: Sequence[Reference]) -> list[Reference]:
+    """Leave frames that are bad in one traverse out of all: frame i of each is one place."""
+    bad = {
+        index
+        for reference in references
+        for index, frame in enumerate(reference.frames)
+        if frame is None
+    }
+    return [
+        replace(
+            reference,
+            frames=[frame for index, frame in enumerate(reference.frames) if index not in bad],
+        )
+        for reference in references
+    ]

@@ -1,0 +1,148 @@
+"""A replay that is disturbed by a schedule of faults, through services of its own."""
+
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from placefield.bus.keys import Keys
+from placefield.bus.session import Bus, open_bus
+from placefield.config import BusConfig, Config
+from placefield.errors import BusError, MessageError
+from placefield.maps.opening import open_map
+from placefield.recognizer import Recognizer
+from placefield_tools.chaos.children import Children
+from placefield_tools.chaos.clock import Clock
+from placefield_tools.chaos.fault_injector import Mischief
+from placefield_tools.chaos.faulty_source import Disturbing, looped
+from placefield_tools.chaos.schedule import Fault
+from placefield_tools.chaos.verdict import Answered, Verdict, judge
+from placefield_tools.common.host_process import free_endpoint
+from placefield_tools.listen.match_queue import MatchQueue
+from placefield_tools.replay.replay_source import replay
+from placefield_tools.sources import Source
+
+_START_S = 60.0
+_LAST_MATCH_S = 5.0
+_POLL_S = 0.1
+
+
+def disturbed_replay(
+    map_path: Path,
+    source: Source,
+    faults: Sequence[Fault],
+    config: Config,
+    clock: Clock,
+    *,
+    channels: Sequence[Sequence[int]],
+    frames: int,
+    rate: float,
+) -> Verdict:
+    """Replay frames through services while faults befall them; judge the answers.
+
+    Args:
+        map_path: of the services.
+        source: of the frames; it begins again at its end. Not a live one.
+        faults: by ascending frame.
+        config: of the services; they have a port of their own.
+        clock: by which faults and answers are timed.
+        channels: of each channel worker.
+        frames: how many to replay.
+        rate: frames per second at most.
+
+    Raises:
+        BusError: the services do not start.
+    """
+    placemap = open_map(map_path)
+    recognizer = Recognizer(placemap, config)
+    undisturbed = [
+        recognizer.push(frame.image, frame.odometry_m) for frame in looped(source, frames)
+    ]
+    bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
+    config = config.model_copy(update={"bus": bus_config})
+    with (
+        _services(map_path, placemap.digest, channels, config, clock) as children,
+        open_bus(config.bus) as bus,
+    ):
+        _await_ready(bus, Keys(config.run), channels, clock)
+        mischief = Mischief(children, bus, Keys(config.run))
+        disturbing = Disturbing(source, frames, faults, mischief.begin, mischief.end, clock)
+        with open_bus(config.bus) as apart, _listening(apart, config, clock) as answers:
+            sent = replay(disturbing, bus, config, threading.Event(), rate=rate).sent
+    return judge(undisturbed, answers, disturbing.happened, sent)
+
+
+@contextmanager
+def _listening(bus: Bus, config: Config, clock: Clock) -> Iterator[dict[int, Answered]]:
+    """Gather the answers by frame; at the end of the block the last ones are awaited."""
+    answers: dict[int, Answered] = {}
+    matches = MatchQueue(bus, Keys(config.run))
+    patience = threading.Event()  # set: an end that is long in coming does not come
+
+    def gather() -> None:
+        left = _LAST_MATCH_S
+        while left > 0:
+            taken = None
+            with suppress(MessageError):
+                taken = matches.take(_POLL_S)
+            if taken is None:
+                left -= _POLL_S * patience.is_set()
+                continue
+            header, match = taken
+            if match is None:
+                return
+            answers[header.sequence] = Answered(match.match, clock.monotonic())
+
+    gatherer = threading.Thread(target=gather, daemon=True)
+    gatherer.start()
+    try:
+        yield answers
+    finally:
+        patience.set()
+        gatherer.join()
+
+
+@contextmanager
+def _services(
+    map_path: Path,
+    digest: str,
+    channels: Sequence[Sequence[int]],
+    config: Config,
+    clock: Clock,
+) -> Iterator[Children]:
+    with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
+        file = Path(folder) / "config.toml"
+        file.write_text(config.to_toml())
+        with Children(_commands(map_path, digest, channels, file), clock) as children:
+            yield children
+
+
+def _commands(
+    map_path: Path, digest: str, channels: Sequence[Sequence[int]], config: Path
+) -> Mapping[str, Sequence[str]]:
+    the_map = (map_path, "--digest", digest)
+
+    def command(service: str, *own: object) -> list[str]:
+        flags = [*map(str, own), "--config", str(config)]
+        return [sys.executable, "-m", "placefield_tools", service, *flags]
+
+    workers = {
+        f"channel {number}": command("channel", *the_map, *(f"--channel={each}" for each in own))
+        for number, own in enumerate(channels)
+    }
+    return {
+        "router": command("router"),
+        "featurizer": command("featurizer", *the_map),
+        "fuser": command("fuser", *the_map),
+    } | workers
+
+
+def _await_ready(bus: Bus, keys: Keys, channels: Sequence[Sequence[int]], clock: Clock) -> None:
+    needed = {"featurizer": 1, "fuser": 1, "channel": sum(map(len, channels))}
+    end = clock.monotonic() + _START_S
+    while any(len(bus.alive(keys.all_alive(name))) < count for name, count in needed.items()):
+        if clock.monotonic() > end:
+            raise BusError(f"the services did not start within {_START_S:g} s")
+        clock.sleep(_POLL_S)

@@ -1,0 +1,102 @@
+"""The pictures of an evaluation."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.features.descriptors import DescriptorStream
+from placefield.features.images import decode
+from placefield.maps.map import Map
+from placefield.matching.comparing import distance_matrix
+from placefield_tools.evaluate.evaluation import Evaluation, Judged, RawFeature
+from placefield_tools.plots import (
+    MatchPair,
+    plot_distance_matrix,
+    plot_match_pairs,
+    plot_precision_recall,
+)
+
+_MOST_CELLS = 1500  # of the distance matrix a side; more cannot be seen
+_PAIRS = 6
+
+
+def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
+    """Draw precision-recall curves, distance matrix and some pairs into a folder; return the files.
+
+    The matrix and the pairs show the first rule's matches. Where nobody knows which are right,
+    there is the matrix alone.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    matrix = folder / "distances.png"
+    if not evaluation.results:
+        nothing = np.full(len(evaluation.raws), -1)
+        _draw_matrix(matrix, evaluation, nothing, nothing > 0, title)
+        return [matrix]
+    rule, result = next(iter(evaluation.results.items()))
+    curves = folder / "precision-recall.png"
+    plot_precision_recall(curves, {r: x.curve for r, x in evaluation.results.items()}, title)
+    _draw_matrix(matrix, evaluation, result.places, result.correct, f"{title}, {rule}")
+    return [curves, matrix, *_draw_pairs(folder / "matches.png", evaluation, result)]
+
+
+def _draw_matrix(
+    path: Path,
+    evaluation: Evaluation,
+    matches: NDArray[np.int64],
+    correct: NDArray[np.bool_],
+    title: str,
+) -> None:
+    distances = _distances(evaluation.placemap, evaluation.raws)
+    stride = -(-max(distances.shape) // _MOST_CELLS)
+    places = np.where(matches >= 0, matches // stride, -1)
+    plot_distance_matrix(
+        path,
+        distances[::stride, ::stride],
+        places[::stride],
+        correct[::stride],
+        title if stride == 1 else f"{title} (every {stride}th frame and place)",
+    )
+
+
+def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
+    """Distances under the first channel's metric, (Q, K); infinite for frames not seen."""
+    stream = DescriptorStream(placemap.model)
+    descriptors = [None if raw is None else stream.push(raw) for raw in raws]
+    return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
+
+
+def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:
+    seen = np.array([raw is not None for raw in evaluation.raws])
+    chosen = _chosen(result, seen)
+    if not chosen:
+        return []
+    with evaluation.query.open() as source:
+        images = {number: f.image for number, f in enumerate(source) if number in set(chosen)}
+    pairs = []
+    for query in chosen:
+        image, place = images[query], int(result.places[query])
+        pairs.append(
+            MatchPair(
+                query_image=decode(image) if isinstance(image, bytes) else image,
+                place_image=decode(evaluation.placemap.places.thumbnail(place)),
+                query=query,
+                place=place,
+                correct=bool(result.correct[query]),
+                score=float(result.scores[query]),
+            )
+        )
+    plot_match_pairs(path, pairs)
+    return [path]
+
+
+def _chosen(result: Judged, seen: NDArray[np.bool_]) -> list[int]:
+    """Choose query frames to show: spread evenly, and the most confident mistake."""
+    answered = np.flatnonzero((result.places >= 0) & seen)
+    if not len(answered):
+        return []
+    spread = answered[np.linspace(0, len(answered) - 1, _PAIRS).astype(int)]
+    wrong = answered[~result.correct[answered]]
+    worst = wrong[np.argsort(-result.scores[wrong])[:1]]
+    return sorted({*spread.tolist(), *worst.tolist()})

@@ -1,0 +1,157 @@
+"""The figures of an evaluation, for a person and as JSON."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from placefield.evaluation.reliability import Reliability
+from placefield.fusion.match import FASTER
+from placefield.matching.matcher import WHOLE_DRIVE
+from placefield_tools.common.natural_sort import counted
+from placefield_tools.evaluate.evaluation import Evaluation, Judged
+
+
+def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
+    """Return the figures as one JSON object.
+
+    There is no tolerance, in places, where a ground truth was given, or in metres; and where nobody
+    knows what is right, only how many matches are known.
+    """
+    frames = len(evaluation.raws)
+    told = {
+        "frames": frames,
+        "unreadable": sum(raw is None for raw in evaluation.raws),
+        "missing": evaluation.missing,
+        "tolerance": tolerance,
+        "truth": evaluation.ground.figures(),
+    }
+    if evaluation.ground.truth is None:
+        known = {
+            rule: {"known": {"count": count, "share": count / frames}}
+            for rule, count in evaluation.known.items()
+        }
+        return {"rules": known, **told}
+    rules = {
+        rule: _curve_figures(result)
+        | certainty_figures(result)
+        | {"lag": _lag_figures(result, evaluation.smoothed[rule])}
+        for rule, result in evaluation.results.items()
+    }
+    return {"rules": rules, **told}
+
+
+def _lag_figures(causal: Judged, smoothed: Mapping[int, Judged]) -> dict[str, dict[str, Any]]:
+    """Return the figures by lag: 0, which is causal, then others, and ``all`` of the drive."""
+    return {
+        "all" if lag == WHOLE_DRIVE else str(lag): {
+            **_curve_figures(judged),
+            "expected_calibration_error": None,
+            "known": None,
+            "too_fast": None,
+            **certainty_figures(judged),
+            "mean_lag": judged.mean_lag,
+        }
+        for lag, judged in ({0: causal} | {**smoothed}).items()
+    }
+
+
+def _curve_figures(judged: Judged) -> dict[str, Any]:
+    return {
+        "auc": judged.curve.auc,
+        "recall_at_100_precision": judged.curve.recall_at_100_precision,
+        "recall_at_1": judged.curve.recall_at_1,
+    }
+
+
+def certainty_figures(judged: Judged) -> dict[str, Any]:
+    """Return how far a method's probabilities can be believed; nothing where it has none.
+
+    With it comes how many frames are told to be too fast. A figure over no match at all is None.
+    """
+    if judged.reliability is None or judged.claims is None:
+        return {}
+    known = asdict(judged.claims)
+    if not judged.claims.count:
+        known["precision"] = None
+    return {
+        "expected_calibration_error": _calibration_error(judged.reliability),
+        "known": known,
+        "too_fast": judged.too_fast,
+    }
+
+
+def certainty_line(name: str, judged: Judged) -> str | None:
+    """Say the same in a line for a person."""
+    if judged.reliability is None or judged.claims is None:
+        return None
+    known = judged.claims
+    right = (
+        f"{known.precision:.3f} of them right, which is {known.recall:.3f} of the frames on the "
+        "route"
+        if known.count
+        else "– of them right"
+    )
+    error = _calibration_error(judged.reliability)
+    told = "–" if error is None else f"{error:.3f}"
+    line = f"{name}: {known.count} known, {right}; expected calibration error {told}"
+    if judged.too_fast:
+        line += f"; {judged.too_fast} of {counted(len(judged.places), 'frame')}: {FASTER}"
+    return line
+
+
+def _calibration_error(found: Reliability) -> float | None:
+    return found.expected_calibration_error if found.count.any() else None
+
+
+def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
+    """Print the figures, by what they are, and the pictures' paths."""
+    if evaluation.ground.truth is None:
+        _print_shares(evaluation, pictures)
+        return
+    frames = counted(len(evaluation.raws), "frame")
+    places = counted(evaluation.placemap.places.count, "place")
+    table = Table(
+        title=f"{evaluation.query.where}: {frames}, {places}",
+        caption="recall: of all query frames that are on the route; best match per frame; "
+        "mean lag: frames after it that a match looks at",
+    )
+    table.add_column("rule", no_wrap=True)
+    for column in ("mean lag", "AUC", "recall at 100 % precision", "recall@1"):
+        table.add_column(column, justify="right")
+    for name, result in _rows(evaluation):
+        curve = result.curve
+        values = (curve.auc, curve.recall_at_100_precision, curve.recall_at_1)
+        table.add_row(name, f"{result.mean_lag:.1f}", *(f"{value:.3f}" for value in values))
+    console = Console(markup=False)  # a path may hold brackets
+    console.print(table)
+    console.print(evaluation.ground.line, highlight=False, soft_wrap=True)
+    for name, result in _rows(evaluation):
+        if line := certainty_line(name, result):
+            console.print(line, highlight=False, soft_wrap=True)
+    for picture in pictures:
+        console.print(str(picture), highlight=False, soft_wrap=True)
+
+
+def _print_shares(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
+    """Say that nobody knows what is right, and what share of the frames is known."""
+    frames = len(evaluation.raws)
+    shares = [
+        f"{rule}: {count} of {counted(frames, 'frame')} known, which is {count / frames:.3f}"
+        for rule, count in evaluation.known.items()
+    ]
+    console = Console(markup=False)
+    for line in (evaluation.ground.line, *shares, *map(str, pictures)):
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:
+    """Give each rule's causal matches, smoothed ones with the lag in force, and in hindsight."""
+    names = {evaluation.lag: f"lag {evaluation.lag}", WHOLE_DRIVE: "in hindsight"}
+    for rule, causal in evaluation.results.items():
+        yield rule, causal
+        smoothed = evaluation.smoothed[rule]
+        yield from ((f"{rule}, {names[lag]}", smoothed[lag]) for lag in names if lag in smoothed)

@@ -1,0 +1,223 @@
+"""What is right for a query's frames, and by what that is known."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import TruthError
+from placefield.evaluation.pose_truth import pose_truth
+from placefield.evaluation.protocols import Drive
+from placefield.evaluation.truth import Truth
+from placefield.features.frames import Pose
+from placefield.maps.geography import Origin
+from placefield.maps.map import Map
+from placefield_tools.common.natural_sort import counted
+
+_ALIKE = 0.25  # of the longer way: by as much, drives that are aligned may differ in length
+
+_REMEDY = (
+    "give --truth FILE, or latitude and longitude on both sides; or say --aligned, if frame i "
+    "shows place i all the same"
+)
+_SAME_FRAME = ", or --same-frame, if the poses of both sides are in the same metres"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a person says of what is right, who gives no file of it.
+
+    Attributes:
+        tolerance: places.
+        metres: how far off a right place is at most, by the poses; None: so many places.
+        aligned: query frame i shows place i, whatever poses and counts say.
+        same_frame: the poses of both sides are in one frame, though not on earth.
+    """
+
+    tolerance: int
+    metres: float | None = None
+    aligned: bool = False
+    same_frame: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """A drive of D frames, and the map that it is matched against.
+
+    Attributes:
+        placemap: the map.
+        references: frames of the reference, of which every so many is a place.
+        queries: frames of the query in its own order.
+        drive: how they are driven.
+        poses: D of the driven frames, None where nobody knows.
+        origin: of these poses, if it is known.
+        readings: D of the odometer, likewise.
+    """
+
+    placemap: Map
+    references: int
+    queries: int
+    drive: Drive
+    poses: Sequence[Pose | None]
+    origin: Origin | None
+    readings: Sequence[float | None]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What is right, and by what that is known.
+
+    Attributes:
+        truth: of the driven frames; None: nobody knows.
+        by: a file, or a function, that was given; poses of both sides; the numbers of the frames.
+        tolerance: places, where it is in places.
+        metres: where it is in metres.
+        why_none: what is lacking, where nobody knows.
+    """
+
+    truth: Truth | None
+    by: Literal["given", "poses", "aligned", "none"]
+    tolerance: int | None = None
+    metres: float | None = None
+    why_none: str = ""
+
+    @property
+    def unjudged(self) -> int:
+        """Of how many frames nobody knows what is right."""
+        judged = None if self.truth is None else self.truth.judged
+        return 0 if judged is None else int(np.count_nonzero(~judged))
+
+    def figures(self) -> dict[str, Any]:
+        """Return it for a JSON object."""
+        told: dict[str, Any] = {"by": self.by}
+        if self.by == "poses":
+            told |= {"metres": self.metres, "unjudged": self.unjudged}
+        return told | ({"why": self.why_none} if self.truth is None else {})
+
+    @property
+    def line(self) -> str:
+        """Say it in a line for a person."""
+        within = f"{self.tolerance} places" if self.metres is None else f"{self.metres:g} m"
+        if self.by == "poses":
+            but = f"; {counted(self.unjudged, 'frame')} not judged" if self.unjudged else ""
+            return f"right by the poses of both sides, within {within}{but}"
+        if self.by == "aligned":
+            return f"right by number: frame i of the query at place i, within {within}"
+        return (
+            f"NO VERDICT: {self.why_none}"
+            if self.truth is None
+            else "right by the ground truth that was given"
+        )
+
+
+def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) -> Ground:
+    """Say what is right.
+
+    Poses on earth of both sides decide, or poses in the same frame, if a person says that they are.
+    Where there are none, frames are taken for places by their numbers, if there are as many, and if
+    both ways are as long as far as that is known.
+
+    Args:
+        sides: of the comparison.
+        truth_of: gives the truth by number, or by a file, for the query in its own order.
+        asked: what a person says; None: what ``truth_of`` gives.
+
+    Raises:
+        TruthError: ``truth_of`` raises it, or poses are asked for and cannot be compared.
+    """
+    if asked is None:
+        return Ground(_by_number(sides, truth_of), "given")
+    if not asked.aligned:
+        if (query := _in_frame_of_map(sides, asked)) is not None:
+            truth = _by_poses(sides, query, asked)
+            if truth.judged is not None and truth.judged.any():
+                tolerance = asked.tolerance if asked.metres is None else None
+                return Ground(truth, "poses", tolerance, asked.metres)
+        _refuse_without_poses(sides, asked)
+        if why := _unaligned(sides):
+            more = _SAME_FRAME if _have_poses(sides) and not _is_on_earth(sides) else ""
+            return Ground(None, "none", why_none=f"{why}; {_REMEDY}{more}")
+    return Ground(_by_number(sides, truth_of), "aligned", asked.tolerance)
+
+
+def _by_number(sides: Sides, truth_of: Callable[[], Truth]) -> Truth:
+    truth = truth_of().shared(sides.placemap.places.same)
+    return truth.along(sides.drive.frames, sides.drive.foreign)
+
+
+def _by_poses(sides: Sides, query: NDArray[np.float64], asked: Asked) -> Truth:
+    places = sides.placemap.places
+    query[sides.drive.foreign] = np.nan  # the other route's frame is another one
+    truth = pose_truth(
+        query, places.poses[:, :2], tolerance=asked.tolerance, metres=asked.metres
+    ).shared(places.same)
+    if truth.judged is not None:
+        truth.judged[sides.drive.foreign] = truth.judged.any()
+    return truth
+
+
+def _in_frame_of_map(sides: Sides, asked: Asked) -> NDArray[np.float64] | None:
+    """Return x and y of each driven frame in the map's frame, (D, 2); None where nobody knows."""
+    if not _have_poses(sides):
+        return None
+    nowhere = (np.nan, np.nan)
+    there = [nowhere if pose is None else (pose.x, pose.y) for pose in sides.poses]
+    origin = Origin.of_frame(sides.placemap.pose_frame)
+    if origin is None and sides.origin is None and asked.same_frame:
+        return np.array(there)
+    if origin is None or sides.origin is None:
+        return None
+    if origin == sides.origin:
+        return np.array(there)
+    return np.array(
+        [at if np.isnan(at[0]) else origin.to_local(*sides.origin.to_degrees(*at)) for at in there]
+    )
+
+
+def _have_poses(sides: Sides) -> bool:
+    return bool(len(sides.placemap.places.poses)) and any(sides.poses)
+
+
+def _is_on_earth(sides: Sides) -> bool:
+    """Return whether the poses of a side are."""
+    return bool(sides.origin or Origin.of_frame(sides.placemap.pose_frame))
+
+
+def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
+    """Refuse what needs poses of both sides, where they are lacking or cannot be compared."""
+    flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
+    if asked.metres is None and not asked.same_frame:
+        return
+    if not _have_poses(sides):
+        side = "query" if len(sides.placemap.places.poses) else "reference"
+        raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
+    if _is_on_earth(sides):
+        raise TruthError(
+            f"{flag}: the poses of one side are on earth, and the other's in metres of its own: "
+            "give latitude and longitude on both sides"
+        )
+    raise TruthError(
+        f"{flag}: the poses of both sides are in metres of their own: say --same-frame, if these "
+        "are the same"
+    )
+
+
+def _unaligned(sides: Sides) -> str | None:
+    """Say why frame i is not to be taken for place i; None where nothing is against it."""
+    if sides.queries != sides.references:
+        return (
+            f"the query has {counted(sides.queries, 'frame')}, and the reference {sides.references}"
+        )
+    is_whole = np.array_equal(sides.drive.frames, np.arange(sides.queries))
+    travelled = sides.placemap.places.travelled
+    if not is_whole or not len(travelled):
+        return None
+    first, last = sides.readings[0], sides.readings[-1]
+    if first is None or last is None:
+        return None
+    way, reference = last - first, float(travelled[-1] - travelled[0])
+    if abs(way - reference) <= _ALIKE * max(way, reference):
+        return None
+    return f"the query is {way:.0f} m long, and the reference {reference:.0f} m"

@@ -1,0 +1,35 @@
+"""Trajectories as GPX tracks."""
+
+from datetime import UTC, datetime, timedelta
+
+from gpxpy.gpx import GPX, GPXTrack, GPXTrackPoint, GPXTrackSegment
+
+from placefield_tools.export.matched_traverse import QueryTraverse
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def to_gpx(traverse: QueryTraverse) -> str:
+    """Write one track of all matches, with their stamps in microseconds.
+
+    Raises:
+        MapError: the map is nowhere on earth.
+    """
+    points = [
+        GPXTrackPoint(
+            latitude,
+            longitude,
+            time=_EPOCH + timedelta(microseconds=localised.header.stamp_ns // 1000),
+            name=f"place {localised.match.place}",
+        )
+        for (latitude, longitude), localised in zip(
+            traverse.on_earth(), traverse.matches, strict=True
+        )
+    ]
+    # What somebody on the bus called the stream may hold what XML cannot.
+    track = GPXTrack(name=repr(traverse.matches[0].header.stream).strip("'"))
+    track.segments.append(GPXTrackSegment(points))
+    gpx = GPX()
+    gpx.creator = "placefield"
+    gpx.tracks.append(track)
+    return gpx.to_xml()

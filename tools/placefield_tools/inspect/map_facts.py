@@ -1,0 +1,62 @@
+"""What a person asks of a map first, in words."""
+
+import numpy as np
+
+from placefield.config import MetricConfig
+from placefield.maps.geography import Origin
+from placefield.maps.map import Map, Places
+from placefield_tools.common.natural_sort import counted
+
+
+def map_facts(opened: Map) -> dict[str, str]:
+    """Say what a map was made of, each under a name."""
+    model = opened.model
+    made = "standardised" if model.standardise else "not standardised"
+    if model.plain:
+        made = "plain PCA"
+    return {
+        "preset": opened.preset or "none",
+        "places": f"{opened.places.count}, {_poses(opened)}",
+        "travelled": _travelled(opened.places),
+        "driven again": _driven_again(opened.places),
+        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
+        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
+        f"{model.variance_kept:.1%} of the variance",
+        "smallest scale": f"{opened.channels[0].smallest} frames",
+        "metric": _metric(opened.metric),
+        "search": "coarse look first" if opened.metrics[0].coarse else "exact",
+        "seed": str(opened.seed),
+        "digest": opened.digest,
+    }
+
+
+def _metric(config: MetricConfig) -> str:
+    """Say how metrics were learned."""
+    return f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
+
+
+def _travelled(places: Places) -> str:
+    """Say how long the way along the places is."""
+    if not len(places.travelled):
+        return "not known"
+    metres = float(places.travelled[-1] - places.travelled[0])
+    mean = metres / max(places.count - 1, 1)
+    return f"{metres:.1f} m, {mean:.2f} m from place to place on average"
+
+
+def _driven_again(places: Places) -> str:
+    """Say how many places show what an earlier one shows."""
+    count = int(np.count_nonzero(places.same != np.arange(places.count)))
+    return f"{count} places are the same as earlier ones" if count else "no place"
+
+
+def _poses(opened: Map) -> str:
+    """Say where the poses of places are."""
+    if opened.pose_frame is None:
+        return "without poses"
+    unknown = int(np.isnan(opened.places.poses[:, 0]).sum())
+    but = f", {counted(unknown, 'place')} without" if unknown else ""
+    origin = Origin.of_frame(opened.pose_frame)
+    if origin is None:
+        return f"with poses, in metres of its own{but}"
+    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on{but}"

@@ -1,0 +1,50 @@
+"""A map in words and as a picture."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from placefield.maps.map import Map
+from placefield_tools.inspect.map_facts import map_facts
+from placefield_tools.plots import ChannelSegments, plot_segments
+
+
+def print_map(opened: Map, path: Path) -> None:
+    """Print what a map was made of and what its channels are."""
+    console = Console(markup=False)  # a path may hold brackets
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    facts = {"map": f"{path}, {size / 2**20:.1f} MB", **map_facts(opened)}
+    for name, fact in facts.items():
+        console.print(f"{name:>10}  {fact}", highlight=False, soft_wrap=True)
+    table = Table("channel", "fuzzifier", "clusters", "segments", "active", "metric", "scales")
+    for number, channel in enumerate(opened.channels):
+        table.add_row(
+            str(number),
+            f"{channel.fuzzifier:.2f}",
+            str(channel.clusters),
+            str(len(channel.segments)),
+            f"{np.mean(channel.labels > 0):.0%}",
+            "learned" if channel.metric.learned else "identity",
+            " ".join(map(str, channel.scales)),
+        )
+    console.print(table)
+
+
+def segments_of(opened: Map) -> list[ChannelSegments]:
+    """Return how each channel cut the places, to be drawn."""
+    return [
+        ChannelSegments(
+            name=f"channel {number}",
+            fuzzifier=channel.fuzzifier,
+            label=channel.labels,
+            active=channel.labels > 0,
+        )
+        for number, channel in enumerate(opened.channels)
+    ]
+
+
+def draw_segments(opened: Map, path: Path) -> None:
+    """Draw the segments of each channel over the places (the paper's figures 5, 7 and 11)."""
+    plot_segments(path, segments_of(opened), opened.places.count)

@@ -1,0 +1,1 @@
+"""Matches off the bus."""

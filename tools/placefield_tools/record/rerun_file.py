@@ -1,0 +1,114 @@
+"""Recordings as Rerun writes them. What was cut off is readable but for the last moments."""
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+import numpy as np
+import rerun as rr
+
+from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.maps.geography import Origin
+from placefield_tools.record.recorder import Recorder
+
+_PIECE = 2**16  # bytes
+
+What = TypeVar("What")
+
+
+@contextmanager
+def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
+    """Write every match as numbers over time, and where its place is unless it is unknown.
+
+    There is a timeline of stamps and one of the frames' numbers, besides that of when it came.
+    """
+    stream = rr.RecordingStream("placefield")
+
+    def set_time(header: Header) -> None:
+        stream.set_time("stamp", timestamp=np.datetime64(header.stamp_ns, "ns"))
+        stream.set_time("frame", sequence=header.sequence)
+
+    def write_match(header: Header, match: MatchMessage | None) -> None:
+        set_time(header)
+        if match is None:
+            end = f"end of stream {header.stream}: {header.sequence} frames"
+            stream.log("stream", rr.TextLog(end))
+            return
+        is_smoothed = isinstance(match, SmoothedMessage)
+        root = "smoothed/" if is_smoothed else ""
+        numbers = ("place", "score", "probability", "known", "too_fast")
+        for name in (*numbers, *(["lag"] if is_smoothed else [])):
+            value = getattr(match, name)
+            if value is not None:
+                stream.log(f"{root}match/{name}", rr.Scalars(float(value)))
+        if match.pose is None or match.known is False:
+            return
+        x, y, _ = match.pose
+        stream.log(f"{root}route/position", rr.Points3D([[x, y, 0.0]]))
+        if origin is not None:
+            stream.log(f"{root}earth/position", rr.GeoPoints(lat_lon=[origin.to_degrees(x, y)]))
+
+    def write_frame(header: Header, jpeg: bytes) -> None:
+        set_time(header)
+        stream.log("frame", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
+
+    with path.open("xb") as file:
+        copying = _Copying(file)
+        stream.save(copying.way_in)
+        copying.begin()
+        try:
+            yield Recorder(copying.after(write_match), copying.after(write_frame))
+        finally:
+            stream.disconnect()
+            copying.end()
+
+
+class _Copying:
+    """Copies into a file what Rerun writes, which keeps to itself what the disk refuses."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._out, self._in = os.pipe()
+        self.way_in = f"/proc/self/fd/{self._in}"
+        self._error: OSError | None = None
+        self._thread = threading.Thread(target=self._copy, daemon=True)
+
+    def begin(self) -> None:
+        """Begin, once Rerun has opened the way in; it ends when Rerun closes that."""
+        os.close(self._in)
+        self._thread.start()
+
+    def after(self, write: Callable[[Header, What], None]) -> Callable[[Header, What], None]:
+        """Return what writes, and raises an ``OSError`` if something could not be copied."""
+
+        def call(header: Header, what: What) -> None:
+            write(header, what)
+            self._check()
+
+        return call
+
+    def end(self) -> None:
+        """Wait until all is copied.
+
+        Raises:
+            OSError: something could not be.
+        """
+        self._thread.join()
+        self._check()
+
+    def _check(self) -> None:
+        if self._error is not None:
+            raise OSError(self._error.errno, self._error.strerror)
+
+    def _copy(self) -> None:
+        with os.fdopen(self._out, "rb", buffering=0) as out:
+            while piece := out.read(_PIECE):
+                try:
+                    if self._error is None:
+                        self._file.write(piece)
+                        self._file.flush()
+                except OSError as error:  # Rerun must not wait for ever
+                    self._error = error

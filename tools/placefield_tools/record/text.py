@@ -1,0 +1,38 @@
+"""Recordings as text. Each line is with the operating system once it is written."""
+
+import csv
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from placefield.bus.messages import Header, MatchMessage
+from placefield_tools.record.recorder import Recorder
+from placefield_tools.record.records import COLUMNS, as_object, as_row
+
+_LINE_BY_LINE = 1
+
+
+@contextmanager
+def record_json_lines(path: Path) -> Iterator[Recorder]:
+    """Write the objects that ``placefield listen --json`` prints."""
+    with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8") as file:
+
+        def write(header: Header, match: MatchMessage | None) -> None:
+            file.write(json.dumps(as_object(header, match)) + "\n")
+
+        yield Recorder(write)
+
+
+@contextmanager
+def record_csv(path: Path) -> Iterator[Recorder]:
+    """Write a row for each match, with the names of the columns above."""
+    with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+
+        def write(header: Header, match: MatchMessage | None) -> None:
+            if match is not None:
+                writer.writerow(as_row(header, match))
+
+        yield Recorder(write)

@@ -1,0 +1,1 @@
+"""A source of frames onto the bus."""

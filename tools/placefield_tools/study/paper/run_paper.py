@@ -1,0 +1,133 @@
+"""A reference and a query to the paper's experiments."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from placefield.config import Config
+from placefield.errors import MapError
+from placefield.maps.map import Map, MapChannel
+from placefield_tools.common.progress import CONSOLE
+from placefield_tools.evaluate.evaluation import Judged, Query, judge
+from placefield_tools.evaluate.truth_source import Asked
+from placefield_tools.study.matching import with_scales
+from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
+from placefield_tools.study.paper.channel_count_runs import count_channels
+from placefield_tools.study.paper.cost import measure_cost
+from placefield_tools.study.paper.neighbours import learned_by
+from placefield_tools.study.paper.paper_results import CountResult, FeatureResult, Line, PaperStudy
+from placefield_tools.study.run_study import TruthOf, prepare
+from placefield_tools.study.trial import Trial
+
+FEATURES = ("gist", "grayscale")
+"""Those of the paper."""
+
+
+def run_paper_study(
+    reference: str,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    features: Sequence[str] = FEATURES,
+    *,
+    tolerance: int | None,
+    asked: Asked | None = None,
+) -> PaperStudy:
+    """Run the paper's experiments, showing progress.
+
+    Args:
+        reference: source of the reference's frames.
+        query: to match, and how it is driven.
+        truth_of: gives the truth of the query in its own order.
+        config: by the preset ``paper``; its kind of feature counts for nothing.
+        features: kinds of those to run them on, at least one.
+        tolerance: for the record; None where a ground truth was given, or metres.
+        asked: what else says what is right, see ``ground_of``.
+
+    Raises:
+        PlacefieldError: the sources or the truth cannot be read, or do not make a map of AMS, or
+            nobody knows what is right.
+    """
+    results: list[FeatureResult] = []
+    for feature in features:
+        CONSOLE.print(f"the paper's experiments on {feature}")
+        kind = config.features.model_copy(update={"kind": feature})
+        of_feature = config.model_copy(update={"features": kind})
+        first = not results
+        trial = prepare(reference, query, truth_of, of_feature, words=first, asked=asked)
+        if first:
+            others = run_methods(trial, PUBLISHED_RIVALS)
+            every = trial.every
+        results.append(run_feature(trial))
+    return PaperStudy(
+        reference=reference,
+        query=query.where,
+        protocol=query.protocol,
+        every=every,
+        seed=config.seed,
+        tolerance=tolerance,
+        ground=trial.ground,
+        features=tuple(results),
+        others=others,
+    )
+
+
+def run_feature(trial: Trial) -> FeatureResult:
+    """Run the experiments on one feature.
+
+    Args:
+        trial: by the preset ``paper``.
+    """
+    adaptive = trial.placemap.channels
+    fixed = _fixed_map(trial)
+    length = one_scale(adaptive)
+    lines = [*_lines(trial, "AMS", adaptive, length)]
+    if fixed is not None:
+        lines = [*_lines(trial, "MS", fixed.channels, length), *lines]
+    return FeatureResult(
+        feature=trial.config.features.kind,
+        placemap=trial.placemap,
+        fixed=fixed,
+        one_scale=length,
+        lines=tuple(lines),
+        counts=_counts(trial),
+        learned=learned_by(trial),
+        cost=measure_cost(trial),
+    )
+
+
+def one_scale(channels: Sequence[MapChannel]) -> int:
+    """Return the middle one of all channels' scales, the longer of two, frames."""
+    scales = np.sort(np.concatenate([channel.scales for channel in channels]))
+    return int(scales[len(scales) // 2])
+
+
+def _lines(
+    trial: Trial, method: Literal["MS", "AMS"], channels: Sequence[MapChannel], length: int
+) -> Iterator[Line]:
+    alone = [with_scales(channel, [length]) for channel in channels]
+    yield Line(method, "one", _judged(trial, alone))
+    yield Line(method, "many", _judged(trial, channels))
+
+
+def _judged(trial: Trial, channels: Sequence[MapChannel]) -> Judged:
+    matched = match_smoothed(channels, trial, "lowest-score", trial.config.matching.lag)
+    return replace(judge(matched.matches, trial.truth), mean_lag=matched.mean_lag)
+
+
+def _fixed_map(trial: Trial) -> Map | None:
+    try:
+        return trial.multiscale
+    except MapError as error:
+        CONSOLE.print(f"no MS: {error}", soft_wrap=True)
+        return None
+
+
+def _counts(trial: Trial) -> tuple[CountResult, ...]:
+    try:
+        return count_channels(trial)
+    except MapError as error:
+        CONSOLE.print(f"no combinations of channels: {error}", soft_wrap=True)
+        return ()

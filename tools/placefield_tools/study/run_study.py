@@ -1,0 +1,178 @@
+"""A reference and a query to a study."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from placefield.baselines.fabmap import Vocabulary
+from placefield.config import Config
+from placefield.errors import MapError, SourceError, TruthError
+from placefield.evaluation.protocols import TAKES_EVERY, THINS_REFERENCE, default_every
+from placefield.evaluation.truth import Truth
+from placefield.features.extract import feature_of
+from placefield.features.network import Network
+from placefield.maps.map import Map
+from placefield.maps.traverse import Traverse
+from placefield_tools.common.progress import CONSOLE
+from placefield_tools.evaluate.drive_matching import Metres
+from placefield_tools.evaluate.evaluation import Query, drive_in
+from placefield_tools.evaluate.truth_source import Asked, Sides, ground_of
+from placefield_tools.sources import Source, open_source
+from placefield_tools.sources.secrets import without_secrets
+from placefield_tools.sources.thinned import Thinned
+from placefield_tools.study.ablation import ablate
+from placefield_tools.study.describing import (
+    describe_query_frames,
+    describe_reference,
+    learn_vocabulary,
+)
+from placefield_tools.study.methods import methods_of, run_methods
+from placefield_tools.study.results import Study
+from placefield_tools.study.trial import (
+    Trial,
+    build_reference,
+    descriptors_of,
+    plain_channel,
+)
+
+SHORTEST_MIN_SCALE = 2
+
+TruthOf = Callable[[int, int, int], Truth]
+"""Gives the truth for so many frames of the query and of the reference, where every n-th of the
+latter is a place."""
+
+
+def run_study(
+    reference: str,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    *,
+    tolerance: int | None,
+    asked: Asked | None = None,
+) -> Study:
+    """Run every method on the same frames, showing progress.
+
+    Args:
+        reference: source of the reference's frames.
+        query: to match, and how it is driven.
+        truth_of: gives the truth of the query in its own order.
+        config: of our map, its matching and all that is random.
+        tolerance: for the record; None where a ground truth was given, or metres.
+        asked: what else says what is right, see ``ground_of``.
+
+    Raises:
+        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or nobody
+            knows what is right. Another method that fails is reported, and the others go on.
+    """
+    trial = prepare(reference, query, truth_of, config, asked=asked)
+    return Study(
+        reference=reference,
+        query=query.where,
+        protocol=query.protocol,
+        every=trial.every,
+        lowered_min_scale=trial.lowered_min_scale,
+        seed=config.seed,
+        tolerance=tolerance,
+        placemap=trial.placemap,
+        methods=run_methods(trial, methods_of(trial)),
+        ablation=ablate(trial),
+        ground=trial.ground,
+    )
+
+
+def prepare(
+    reference: str,
+    query: Query,
+    truth_of: TruthOf,
+    config: Config,
+    *,
+    words: bool = True,
+    asked: Asked | None = None,
+) -> Trial:
+    """Describe all frames, build our map, and drive the query; see ``run_study``.
+
+    Without ``words``, FAB-MAP cannot run.
+    """
+    feature = feature_of(config.features.kind)
+    with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
+        if whole.live:
+            camera = without_secrets(reference)
+            raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
+        query, source = _agreed(query, whole)
+        vocabulary = _vocabulary(source, config.seed) if words else None
+        traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
+
+    with query.open() as driven:
+        described_query, readings, poses = describe_query_frames(driven, feature, vocabulary)
+    drive, undriven = drive_in(driven, len(described_query.raws))
+    if drive.odometry is not None:  # which takes it for a metre from place to place
+        traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
+    CONSOLE.print("building our map")
+    placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
+    references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
+    ground = ground_of(
+        Sides(placemap, references, undriven, drive, poses, driven.origin, readings),
+        lambda: truth_of(undriven, references, drive.every),
+        asked,
+    )
+    if ground.truth is None:
+        raise TruthError(f"no study without a truth: {ground.why_none}")
+    return Trial(
+        config=fitting.model_copy(update={"matching": query.matching(config.matching)}),
+        traverse=traverse,
+        network=feature.network,
+        placemap=placemap,
+        plain=plain_channel(placemap, traverse),
+        reference=described_reference,
+        query=described_query,
+        descriptors=descriptors_of(placemap.model, described_query.raws),
+        metres=Metres(placemap.places, readings),
+        truth=ground.truth,
+        ground=ground,
+        jumps=drive.jumps,
+        every=query.every,
+        lowered_min_scale=None if fitting is config else fitting.scales.min_scale,
+    )
+
+
+def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
+    """Return the query with its protocol's n, and the reference, thinned by it if it is to be."""
+    if query.protocol not in TAKES_EVERY:
+        return query, reference
+    count = sum(1 for _ in reference)
+    every = default_every(query.protocol, count) if query.every is None else query.every
+    query = replace(query, every=every)
+    if query.protocol not in THINS_REFERENCE:
+        return query, reference
+    return query, Thinned(reference, every, count)
+
+
+def _fitting_map(
+    traverse: Traverse, config: Config, network: Network | None, *, thinned: bool
+) -> tuple[Map, Config]:
+    """Build our map; where thinning left too few places, with shorter segments, and tell so.
+
+    Returns:
+        The map, and the configuration that it was built by: the same one if that did.
+    """
+    tried = config
+    while True:
+        try:
+            return build_reference(traverse, tried, network), tried
+        except MapError:
+            shorter = tried.scales.min_scale - 1
+            if not thinned or shorter < SHORTEST_MIN_SCALE or tried.scales.min_scale_metres:
+                raise
+        scales = tried.scales.model_copy(update={"min_scale": shorter})
+        tried = tried.model_copy(update={"scales": scales})
+        CONSOLE.print(f"the thinned reference is short: trying --min-scale {shorter}")
+
+
+def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
+    """Learn FAB-MAP's words; None where the reference has none."""
+    try:
+        return learn_vocabulary(source, seed)
+    except MapError:
+        return None
