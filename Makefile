@@ -1,32 +1,39 @@
 PYTHON ?= python3
 BIN := .venv/bin
-INSTALLED := .venv/.installed
+RUNNING := .venv/.installed-dashboard
+WORKING := .venv/.installed-dev
+FAST := $(addprefix tests/shared/,bus fusion matching ros scales search)
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile
 
-.PHONY: demo test lint docs audit bench
+.PHONY: demo test test-fast lint docs audit bench
 
-demo: $(INSTALLED)
+demo: $(RUNNING)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
 
-test: $(INSTALLED)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile
+test: $(WORKING)
+	$(PYTEST) --durations=40 --durations-min=3
 
-lint: $(INSTALLED)
+test-fast: $(WORKING)
+	$(PYTEST) -m "not slow" $(FAST)
+
+lint: $(WORKING)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: $(INSTALLED)
+docs: $(WORKING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-audit: $(INSTALLED)
+audit: $(WORKING)
 	$(BIN)/pip-audit --local --skip-editable --format json 2>/dev/null | $(PYTHON) .ci/audit
 
-bench: $(INSTALLED)
+bench: $(WORKING)
 	for part in match features build chain scale; do $(BIN)/placefield bench $$part || exit; done
 
-$(INSTALLED): pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[dev]'
+.venv/.installed-%: pyproject.toml
+	@echo "Installing Placefield and what '$*' takes into .venv; this takes some minutes."
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/pip install --upgrade pip
+	$(BIN)/pip install --editable '.[$*]'
 	touch $@

@@ -28,6 +28,14 @@ from placefield_tools.common.host_process import free_endpoint
 settings.register_profile("no deadline", deadline=None)  # the machine may be shared
 settings.load_profile("no deadline")
 
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what takes real frames or networks as slow."""
+    for item in items:
+        if {"data_dir", "models_dir"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
+
 _DATA = Path(
     os.environ.get("PLACEFIELD_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data"
 )

@@ -26,6 +26,7 @@ def sandbox_dir(tmp_path: Path, reference_dir: Path, query_dir: Path) -> Path:
     folder.mkdir()
     shutil.copytree(reference_dir, folder / "day")
     shutil.copytree(query_dir, folder / "dusk")
+    (folder / "demo").symlink_to(folder, target_is_directory=True)  # as the demo leaves them
     for drive in ("day", "dusk"):
         frames = [file.read_bytes() for file in sorted((folder / drive).iterdir())]
         write_video(folder / f"{drive}.mp4", frames)

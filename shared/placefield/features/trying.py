@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -72,12 +71,8 @@ def _main() -> None:
     onnx = np.frombuffer(sys.stdin.buffer.read(), np.uint8)
     network = Network(NetworkInput.model_validate(wanted), onnx)
     cv2.setNumThreads(1)
-    with open("/proc/self/statm") as pages:
-        taken = int(pages.read().split()[0]) * resource.getpagesize()
-    most = taken + _MEMORY + 4 * network.onnx.nbytes
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (_WITHIN_S, _WITHIN_S))  # should the parent be gone
+    if sys.platform == "linux":  # elsewhere the parent's patience is the only limit
+        _limit_this_process(_MEMORY + 4 * network.onnx.nbytes)
     try:
         feature = NetworkFeature(name, network)
         with suppress(FrameError):  # what a network looks up may depend on what it sees
@@ -89,6 +84,18 @@ def _main() -> None:
     except MemoryError:
         os._exit(1)
     os._exit(0)
+
+
+def _limit_this_process(more: int) -> None:
+    """Let this process take so many bytes more than now, 30 s of a core, and leave no core file."""
+    import resource
+
+    with open("/proc/self/statm") as pages:
+        taken = int(pages.read().split()[0]) * resource.getpagesize()
+    most = taken + more
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (_WITHIN_S, _WITHIN_S))  # should the parent be gone
 
 
 if __name__ == "__main__":

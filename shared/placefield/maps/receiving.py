@@ -4,7 +4,6 @@ What has arrived is kept when the work is cut off, and is checked before more of
 """
 
 import errno
-import fcntl
 import os
 import shutil
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from placefield.errors import MapError
 from placefield.files import sync, write_whole
+from placefield.locking import take_lock
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import LONGEST_MANIFEST, MANIFEST, SEAL, seal_of
 from placefield.maps.map import Map
@@ -170,12 +170,13 @@ def _locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, which goes with the process however it ends."""
     lock = folder / _LOCK
     with lock.open("ab") as opened:
-        try:
-            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            is_held = lock.exists() and os.path.samestat(os.fstat(opened.fileno()), lock.stat())
-        except BlockingIOError:
-            is_held = False
-        if not is_held:  # or the folder has just been put in its place by the one who held it
+        # it may be of a folder that has just been put in its place by the one who held it
+        is_held = (
+            take_lock(opened)
+            and lock.exists()
+            and os.path.samestat(os.fstat(opened.fileno()), lock.stat())
+        )
+        if not is_held:
             raise MapError(f"{folder}: is being fetched already; let that end, and try again")
         yield
 

@@ -34,6 +34,8 @@ from placefield.errors import MessageError
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
+pytestmark = pytest.mark.slow
+
 VECTOR = np.linspace(-1, 1, 5, dtype=np.float32)
 PLACES = np.arange(5, dtype=np.int32)
 SETTLED = SettledFrames.of(

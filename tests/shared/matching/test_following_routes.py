@@ -13,6 +13,8 @@ from placefield.config import MatchingConfig
 from placefield.fusion.rules import fuse
 from placefield.maps.metrics import identity_metric
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float32]
 DIMENSIONS = 32
 

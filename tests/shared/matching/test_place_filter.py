@@ -78,12 +78,14 @@ def queries(draw: st.DrawFn) -> list[Codes | None]:
     return frames
 
 
+@pytest.mark.slow
 @given(maps(), queries())
 @settings(max_examples=100, deadline=None)
 def test_posteriors_are_those_of_the_model(places: Codes, query: list[Codes | None]) -> None:
     assert_the_model_is_followed(places, UNIT, query)
 
 
+@pytest.mark.slow
 @given(maps(), queries(), st.data())
 @settings(max_examples=60, deadline=None)
 def test_posteriors_are_those_of_the_model_with_odometry_as_well(

@@ -23,6 +23,8 @@ from placefield.matching.matcher import Matcher, Partial, Settled
 from placefield.matching.sharding import ChannelShard, shard_range
 from placefield.search.quantized import Codes
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float32]
 Pair = tuple[Candidate, Candidate]
 DIMENSIONS = 24

@@ -16,6 +16,8 @@ from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
 from placefield.matching.warm_up import beginning_of
 
+pytestmark = pytest.mark.slow
+
 PLACES, DIMENSIONS = 240, 30
 
 COUNTS_WHAT_IS_COMPILED = """

@@ -61,6 +61,7 @@ def test_labels_and_centres_are_those_of_scikit_fuzzy(fuzzifier: float, weight: 
     np.testing.assert_allclose(found.centres, centres, atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fuzzifier", [1.02, 1.2, 1.4])
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_in_blocks_or_at_once_the_labels_are_equal(

@@ -42,16 +42,18 @@ def test_text_holds_no_pictures_and_no_positions_on_earth(tmp_path: Path, suffix
         recorder_of(path, origin=ORIGIN)
 
 
-@pytest.mark.parametrize(("suffix", "library"), [("mcap", "mcap"), ("rrd", "rerun")])
+@pytest.mark.parametrize(
+    ("suffix", "library", "extra"), [("mcap", "mcap", "record"), ("rrd", "rerun", "rerun")]
+)
 def test_without_its_library_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, library: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, library: str, extra: str
 ) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == library]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setitem(sys.modules, library, None)
     for module in ("mcap_file", "rerun_file"):
         monkeypatch.delitem(sys.modules, f"placefield_tools.record.{module}", raising=False)
-    with pytest.raises(ConfigError, match=rf"{library}.*pip install 'placefield\[record\]'"):
+    with pytest.raises(ConfigError, match=rf"{library}.*pip install 'placefield\[{extra}\]'"):
         recorder_of(tmp_path / f"drive.{suffix}")
 
 

@@ -5,7 +5,6 @@ downloaded stays there when the work is cut off.
 """
 
 import errno
-import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from placefield.errors import SourceError
+from placefield.locking import take_lock
 from placefield_tools.datasets.benchmarks import TRUTH, Benchmark, File
 from placefield_tools.datasets.downloading import download
 from placefield_tools.datasets.ground_truth import write_truth
@@ -118,10 +118,8 @@ def _come(partial: Path, file: File) -> Path:
 def _alone(partial: Path) -> Iterator[None]:
     """Hold the lock of a folder, which goes with the process however it ends."""
     with (partial / ".lock").open("ab") as opened:
-        try:
-            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SourceError(f"{partial}: somebody else is at it; let that end first") from None
+        if not take_lock(opened):
+            raise SourceError(f"{partial}: somebody else is at it; let that end first")
         yield
 
 

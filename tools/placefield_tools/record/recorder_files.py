@@ -85,6 +85,7 @@ def _rich(suffix: str) -> Callable[[Path, Origin | None], AbstractContextManager
 
         return record_rerun
     except ModuleNotFoundError as missing:
+        extra = "record" if suffix == ".mcap" else "rerun"
         raise ConfigError(
-            f"record to {suffix} needs {missing.name}: pip install 'placefield[record]'"
+            f"record to {suffix} needs {missing.name}: pip install 'placefield[{extra}]'"
         ) from None
