@@ -58,7 +58,7 @@ def test_a_live_stream_loses_what_comes_while_its_featurizer_is_away_and_counts_
                 enough.set()
             while (taken := listener.take())[1] is not None:
                 answered.append(taken[0].sequence)
-            sent = replayed.result()
+            sent = replayed.result().sent
         assert all(before < after for before, after in pairwise(answered))
         lost = sent - len(answered)
         assert lost >= AWAY

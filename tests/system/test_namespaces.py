@@ -160,7 +160,7 @@ def test_a_cable_that_is_pulled_in_a_stream_costs_flags_and_no_frame(
     undisturbed = offline(route_map, sorted(twice.iterdir()))
     matches = [(a["place"], a["score"], tuple(a["missing"])) for a in answers if not a["end"]]
     flagged = [number for number, (_, _, missing) in enumerate(matches) if missing]
-    assert during > RATE * CUT_S / 2  # of the frames of that time, whatever the deadline
+    assert during > RATE * CUT_S / 4  # of the frames of that time, even on a busy machine
     assert flagged
     assert {matches[number][2] for number in flagged} == {(2,)}
     assert flagged[-1] < 119
