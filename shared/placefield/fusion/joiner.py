@@ -53,7 +53,7 @@ class Joiner:
 
         Frames before ``first`` have been answered.
 
-        A channel that has others of the frames to answer first has as long after each of these.
+        The deadline restarts whenever an awaited channel answers any frame.
 
         A frame is held back until those before it have been heard of: their source sends them
         again. Not so with ``gaps_expected``, as in a live stream that drops old frames.

@@ -1,4 +1,4 @@
-"""Who only looks on holds nobody up, not even when it is stopped."""
+"""A slow or stopped viewer does not block the pipeline."""
 
 import signal
 import subprocess
