@@ -11,11 +11,13 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.bus.candidate_messages import HaloMessage
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import LENGTH, CachedPublisher, History, recall_all, remembering, share
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
-from placefield.bus.messages import FeatureMessage, HaloMessage, Header
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn

@@ -14,17 +14,17 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from placefield.bus.history import LENGTH, CachedPublisher, Recall
-from placefield.bus.messages import (
+from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
     FinishedMessage,
     HaloMessage,
-    Header,
     SettledFrame,
     SettledFrames,
 )
+from placefield.bus.history import LENGTH, CachedPublisher, Recall
+from placefield.bus.message import Header
 from placefield.bus.refusing import count_refused
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError

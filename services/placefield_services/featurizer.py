@@ -13,10 +13,10 @@ import numpy as np
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import LENGTH, MOMENTS, CachedPublisher, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
+from placefield.bus.message import Header
 from placefield.bus.messages import (
     FeatureMessage,
     FrameMessage,
-    Header,
     MissingObservationMessage,
     MomentsMessage,
 )

@@ -8,17 +8,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
+from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage
 from placefield.bus.credits import WINDOW
 from placefield.bus.history import CachedPublisher, History, Memory, recall_all, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import (
-    CandidatesMessage,
-    FeatureMessage,
-    FinishedMessage,
-    Header,
-    MatchMessage,
-)
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, MatchMessage
 from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch

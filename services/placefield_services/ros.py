@@ -8,7 +8,7 @@ from functools import partial
 
 from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Inbox, Received
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.bus.ros import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config

@@ -5,7 +5,8 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.bus.ros import RosPublisher
 from placefield.errors import MessageError
 from placefield.ros.covariance import pose_covariance

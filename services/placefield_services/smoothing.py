@@ -5,14 +5,10 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
+from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage, SettledFrame
 from placefield.bus.history import LENGTH, CachedPublisher
-from placefield.bus.messages import (
-    CandidatesMessage,
-    FinishedMessage,
-    Header,
-    SettledFrame,
-    SmoothedMessage,
-)
+from placefield.bus.message import Header
+from placefield.bus.messages import SmoothedMessage
 from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.fusion_stage import FusionStage

@@ -9,7 +9,8 @@ import pytest
 from doc_commands import PROJECT, blocks
 
 from placefield import Recognizer, SourceError, build_map
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.loading import load_config
 from placefield.maps.digest import NO_DIGEST
 from placefield_tools.record.recorder_files import recorder_of

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from placefield.bus.history import Recalled
 from placefield.bus.inbox import Received
-from placefield.bus.messages import Header, Message
+from placefield.bus.message import Header, Message
 from placefield.bus.session import Publisher
 from placefield_services.asking import NotYet
 

@@ -9,17 +9,17 @@ import numpy as np
 from bus_doubles import Memory, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
+from placefield.bus.candidate_messages import (
+    CandidatesMessage,
+    FinishedMessage,
+    HaloMessage,
+    SettledFrame,
+)
 from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import (
-    CandidatesMessage,
-    FeatureMessage,
-    FinishedMessage,
-    HaloMessage,
-    Header,
-    SettledFrame,
-)
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_stage import ChannelStage

@@ -6,21 +6,18 @@ from typing import Any
 import numpy as np
 from bus_doubles import Memory, RecordingPublisher, at_last, received
 
+from placefield.bus.candidate_messages import (
+    CandidatesMessage,
+    ChannelCandidate,
+    FinishedMessage,
+    SettledFrame,
+    SettledFrames,
+)
 from placefield.bus.history import CachedPublisher, History
 from placefield.bus.history import Memory as Remembered
 from placefield.bus.keys import Keys, Part
-from placefield.bus.messages import (
-    CandidatesMessage,
-    ChannelCandidate,
-    FeatureMessage,
-    FinishedMessage,
-    Header,
-    MatchMessage,
-    Message,
-    SettledFrame,
-    SettledFrames,
-    SmoothedMessage,
-)
+from placefield.bus.message import Header, Message
+from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.config import Config, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse

@@ -8,8 +8,9 @@ from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offli
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage
 from placefield.bus.keys import Keys
-from placefield.bus.messages import CandidatesMessage, FeatureMessage, FinishedMessage
+from placefield.bus.messages import FeatureMessage
 from placefield.config import Config, Rule
 from placefield.errors import ConfigError, MessageError
 from placefield.maps.map import Map

@@ -12,17 +12,16 @@ import pytest
 from bus_doubles import Memory, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
-from placefield.bus.history import CachedPublisher, History
-from placefield.bus.keys import Keys
-from placefield.bus.messages import (
+from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelSummary,
-    FeatureMessage,
     FinishedMessage,
     HaloMessage,
-    Header,
-    HistoryQuery,
 )
+from placefield.bus.history import CachedPublisher, History
+from placefield.bus.keys import Keys
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, HistoryQuery
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint

@@ -9,10 +9,10 @@ from bus_doubles import Memory, RecordingPublisher, at_last, header, received
 from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
+from placefield.bus.message import Header
 from placefield.bus.messages import (
     FeatureMessage,
     FrameMessage,
-    Header,
     MissingObservationMessage,
     MomentsMessage,
 )

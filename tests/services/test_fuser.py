@@ -7,13 +7,9 @@ import pytest
 from bus_doubles import header
 from fuser_stage import CANDIDATES, CHANNELS, DEADLINE_S, KEYS, Clock, Stage
 
-from placefield.bus.messages import (
-    CandidatesMessage,
-    ChannelCandidate,
-    FeatureMessage,
-    MatchMessage,
-    Message,
-)
+from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
+from placefield.bus.message import Message
+from placefield.bus.messages import FeatureMessage, MatchMessage
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match

@@ -3,13 +3,9 @@ import pytest
 from bus_doubles import header
 from fuser_stage import DEADLINE_S, KEYS, Clock, Stage
 
-from placefield.bus.messages import (
-    CandidatesMessage,
-    ChannelCandidate,
-    FeatureMessage,
-    Header,
-    HistoryQuery,
-)
+from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, HistoryQuery
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_PLACES, Candidate

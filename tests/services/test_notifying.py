@@ -8,7 +8,7 @@ from bus_doubles import header, received
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Message
+from placefield.bus.message import Message
 from placefield.bus.session import Bus
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import ServiceProcess

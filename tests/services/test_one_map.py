@@ -11,9 +11,9 @@ from channel_stage import RUNS
 from channel_stage import Stage as WorkerStage
 from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
+from placefield.bus.candidate_messages import ChannelSummary, HaloMessage, SettledFrame
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import ChannelSummary, HaloMessage, SettledFrame
 from placefield.bus.refusing import count_refused
 from placefield.errors import MapError, MessageError, OtherMapError
 from placefield.maps.map import Map

@@ -11,7 +11,8 @@ from bus_doubles import header, received
 from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Message, StatsMessage
+from placefield.bus.message import Message
+from placefield.bus.messages import StatsMessage
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_services.asking import NotYet

@@ -5,7 +5,9 @@ import pytest
 from bus_doubles import header
 from fuser_stage import CHANNELS, DEADLINE_S, KEYS, LAG, Clock, Stage
 
-from placefield.bus.messages import CandidatesMessage, FeatureMessage, Header, SettledFrames
+from placefield.bus.candidate_messages import CandidatesMessage, SettledFrames
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage
 from placefield.errors import MessageError
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate

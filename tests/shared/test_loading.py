@@ -53,7 +53,7 @@ def test_flags_win_over_the_environment_over_the_file_over_the_defaults(
         ("[scales]\nchannels = 'many'\n", "scales.channels"),
         ("[scales]\nchannels = 0\n", "scales.channels"),
         ("scales = 3\n", "scales"),
-        ("[matching]\nrule = 'ams'\n", "matching.rule"),
+        ("[matching]\nrule = 'nearest'\n", "matching.rule"),
         ("runs = ['one', 'two words']\n", "runs.1"),
         ("runs = 'one,'\n", "runs.1"),
         ("runs = ['one', 'one']\n", "runs"),

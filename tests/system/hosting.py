@@ -16,7 +16,8 @@ import psutil
 from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config, MatchingConfig, Rule
 from placefield.errors import MessageError

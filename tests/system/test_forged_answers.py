@@ -10,7 +10,8 @@ from hosting import Host, Listener, answers_of, offline, placefield
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig
 from placefield.maps.digest import NO_DIGEST

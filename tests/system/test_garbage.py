@@ -8,7 +8,8 @@ import zenoh
 from hosting import Host, Listener, Process, answers_of, offline, placefield, wait_until
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import StatsMessage
 from placefield.maps.map import Map
 
 

@@ -31,7 +31,8 @@ WIDE, COUNT = 12_500, 100  # a descriptor's values; of such features
 _PUBLISH_WIDE_FEATURES = f"""
 import numpy as np
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, Header
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 wide = FeatureMessage(model="0" * 64, descriptor=np.zeros({WIDE}, np.float32))

@@ -29,7 +29,7 @@ from hosting import (
 
 from placefield.bus.credentials import tls_settings
 from placefield.bus.keys import Keys
-from placefield.bus.messages import MAX_BYTES
+from placefield.bus.message import MAX_BYTES
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.maps.map import Map

@@ -23,7 +23,8 @@ from hosting import (
 )
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Rule
 from placefield.features.images import decode

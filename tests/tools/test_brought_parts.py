@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.errors import ConfigError, SourceError
 from placefield.maps.digest import NO_DIGEST
 from placefield_tools.record.recorder_files import recorder_of

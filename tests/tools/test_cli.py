@@ -251,7 +251,10 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("build", "{ref}", "-o", "x.pfmap", "--min-scale", "4ft"), "--min-scale '4ft'"),
         (("build", "{ref}", "-o", "x.pfmap", "--min-scale", "5m"), "has no poses"),
         (("build", "{ref}", "-o", "x.pfmap", "--metric", "cosine"), "metric.kind"),
-        (("build", "{ref}", "-o", "x.pfmap", "--feature", "surf"), "onnx:FILE (given: 'surf')"),
+        (
+            ("build", "{ref}", "-o", "x.pfmap", "--feature", "surf"),
+            "'surf': give grayscale, gist or onnx",
+        ),
         (("build", "{ref}", "-o", "x.pfmap", "--feature", "onnx:no.onnx"), "no.onnx: no such"),
         (("build", "{empty}", "-o", "x.pfmap"), "{empty}: no image files"),
         (("build", "no-folder", "-o", "x.pfmap"), "no-folder: no such folder or file"),

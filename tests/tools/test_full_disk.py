@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.errors import PlacefieldError
 from placefield.files import write_whole, written_whole
 from placefield.maps.digest import NO_DIGEST

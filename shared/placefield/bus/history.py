@@ -9,7 +9,8 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from placefield.bus.messages import Header, HistoryQuery, Message
+from placefield.bus.message import Header, Message
+from placefield.bus.messages import HistoryQuery
 from placefield.bus.session import Bus, Publisher
 from placefield.errors import MessageError
 

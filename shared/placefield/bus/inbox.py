@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from placefield.bus.keys import run_of
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 
 CAPACITY = 4096
 """Messages of a run; above a credit window of frames and their candidates of 64 workers, so that a

@@ -12,7 +12,7 @@ from urllib.parse import quote
 from pydantic import Field
 
 from placefield.bus.keys import ROOT
-from placefield.bus.messages import Message
+from placefield.bus.message import Message
 from placefield.errors import MessageError
 
 _CHUNK = re.compile(r"(?P<digest>[0-9a-f]{64})/(?P<file>.{1,1000})/(?P<number>[0-9]{1,12})")

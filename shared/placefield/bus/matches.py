@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator
 from placefield.bus.history import LENGTH, Recall, recalling
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.messages import FrameMessage, Header, MatchMessage, MissingObservationMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage, MatchMessage, MissingObservationMessage
 from placefield.bus.proof import Proof
 from placefield.bus.session import Bus
 from placefield.errors import BusError, MessageError

@@ -16,7 +16,7 @@ import zenoh
 from placefield.bus.credentials import access_control
 from placefield.bus.inbox import Received
 from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
-from placefield.bus.messages import MAX_BYTES, Header, Message
+from placefield.bus.message import MAX_BYTES, Header, Message
 from placefield.bus.settings import (
     WATCHERS,
     client_settings,

@@ -8,7 +8,7 @@ import zenoh
 
 from placefield.bus.credentials import encryption
 from placefield.bus.keys import ROOT
-from placefield.bus.messages import MAX_BYTES
+from placefield.bus.message import MAX_BYTES
 from placefield.config import BusConfig
 from placefield.errors import BusError
 

@@ -4,7 +4,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from enum import Enum, auto
 
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.errors import MessageError
 
 _REMEMBERED = 16  # streams that were left

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from placefield.bus.history import History, recalling, share
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, HistoryQuery
+from placefield.bus.message import Header
+from placefield.bus.messages import HistoryQuery
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import MessageError

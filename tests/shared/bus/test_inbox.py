@@ -10,7 +10,7 @@ from placefield.bus import inbox as inbox_module
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 
 KEY = Keys("test").frame
 

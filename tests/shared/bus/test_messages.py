@@ -7,21 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from placefield.bus import messages
-from placefield.bus.messages import (
+from placefield.bus import message as message_module
+from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
     ChannelSummary,
-    FeatureMessage,
-    FrameMessage,
     HaloMessage,
-    Header,
-    MatchMessage,
-    Message,
     SettledFrame,
     SettledFrames,
-    StatsMessage,
 )
+from placefield.bus.message import Header, Message
+from placefield.bus.messages import FeatureMessage, FrameMessage, MatchMessage, StatsMessage
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.fusion.match import Match
@@ -366,7 +362,7 @@ def test_a_message_nested_too_deeply_is_refused() -> None:
 
 def test_a_message_that_is_too_large_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:
     encoded = FrameMessage(image=bytes(200)).encode()
-    monkeypatch.setattr(messages, "MAX_BYTES", len(encoded) - 1)
+    monkeypatch.setattr(message_module, "MAX_BYTES", len(encoded) - 1)
     with pytest.raises(MessageError, match=f"more than {len(encoded) - 1}"):
         FrameMessage.decode(encoded)
 

@@ -12,7 +12,8 @@ import zenoh
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, FrameMessage, Header, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, FrameMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import BusError, MessageError

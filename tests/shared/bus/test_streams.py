@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.bus.streams import Arrival, StreamFollower, StreamSwitch, Turn
 from placefield.errors import MessageError
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, Header
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.bus.settings import WATCHERS
 from placefield.config import BusConfig

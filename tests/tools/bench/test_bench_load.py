@@ -8,7 +8,8 @@ import pytest
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, Header, MatchMessage, Message
+from placefield.bus.message import Header, Message
+from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.session import Bus
 from placefield.errors import BusError
 from placefield.maps.digest import NO_DIGEST

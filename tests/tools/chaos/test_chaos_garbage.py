@@ -3,7 +3,8 @@ from collections import Counter
 import pytest
 
 from placefield.bus.inbox import Received
-from placefield.bus.messages import FrameMessage, Header, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage, StatsMessage
 from placefield.errors import MessageError
 from placefield_tools.chaos.garbage import SPOILERS, messages
 

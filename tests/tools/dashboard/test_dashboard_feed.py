@@ -7,7 +7,8 @@ import pytest
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map

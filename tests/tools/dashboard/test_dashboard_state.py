@@ -5,14 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield.bus.messages import (
-    CandidatesMessage,
-    ChannelCandidate,
-    FeatureMessage,
-    Header,
-    MatchMessage,
-    SmoothedMessage,
-)
+from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.maps.digest import NO_DIGEST

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from turning_route import ORIGIN, PLACES, STAMP_NS
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.maps.digest import NO_DIGEST
 from placefield_tools.export.matched_traverse import Localised, QueryTraverse
 

@@ -10,7 +10,8 @@ import pytest
 from evo.tools.file_interface import read_tum_trajectory_file
 from typer.testing import CliRunner, Result
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.errors import ConfigError, MapError, PlacefieldError
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.geography import Origin

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 import pytest
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage, StatsMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import MessageError, OtherMapError

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.digest import NO_DIGEST
 
 Written = tuple[Header, MatchMessage | None]

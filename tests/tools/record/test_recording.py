@@ -11,7 +11,8 @@ from made_matches import ALL_KINDS, KNOWN, SMOOTHED, Written, stream_of
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.session import Bus
 from placefield_tools.record.record_run import RecordSession
 from placefield_tools.record.recorder import Recorder

@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message, Schema
 
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.maps.geography import Origin
 from placefield_tools.record.recorder_files import recorder_of
 

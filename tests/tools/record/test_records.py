@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from made_matches import ALL_KINDS, KNOWN, SMOOTHED, headers, matches, stream_of
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield.maps.digest import NO_DIGEST
 from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.record.records import Record, RecordingError, as_object, read_records

@@ -15,7 +15,8 @@ from placefield.bus import sending
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError

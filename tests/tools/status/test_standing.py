@@ -1,7 +1,8 @@
 import pytest
 
 from placefield.bus.keys import Keys, Part
-from placefield.bus.messages import Header, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import StatsMessage
 from placefield_tools.status.service_status import (
     SILENT_S,
     RunRecord,

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from placefield.bus.credits import Credits
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, MatchMessage
 from placefield.bus.session import Bus
 from placefield.errors import BusError
 from placefield.fusion.match import Match

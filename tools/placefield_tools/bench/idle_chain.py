@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, Part
-from placefield.bus.messages import MatchMessage, Message
+from placefield.bus.message import Message
+from placefield.bus.messages import MatchMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
 from placefield.maps.digest import NO_DIGEST

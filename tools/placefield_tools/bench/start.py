@@ -14,7 +14,8 @@ from typing import Any
 import psutil  # type: ignore[import-untyped]
 
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FeatureMessage, Header
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage
 from placefield.bus.session import Bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError

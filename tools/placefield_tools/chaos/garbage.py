@@ -13,7 +13,7 @@ import msgpack
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import ROOT, Keys
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.bus.session import Bus
 
 _KEPT = 64  # overheard messages of a topic

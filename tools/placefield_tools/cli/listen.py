@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield_tools.cli import options
 from placefield_tools.record.records import as_object

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import Header
+from placefield.bus.message import Header
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_tools.dashboard.state import LiveState

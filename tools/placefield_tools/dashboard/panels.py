@@ -5,7 +5,8 @@ from typing import Protocol
 
 from nicegui import ui
 
-from placefield.bus.messages import Header, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
 from placefield_tools.dashboard import drawings

@@ -7,14 +7,9 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from placefield.bus.messages import (
-    CandidatesMessage,
-    ChannelCandidate,
-    FeatureMessage,
-    Header,
-    MatchMessage,
-    SmoothedMessage,
-)
+from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
+from placefield.bus.message import Header
+from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
 from placefield.fusion.match import FASTER

@@ -8,7 +8,8 @@ import base64
 import math
 from typing import Any
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield_tools.record.records import as_object
 
 FRAME_ID = "map"

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from mcap.writer import Writer
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.geography import Origin
 from placefield_tools.record import foxglove
 from placefield_tools.record.recorder import Recorder

@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.errors import PlacefieldError
 from placefield.maps.digest import NO_DIGEST
 

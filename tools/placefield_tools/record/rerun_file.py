@@ -10,7 +10,8 @@ from typing import BinaryIO, TypeVar
 import numpy as np
 import rerun as rr
 
-from placefield.bus.messages import Header, MatchMessage, SmoothedMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.geography import Origin
 from placefield_tools.record.recorder import Recorder
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from placefield.bus.messages import Header, MatchMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage
 from placefield_tools.record.recorder import Recorder
 from placefield_tools.record.records import COLUMNS, as_object, as_row
 

@@ -8,7 +8,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from placefield.bus.keys import Part, part_of, service_and_identity
-from placefield.bus.messages import Header, StatsMessage
+from placefield.bus.message import Header
+from placefield.bus.messages import StatsMessage
 from placefield.fusion.match import FASTER
 from placefield_tools.common.natural_sort import counted, natural_key
 
