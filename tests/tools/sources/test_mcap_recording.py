@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, timestamp_pb2
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 from test_ros_recording import images as ros_images
 from test_ros_recording import record as record_ros
@@ -412,6 +412,47 @@ def test_a_recording_of_which_one_topic_is_wanted_is_read(case: str) -> None:
         pytest.skip(f"no cases at {CASES}; say where they are with PLACEFIELD_CASES")
     [where] = (CASES / case).glob("*.mcap")
     assert len(list(open_source(str(where)))) == 24
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_behind_a_damaged_chunk_a_recording_goes_on_and_what_was_lost_keeps_its_turn(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    path, count = tmp_path / "a.mcap", 60
+    encoding, definition, _ = FORMS["json"]
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=4000, compression=compression)
+        writer.start()
+        schema = writer.register_schema(KIND, encoding, definition)
+        channel = writer.register_channel("/image", "json", schema)
+        for number in range(count):
+            data = base64.b64encode(bytes([number]) * 500).decode()
+            stamp = {"sec": number, "nsec": 0}
+            message = {"timestamp": stamp, "frame_id": "", "format": "jpeg", "data": data}
+            writer.add_message(channel, number, json.dumps(message).encode(), publish_time=number)
+        writer.finish()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+    assert len(chunks) > 4
+    damaged = chunks[len(chunks) // 2]
+    whole = list(open_source(str(path)))
+    content = bytearray(path.read_bytes())
+    end = damaged.chunk_start_offset + damaged.chunk_length
+    content[end - 20 : end - 4] = bytes(range(16))
+    path.write_bytes(content)
+    source = open_source(str(path))
+    frames = list(source)
+    assert len(frames) == len(whole) == count
+    assert not source.not_given["missing"]
+    lost = [frame.index for frame in frames if frame.fault]
+    assert lost == list(range(damaged.message_start_time, damaged.message_end_time + 1))
+    for frame in (frame for frame in frames if not frame.fault):
+        assert (frame.image, frame.stamp_ns) == (
+            whole[frame.index].image,
+            whole[frame.index].stamp_ns,
+        )
 
 
 def test_a_bags_folder_in_which_other_messages_are_recorded_too_is_read(tmp_path: Path) -> None:

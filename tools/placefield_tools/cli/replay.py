@@ -83,5 +83,5 @@ def _replay(
     counts = Counter(replayed.unseen) + frames.not_given
     faults = ", ".join(f"{count} {what}" for what, count in counts.items())
     print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
-    if 0 < replayed.sent == counts["unreadable"]:
+    if replayed.sent == counts["unreadable"] and (replayed.sent or counts["missing"]):
         raise SourceError(f"{without_secrets(source)}: no frame of it could be read; mend them")

@@ -1,14 +1,18 @@
 """An MCAP recording of ROS's or Foxglove's messages as a source of frames."""
 
+import logging
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 
-from placefield.errors import SourceError
+from placefield.errors import PlacefieldError, SourceError
+from placefield_tools.common.natural_sort import counted
+from placefield_tools.sources.damaged_chunks import messages_by_chunk
 from placefield_tools.sources.mcap_messages import kind_of, read_message
 from placefield_tools.sources.mcap_summary import read_summary, span_of
 from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder, images_of
@@ -16,6 +20,8 @@ from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, ROS_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.source import Span
 from placefield_tools.sources.topics import image_topic
+
+log = logging.getLogger(__name__)
 
 
 class _Topic(NamedTuple):
@@ -27,7 +33,23 @@ class _McapRecording(Recording):
     poses = (*ROS_POSES, *FOXGLOVE_POSES)
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        return (read() for read in _messages(self.path, topic))
+        left_out = 0
+        for read in _messages(self.path, topic):
+            try:
+                message = read()
+            except PlacefieldError:
+                raise
+            except Exception:  # parsers raise whatever comes up
+                left_out += 1
+                continue
+            yield message
+        if left_out:
+            log.warning(
+                "%s: %s on %s cannot be parsed: left out",
+                self.path,
+                counted(left_out, "message"),
+                topic,
+            )
 
     def _images(self) -> Iterator[Callable[[], Stamped]]:
         name = f"{self.path.name}:{self._topic}"
@@ -91,7 +113,17 @@ def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:
 
 
 def _messages(path: Path, topic: str) -> Iterator[Read]:
-    """Yield what reads a message, for each of a topic."""
+    """Yield what reads a message, for each of a topic; behind damage, chunk by chunk."""
+    taken = 0
     with path.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages([topic]):
+        messages = make_reader(file, validate_crcs=True).iter_messages([topic])
+        while True:
+            try:
+                schema, channel, message = next(messages)
+            except StopIteration:
+                return
+            except Exception:  # of many kinds, where the file is damaged
+                break
+            taken += 1
             yield partial(read_message, schema, channel, message)
+    yield from islice(messages_by_chunk(path, topic), taken, None)
