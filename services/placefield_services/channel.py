@@ -194,6 +194,10 @@ class ChannelWorker:
         is_complete = len(frames) == header.sequence - first
         if not is_complete and not header.live and time.monotonic() < run.ask_until:
             return None
+        # A live stream drops frames itself: that some are missing says nothing.
+        is_forgotten = not is_complete and (not header.live or (run.is_joining and not frames))
+        if is_forgotten and run.stream is not None:
+            run.stream.is_forgotten = True
         unknown = 0 if run.is_joining else header.sequence - run.follower.next - len(frames)
         run.follower.leap(header.sequence, gaps=max(unknown, 0))
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S

@@ -109,6 +109,8 @@ class ChannelStream:
         self._map = digest
         self._rule: Rule = matching.rule
         self._lag = matching.lag
+        self.is_forgotten = False
+        """Whether there are frames before that nobody remembered; see ``Match``."""
         self._settled: list[SettledFrame] = []
         """Not published yet."""
         self._outputs = outputs
@@ -267,6 +269,7 @@ class ChannelStream:
             shards=self._stage.shards,
             candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
             settled=self._take_settled(sequence),
+            forgotten=self.is_forgotten,
         )
 
     def _finish(self, end: Header) -> None:

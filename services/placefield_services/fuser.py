@@ -187,7 +187,7 @@ class Fuser:
         if header.stream != self._switch.stream:
             self._keep_early(received)
             return
-        if isinstance(message, FeatureMessage) and message.forgotten:
+        if isinstance(message, FeatureMessage | CandidatesMessage) and message.forgotten:
             self._smoothing.is_forgotten = True  # and all frames after it, too
         if not header.live:
             self._skip_to(header)

@@ -40,6 +40,36 @@ def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
     assert stage.counts[RUNS[0]]["recalled"] == 3
 
 
+@pytest.mark.parametrize("known", [0, 5, 11])
+def test_one_that_comes_back_and_lacks_frames_that_nobody_remembers_says_so_with_every_answer(
+    route_map: Map, descriptors: list[Descriptor], known: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+    knows, lacks = Stage(route_map, "filter"), Stage(route_map, "filter")
+    knows.remember_elsewhere(descriptors[:12])
+    lacks.remember_elsewhere(descriptors[:known])
+    for stage in (knows, lacks):
+        for sequence in range(12, 16):
+            stage.send(header(sequence, oldest=12), descriptors[sequence])
+        stage.send(header(0, stream="next"), descriptors[0])
+    told = [
+        [message.forgotten for _, message in stage.publishers[RUNS[0]].sent if message]
+        for stage in (knows, lacks)
+    ]
+    assert told == [[False] * 5, [True] * 4 + [False]]
+
+
+def test_a_lossless_frame_that_nobody_remembers_is_told_of_from_then_on(
+    route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+    stage = Stage(route_map, "filter")
+    for sequence in (0, 1, 3, 4):
+        stage.send(header(sequence), descriptors[sequence])
+    told = [message.forgotten for _, message in stage.publishers[RUNS[0]].sent if message]
+    assert told == [False, False, True, True]
+
+
 def test_what_may_still_be_found_is_waited_for(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:

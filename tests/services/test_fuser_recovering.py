@@ -54,6 +54,16 @@ def test_where_the_featurizer_forgot_the_stream_every_later_match_of_it_says_so(
     assert told == [False, False, True, True, True, True, False]
 
 
+def test_where_a_worker_lacks_frames_of_the_stream_later_matches_say_so(stage: Stage) -> None:
+    for sequence in range(4):
+        stage.announce(header(sequence))
+        candidates = [stage.written(channel, sequence) for channel in range(3)]
+        message = stage.message(*candidates).model_copy(update={"forgotten": sequence == 1})
+        stage.handle(KEYS.candidates("worker"), header(sequence), message)
+    told = [message.forgotten for _, message in stage.matches.sent if message]
+    assert told == [False, True, True, True]
+
+
 def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
     for sequence in range(3):
         stage.announce(header(sequence))

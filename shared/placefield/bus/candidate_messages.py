@@ -171,11 +171,13 @@ class CandidatesMessage(_OfShard):
         rule: how they were made.
         candidates: one of each channel.
         settled: frames that the channels have settled since the message before; none: no frame.
+        forgotten: whether the worker lacks frames of the stream that nobody remembered.
     """
 
     rule: Rule
     candidates: tuple[ChannelCandidate, ...] = Field(min_length=1)
     settled: SettledFrames | None = None
+    forgotten: bool = False
 
 
 class FinishedMessage(_OfShard):
