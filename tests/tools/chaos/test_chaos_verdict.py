@@ -57,3 +57,11 @@ def test_a_system_that_is_never_well_again_does_not_hold() -> None:
     assert fault == {"kind": "kill channel", "at": 4, "end": 4, "draw": 0, "is_last": False} | {
         "recover_s": None
     }
+
+
+def test_a_system_whose_memory_was_lost_is_well_again_though_all_its_answers_say_so() -> None:
+    forgotten = {
+        frame: Answered(Match(frame, 0.5, forgotten=True), float(frame)) for frame in range(5, 10)
+    }
+    verdict = judge(UNDISTURBED, WHOLE | forgotten, [Happened(KILLED, 4, 4.5)], 10)
+    assert (verdict.partial, verdict.wrong, verdict.holds) == (5, 0, True)

@@ -92,23 +92,21 @@ def judge(
 ) -> Verdict:
     """Hold the answers, by frame, against those of the undisturbed run, in order of frames.
 
-    A system has recovered from a fault when it first answers, unflagged, a frame that was sent
-    after it; what was under way at the fault says nothing.
+    A system has recovered from a fault when it first answers with all channels a frame that was
+    sent after it; what was under way at the fault says nothing. Where all who remembered the stream
+    died, later answers are marked so to its end, and it has recovered all the same.
     """
-    whole = {
-        frame: each
-        for frame, each in answers.items()
-        if not (each.match.missing or each.match.forgotten)
-    }
+    complete = {frame: each for frame, each in answers.items() if not each.match.missing}
+    whole = {frame: each for frame, each in complete.items() if not each.match.forgotten}
     return Verdict(
         sent=sent,
         answered=len(answers),
         partial=len(answers) - len(whole),
         wrong=sum(each.match != undisturbed[frame] for frame, each in whole.items()),
-        recoveries=tuple(_recovery(each, whole) for each in happened),
+        recoveries=tuple(_recovery(each, complete) for each in happened),
     )
 
 
-def _recovery(happened: Happened, whole: Mapping[int, Answered]) -> Recovery:
-    after = [each.at for frame, each in whole.items() if frame >= happened.sent]
+def _recovery(happened: Happened, complete: Mapping[int, Answered]) -> Recovery:
+    after = [each.at for frame, each in complete.items() if frame >= happened.sent]
     return Recovery(happened.fault, min(after) - happened.at if after else None)
