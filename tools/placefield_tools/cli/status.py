@@ -67,11 +67,12 @@ def _status(
     name = effective.run
     stop = stop_event() if watch else None
     with open_bus(effective.bus, stop) as bus:
+        if stop:  # asked before anything listens, else the answer may go to the listener alone
+            warn_of_other_runs(bus, name)
         runs = RunsListener(bus)  # a router that is busy may be late with one answer
         listener = RunListener(bus, Keys(name), lambda key, error: None)
         bus.subscribe(Keys(name).feature, listener.announce, Counter())
         if stop:
-            warn_of_other_runs(bus, name)
             _watch(listener, name, stop)
             return
         time.sleep(_LISTEN_S)
