@@ -154,9 +154,7 @@ class FrameStream:
             )
 
     def _put(self, header: Header, payload: bytes) -> None:
-        if not self._live:
-            self._proof.send(header.sequence)
-        self._publisher.send(header, payload)
+        self._publish(header, payload)
         if header.end or not self._live:
             self._unanswered.append((header, payload))
 
@@ -166,9 +164,12 @@ class FrameStream:
         oldest = 0 if self._live else self._credits.answered
         for header, payload in self._unanswered:
             now = min(oldest, header.sequence)  # it may have been answered in the meantime
-            if not self._live:
-                self._proof.send(header.sequence)
-            self._publisher.send(header.model_copy(update={"oldest": now}), payload)
+            self._publish(header.model_copy(update={"oldest": now}), payload)
+
+    def _publish(self, header: Header, payload: bytes) -> None:
+        if not self._live:  # of a live stream nothing has to be proven
+            self._proof.send(header.sequence)
+        self._publisher.send(header, payload)
 
     def _take_credit(self) -> bool:
         return self._credits.take(_POLL_S)

@@ -12,7 +12,7 @@ from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
-from placefield.features.images import decode
+from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
 from placefield.features.shrink import small_grey
@@ -42,7 +42,7 @@ class Feature:
         Raises:
             FrameError: the image cannot be read.
         """
-        return self._describe(decode(image) if isinstance(image, bytes) else image)
+        return self._describe(pixels_of(image))
 
 
 def feature_of(kind: FeatureKind) -> Feature:

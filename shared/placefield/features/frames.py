@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError
-from placefield.features.images import decode
+from placefield.features.images import pixels_of
 from placefield.pose import Pose
 
 __all__ = ["Frame", "Pose"]
@@ -47,4 +47,4 @@ class Frame:
         """
         if self.fault:
             raise FrameError(self.fault)
-        return decode(self.image) if isinstance(self.image, bytes) else self.image
+        return pixels_of(self.image)

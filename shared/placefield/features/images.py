@@ -72,6 +72,15 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     return np.asarray(pixels, np.uint8)
 
 
+def pixels_of(image: bytes | NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return an encoded image decoded, and pixels as they are.
+
+    Raises:
+        FrameError: it does not decode, see ``decode``.
+    """
+    return decode(image) if isinstance(image, bytes) else image
+
+
 def small_jpeg(pixels: NDArray[np.uint8], longest: int) -> bytes:
     """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, shrunk to sides of so many pixels at most."""
     height, width = pixels.shape[:2]

@@ -13,11 +13,13 @@ import msgpack
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import ROOT, Keys
-from placefield.bus.message import Header
+from placefield.bus.message import Header, Message
+from placefield.bus.messages import OdometryMessage
 from placefield.bus.session import Bus
 
 _KEPT = 64  # overheard messages of a topic
 _LARGE = 2**16  # bytes
+_VERSION: int = Message.model_fields["version"].default
 _STRANGE_NAMES = ("-1-x", "7-x", "٣-x", "%s", "a b", "0", "-", "9" * 5000 + "-x", "new\nline-x")
 
 
@@ -28,7 +30,7 @@ class ReceivedTraffic:
         self.topics: dict[str, list[Received]] = {}
         bus.subscribe(f"{ROOT}/{keys.run}/**", self._keep, Counter(), ends_empty=False)
         bus.subscribe_raw(keys.all_stats, self._keep_bare)
-        self._keep_bare(keys.odometry, msgpack.packb({"version": 2, "metres": 1.0}))
+        self._keep_bare(keys.odometry, OdometryMessage(metres=1.0).encode())
         self._keep_bare(f"{ROOT}/{keys.run}/nobody's", b"nobody's")
 
     def _keep(self, received: Received) -> None:
@@ -69,7 +71,9 @@ def _cut(rng: random.Random, heard: Received, _: int) -> Bytes:
 
 
 def _of_another_version(rng: random.Random, heard: Received, _: int) -> Bytes:
-    version = {"version": rng.choice([0, 1, 3, -1, 2**40, "2", None])}
+    version = {
+        "version": rng.choice([0, _VERSION - 1, _VERSION + 1, -1, 2**40, str(_VERSION), None])
+    }
     if rng.random() < 0.5:
         return _with(heard.header.encode(), version), heard.payload
     return heard.header.encode(), _with(heard.payload, version)
@@ -220,5 +224,10 @@ def query(bus: Bus, key: str, count: int, seed: int) -> Iterator[Bytes]:
     """Ask for nonsense under a key so many times; yield what is replied all the same."""
     rng = random.Random(seed)
     for number in range(count):
-        asked = [rng.randbytes(40), b"", b"\x91" * 999, _with(b"", {"version": 2, "first": -1})]
+        asked = [
+            rng.randbytes(40),
+            b"",
+            b"\x91" * 999,
+            _with(b"", {"version": _VERSION, "first": -1}),
+        ]
         yield from bus.ask(key, asked[number % len(asked)], timeout_s=0.5)

@@ -73,13 +73,14 @@ def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path
     if not chosen:
         return []
     with evaluation.query.open() as source:
-        images = {number: f.image for number, f in enumerate(source) if number in set(chosen)}
+        wanted = set(chosen)
+        shown = {number: frame for number, frame in enumerate(source) if number in wanted}
     pairs = []
     for query in chosen:
-        image, place = images[query], int(result.places[query])
+        place = int(result.places[query])
         pairs.append(
             MatchPair(
-                query_image=decode(image) if isinstance(image, bytes) else image,
+                query_image=shown[query].pixels(),
                 place_image=decode(evaluation.placemap.places.thumbnail(place)),
                 query=query,
                 place=place,

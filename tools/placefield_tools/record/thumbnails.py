@@ -14,6 +14,6 @@ def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:
     Raises:
         FrameError: it cannot be read.
     """
-    pixels = images.decode(image) if isinstance(image, bytes) else image
+    pixels = images.pixels_of(image)
     images.check_pixels(pixels)
     return images.small_jpeg(pixels, _LONGEST)
