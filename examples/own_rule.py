@@ -32,8 +32,8 @@ def places(placemap: Map, files: Sequence[Path]) -> Iterator[int]:
     stage = ChannelStage(channels, MatchingConfig(rule="evidence"))
     stream = stage.new_stream()
     for file in files:
-        (compared,) = stage.compare([images.push(file.read_bytes())])
-        yield fuse(stream.push(compared))
+        (compared,) = stage.compare([images.update(file.read_bytes())])
+        yield fuse(stream.update(compared))
 
 
 def main(route: str, query: str) -> None:

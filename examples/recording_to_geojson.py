@@ -26,7 +26,7 @@ def main(route: str, recording: str, geojson: str) -> None:
     smoothed: list[SmoothedMatch] = []
     with open_source(recording) as frames:
         for frame in frames:
-            recognizer.push(frame.image, frame.odometry_m)
+            recognizer.update(frame.image, frame.odometry_m)
             smoothed += recognizer.smoothed()
     smoothed += recognizer.finish()
     points = [point for each in smoothed if (point := _point(each, origin)) is not None]

@@ -17,7 +17,7 @@ def main(reference: str, query: str) -> None:
     recognizer = Recognizer(build_map(sorted(Path(reference).glob("*.jpg"))))
     files = sorted(Path(query).glob("*.jpg"))
     for file in files:
-        recognizer.push(file)  # this gives a match at once; smoothed ones are right more often
+        recognizer.update(file)  # this gives a match at once; smoothed ones are right more often
     for smoothed in recognizer.finish():
         match = smoothed.match
         print(files[smoothed.frame].name, match.place, f"{match.probability:.2f}")

@@ -24,7 +24,7 @@ from placefield import Config, Recognizer, open_map
 
 recognizer = Recognizer(open_map(Path("route.pfmap")), Config(matching={"rule": "ams"}))
 for file in sorted(Path(sys.argv[1]).iterdir()):
-    print(recognizer.push(file.read_bytes()).place)
+    print(recognizer.update(file.read_bytes()).place)
 """
 
 

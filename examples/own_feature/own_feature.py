@@ -33,7 +33,7 @@ def main(reference: str, query: str) -> None:
     config = load_config(None, {"features": {"kind": "edges"}})
     recognizer = Recognizer(build_map(sorted(Path(reference).glob("*.jpg")), config=config))
     for file in sorted(Path(query).glob("*.jpg")):
-        print(file.name, recognizer.push(file).place)
+        print(file.name, recognizer.update(file).place)
 
 
 if __name__ == "__main__":

@@ -13,22 +13,29 @@ from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import HaloMessage
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, CachedPublisher, History, recall_all, remembering, share
 from placefield.bus.inbox import CAPACITY, Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
+from placefield.bus.replay_cache import (
+    LENGTH,
+    CachedPublisher,
+    ReplayCache,
+    fetch_all,
+    replicated_cache,
+    serve_cache,
+)
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError, MessageError, OtherMapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
-from placefield_services.asking import Asking
+from placefield_services.background_query import BackgroundQuery
 from placefield_services.channel_streams import ChannelOutputs, ChannelStream, PendingFrame
-from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
+from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess, counting_failure
 from placefield_services.served_channels import ServedChannels
 
@@ -73,34 +80,34 @@ def run_channels(
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             if shards > 1:
                 bus.subscribe(keys.all_halos, inbox.offer, process.counts[run])
-            remembered_moments(bus, keys, process.counts[run])
+            cache_moments(bus, keys, process.counts[run])
             outputs[run] = _outputs(
                 bus, keys, process.identity, config.matching.lag, process.counts[run]
             )
-            process.answers[run] = outputs[run].candidates.history
+            process.answers[run] = outputs[run].candidates.cache
         worker = ChannelWorker(placemap.model, served, outputs, process.counts)
         served.warm_up()
         for channel in channels:
             process.declare_ready(Part(channel, shard, shards).identity(process.identity))
-        process.serve(inbox, worker.accept, stop, work=worker.match, settle=worker.settle)
+        process.serve(inbox, worker.accept, stop, work=worker.match, after_batch=worker.after_batch)
 
 
 def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> ChannelOutputs:
     # Of frames that are under way, and of those that a new fuser may have to smooth.
     candidates = CachedPublisher(
-        bus.publisher(keys.candidates(identity)), History(2 * WINDOW + lag)
+        bus.publisher(keys.candidates(identity)), ReplayCache(2 * WINDOW + lag)
     )
-    share(bus, keys.history(keys.all_candidates), candidates.history)
-    borders = CachedPublisher(bus.publisher(keys.halo(identity)), History())
-    history = keys.history(keys.all_halos)
-    share(bus, history, borders.history)
-    features = remembering(bus, keys.history(keys.feature))
+    serve_cache(bus, keys.cache(keys.all_candidates), candidates.cache)
+    halos = CachedPublisher(bus.publisher(keys.halo(identity)), ReplayCache())
+    cache = keys.cache(keys.all_halos)
+    serve_cache(bus, cache, halos.cache)
+    features = replicated_cache(bus, keys.cache(keys.feature))
     return ChannelOutputs(
         candidates=candidates,
-        recall=Asking(features.recall),
-        remember=features.history.remember,
-        borders=borders,
-        recall_halos=Asking(lambda *asked: list(recall_all(bus, history, *asked))),
+        fetch=BackgroundQuery(features.fetch),
+        store=features.cache.store,
+        halos=halos,
+        fetch_halos=BackgroundQuery(lambda *asked: list(fetch_all(bus, cache, *asked))),
         counts=counts,
     )
 
@@ -172,7 +179,7 @@ class ChannelWorker:
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
-        run.outputs.remember(header, received.payload)
+        run.outputs.store(header, received.payload)
         if turn is Turn.REPEATED:
             run.outputs.candidates.put_again(header)
             return []
@@ -190,7 +197,7 @@ class ChannelWorker:
         """
         first = max(run.follower.next, header.sequence - LENGTH)
         is_asked = run.is_joining or self._channels.needs_all or not header.live
-        frames = self._recall(run, header, first) if is_asked else []
+        frames = self._fetch(run, header, first) if is_asked else []
         is_complete = len(frames) == header.sequence - first
         if not is_complete and not header.live and time.monotonic() < run.ask_until:
             return None
@@ -222,20 +229,20 @@ class ChannelWorker:
             self._receive(run, about, partials)
         return first
 
-    def _recall(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
+    def _fetch(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
         """Return the frames before this one that others remember; the source awaits the newest."""
         assert run.stream is not None
         frames = []
-        for old, payload in run.outputs.recall(header.stream, first, header.sequence).values():
+        for old, payload in run.outputs.fetch(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
             try:
                 seen = self._decode(payload)
-                run.outputs.remember(old, payload)
+                run.outputs.store(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
                 frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
             except MessageError as error:
                 count_refused(run.counts, error)
-        run.counts["recalled"] += len(frames)
+        run.counts["fetched"] += len(frames)
         return frames
 
     def _decode(self, payload: bytes) -> tuple[NDArray[np.float32] | None, float | None]:
@@ -263,8 +270,8 @@ class ChannelWorker:
                     PendingFrame(frame.header, compare, frame.odometry_m, frame.is_awaited)
                 )
 
-    def settle(self, run: str) -> None:
+    def after_batch(self, run: str) -> None:
         """Do what is due in a run."""
         stream = self._runs[run].stream
         if stream is not None:
-            stream.settle()
+            stream.after_batch()

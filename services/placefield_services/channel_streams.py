@@ -20,18 +20,18 @@ from placefield.bus.candidate_messages import (
     ChannelSummary,
     FinishedMessage,
     HaloMessage,
-    SettledFrame,
-    SettledFrames,
+    SmoothedFrame,
+    SmoothedFrames,
 )
-from placefield.bus.history import LENGTH, CachedPublisher, Recall
 from placefield.bus.message import Header
 from placefield.bus.refusing import count_refused
+from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage, Compared
-from placefield.matching.matcher import Partial, Settled
-from placefield_services.asking import NotYet
+from placefield.matching.matcher import Partial, SmoothedCandidate
+from placefield_services.background_query import NotYet
 
 _ASK_AFTER_S = 0.5  # in vain; what another published may be lost
 
@@ -42,19 +42,19 @@ class ChannelOutputs:
 
     Attributes:
         candidates: where they are published.
-        recall: returns descriptors that others remember, or raises ``NotYet``.
-        remember: keeps a descriptor for others.
-        borders: where the partial results of its shards are published.
-        recall_halos: yields the partial results of all shards, of frames from one up to another,
+        fetch: returns descriptors that others remember, or raises ``NotYet``.
+        store: keeps a descriptor for others.
+        halos: where the partial results of its shards are published.
+        fetch_halos: yields the partial results of all shards, of frames from one up to another,
             or raises ``NotYet``.
         counts: of the run.
     """
 
     candidates: CachedPublisher
-    recall: Recall
-    remember: Callable[[Header, bytes], None]
-    borders: CachedPublisher
-    recall_halos: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
+    fetch: Fetch
+    store: Callable[[Header, bytes], None]
+    halos: CachedPublisher
+    fetch_halos: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
     counts: Counter[str]
 
 
@@ -111,7 +111,7 @@ class ChannelStream:
         self._lag = matching.lag
         self.is_forgotten = False
         """Whether there are frames before that nobody remembered; see ``Match``."""
-        self._settled: list[SettledFrame] = []
+        self._smoothed: list[SmoothedFrame] = []
         """Not published yet."""
         self._outputs = outputs
         self._waiting: deque[PendingFrame] = deque()
@@ -141,7 +141,7 @@ class ChannelStream:
         self._keep(header.sequence, message)
         self._go_on()
 
-    def settle(self) -> None:
+    def after_batch(self) -> None:
         """Ask again for what the next frame waits for, once in a while."""
         if self._waiting and time.monotonic() >= self._ask_at:
             try:
@@ -154,7 +154,7 @@ class ChannelStream:
     def _ask(self) -> None:
         began: dict[int, int] = {}  # by shard
         stream, first = self._waiting[0].header.stream, self._stream.next
-        for header, payload in self._outputs.recall_halos(stream, first, first + LENGTH):
+        for header, payload in self._outputs.fetch_halos(stream, first, first + LENGTH):
             try:
                 message = HaloMessage.decode(payload)
                 message.check_map(self._map)
@@ -226,7 +226,7 @@ class ChannelStream:
                 for channel, partial in self._own.items()
             )
             message = HaloMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
-            self._outputs.borders.put(frame.header.of_frame(sequence), message)
+            self._outputs.halos.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
         """Return the partial results of all shards by channel, for the frame that is next.
@@ -248,7 +248,7 @@ class ChannelStream:
         del self._partials[self._stream.next]
         self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
         candidates = self._stream.reduce(partials)
-        self._keep_settled(self._stream.settled())
+        self._keep_smoothed(self._stream.smoothed())
         if self._tail:
             self._tail -= 1
             return
@@ -259,7 +259,7 @@ class ChannelStream:
         if frame.is_awaited:
             self._outputs.candidates.put(frame.header, self._message(sequence, candidates))
         else:  # it was answered, and so nobody waits for what is older by the lag
-            self._settled = [old for old in self._settled if old.sequence + self._lag > sequence]
+            self._smoothed = [old for old in self._smoothed if old.sequence + self._lag > sequence]
 
     def _message(self, sequence: int, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
         return CandidatesMessage(
@@ -268,30 +268,30 @@ class ChannelStream:
             shard=self._stage.shard,
             shards=self._stage.shards,
             candidates=tuple(ChannelCandidate.of(*each) for each in candidates.items()),
-            settled=self._take_settled(sequence),
+            smoothed=self._pop_smoothed(sequence),
             forgotten=self.is_forgotten,
         )
 
     def _finish(self, end: Header) -> None:
         """Settle what is left, and publish it with the end of the stream."""
-        self._keep_settled(self._stream.finish())
+        self._keep_smoothed(self._stream.finish())
         message = FinishedMessage(
             map=self._map,
             rule=self._rule,
             shard=self._stage.shard,
             shards=self._stage.shards,
             channels=self._stage.channels,
-            settled=self._take_settled(end.sequence),
+            smoothed=self._pop_smoothed(end.sequence),
         )
         self._outputs.candidates.put(end, message)
 
-    def _keep_settled(self, settled: Mapping[int, list[tuple[int, Settled]]]) -> None:
-        self._settled += [
-            SettledFrame(channel, sequence, each.lag, each.candidate)
-            for channel, frames in settled.items()
+    def _keep_smoothed(self, smoothed: Mapping[int, list[tuple[int, SmoothedCandidate]]]) -> None:
+        self._smoothed += [
+            SmoothedFrame(channel, sequence, each.lag, each.candidate)
+            for channel, frames in smoothed.items()
             for sequence, each in frames
         ]
 
-    def _take_settled(self, sequence: int) -> SettledFrames | None:
-        settled, self._settled = self._settled, []
-        return SettledFrames.of(sequence, settled)
+    def _pop_smoothed(self, sequence: int) -> SmoothedFrames | None:
+        smoothed, self._smoothed = self._smoothed, []
+        return SmoothedFrames.of(sequence, smoothed)

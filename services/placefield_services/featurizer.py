@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import LENGTH, MOMENTS, CachedPublisher, Recall, remembering
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
 from placefield.bus.messages import (
@@ -20,6 +19,7 @@ from placefield.bus.messages import (
     MissingObservationMessage,
     MomentsMessage,
 )
+from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, Fetch, replicated_cache
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
@@ -27,7 +27,7 @@ from placefield.errors import FrameError, MessageError
 from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
 from placefield.maps.map import Map, fingerprint
-from placefield_services.asking import Asking, NotYet
+from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
 
@@ -51,15 +51,15 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
         outputs = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.frame, inbox.offer, process.counts[run])
-            features = remembering(bus, keys.history(keys.feature))
-            moments = remembering(bus, keys.history(keys.moments), MOMENTS)
-            process.answers[run] = features.history
+            features = replicated_cache(bus, keys.cache(keys.feature))
+            moments = replicated_cache(bus, keys.cache(keys.moments), MOMENTS)
+            process.answers[run] = features.cache
             outputs[run] = FeaturizerOutputs(
-                CachedPublisher(bus.publisher(keys.feature), features.history),
-                CachedPublisher(bus.publisher(keys.moments), moments.history),
+                CachedPublisher(bus.publisher(keys.feature), features.cache),
+                CachedPublisher(bus.publisher(keys.moments), moments.cache),
                 bus.publisher(keys.unobserved),
-                features.recall,
-                moments.recall,
+                features.fetch,
+                moments.fetch,
             )
         featurizer = Featurizer(placemap.model, outputs, process.counts)
         featurizer.warm_up()
@@ -80,8 +80,8 @@ class FeaturizerOutputs:
     features: CachedPublisher
     moments: CachedPublisher
     unobserved: Publisher
-    recall_features: Recall
-    recall_moments: Recall
+    fetch_features: Fetch
+    fetch_moments: Fetch
 
 
 @dataclass
@@ -93,7 +93,7 @@ class _Run:
     complained_of: str = ""
     """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
-    asking: Asking[[Header], "_Known"] = field(init=False)
+    background_query: BackgroundQuery[[Header], "_Known"] = field(init=False)
     asked_of: str = ""
     """The last stream that others were asked of."""
     ask_until: float = 0.0
@@ -144,7 +144,7 @@ class Featurizer:
             for run, outputs in outputs.items()
         }
         for each in self._runs.values():
-            each.asking = Asking(partial(self._recall, each))
+            each.background_query = BackgroundQuery(partial(self._fetch, each))
 
     def warm_up(self) -> None:
         """Describe a frame of no stream, so that what is made at its first use is made.
@@ -198,7 +198,7 @@ class Featurizer:
         if run.asked_of != header.stream:
             run.asked_of = header.stream
             run.ask_until = now + (_ASK_FOR_S if now >= run.patient_from else 0)
-        run.known = run.asking(header.stream, header)
+        run.known = run.background_query(header.stream, header)
         if self._goes_on(header, run.known):
             return True
         if time.monotonic() < run.ask_until:  # who knows may not be within reach at once
@@ -213,20 +213,20 @@ class Featurizer:
         needed = 0 if header.live else header.oldest - 1
         return known.made >= needed and has_moments
 
-    def _recall(self, run: _Run, stream: str, header: Header) -> _Known:
+    def _fetch(self, run: _Run, stream: str, header: Header) -> _Known:
         """Ask others what they know of a stream; in a thread of its own."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
-        features = run.outputs.recall_features(stream, first, end)
+        features = run.outputs.fetch_features(stream, first, end)
         for feature in features.values():
-            run.outputs.features.history.remember(*feature)
+            run.outputs.features.cache.store(*feature)
         described = [sequence for sequence, (about, _) in features.items() if not about.end]
         last = max(described, default=-1)
-        recalled = run.outputs.recall_moments(stream, last, last + 1) if described else {}
+        fetched = run.outputs.fetch_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
-        if last not in recalled:
+        if last not in fetched:
             return _Known(made, None)
         try:
-            moments = MomentsMessage.decode(recalled[last][1])
+            moments = MomentsMessage.decode(fetched[last][1])
         except MessageError:
             return _Known(made, None)
         fits = moments.sums.shape == run.images.moments.sums.shape
@@ -243,7 +243,7 @@ class Featurizer:
     def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.images.push(frame.image)
+            descriptor = run.images.update(frame.image)
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))

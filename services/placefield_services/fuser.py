@@ -10,12 +10,19 @@ from functools import partial
 
 from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage
 from placefield.bus.credits import WINDOW
-from placefield.bus.history import CachedPublisher, History, Memory, recall_all, remembering, share
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage, MatchMessage
 from placefield.bus.refusing import count_refused
+from placefield.bus.replay_cache import (
+    CachedPublisher,
+    ReplayCache,
+    ReplicatedCache,
+    fetch_all,
+    replicated_cache,
+    serve_cache,
+)
 from placefield.bus.session import Bus, Publisher, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
@@ -25,10 +32,10 @@ from placefield.fusion.joiner import Joined, Joiner
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
-from placefield_services.asking import Asking
+from placefield_services.background_query import BackgroundQuery
 from placefield_services.live_channels import LiveChannels
-from placefield_services.memory import remembered_moments
 from placefield_services.metrics import serve_metrics
+from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess, counting_failure
 from placefield_services.smoothing import Smoothing
 
@@ -58,21 +65,21 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run], ends_empty=False)
             channels = LiveChannels(len(placemap.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
-            features = remembering(bus, keys.history(keys.feature))
-            moments = remembered_moments(bus, keys, process.counts[run])
+            features = replicated_cache(bus, keys.cache(keys.feature))
+            moments = cache_moments(bus, keys, process.counts[run])
             outputs = FuserOutputs(
                 _shared(bus, keys, keys.match),
                 _shared(bus, keys, keys.smoothed),
                 bus.publisher(keys.ack),
             )
-            process.answers[run] = outputs.matches.history
-            candidates = partial(recall_all, bus, keys.history(keys.all_candidates))
+            process.answers[run] = outputs.matches.cache
+            candidates = partial(fetch_all, bus, keys.cache(keys.all_candidates))
             fusers[run] = Fuser(
                 placemap,
                 config,
                 keys,
                 channels,
-                Memories(features, moments, candidates),
+                FuserCaches(features, moments, candidates),
                 outputs,
                 process.counts[run],
             )
@@ -87,31 +94,31 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 inbox,
                 lambda received: fusers[received.run].handle(received),
                 stop,
-                settle=lambda run: fusers[run].release(),
+                after_batch=lambda run: fusers[run].release(),
             )
 
 
 def _shared(bus: Bus, keys: Keys, key: str) -> CachedPublisher:
     """Return what publishes on a key and shares what it remembers."""
-    history = History()
-    share(bus, keys.history(key), history)
-    return CachedPublisher(bus.publisher(key), history)
+    cache = ReplayCache()
+    serve_cache(bus, keys.cache(key), cache)
+    return CachedPublisher(bus.publisher(key), cache)
 
 
 @dataclass(frozen=True)
-class Memories:
+class FuserCaches:
     """What a fuser remembers for others, and what others do for it.
 
     Attributes:
         features: descriptors of the stream.
         moments: of the stream.
-        recall_candidates: yields what channel workers have published of a stream, of frames from
+        fetch_candidates: yields what channel workers have published of a stream, of frames from
             one up to another.
     """
 
-    features: Memory
-    moments: Memory
-    recall_candidates: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
+    features: ReplicatedCache
+    moments: ReplicatedCache
+    fetch_candidates: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
 
 
 @dataclass(frozen=True)
@@ -136,7 +143,7 @@ class Fuser:
         config: Config,
         keys: Keys,
         channels: LiveChannels,
-        memories: Memories,
+        caches: FuserCaches,
         outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
@@ -145,12 +152,12 @@ class Fuser:
         self._stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
         self._feature_key = keys.feature
         self.channels = channels
-        self._memories = memories
+        self._caches = caches
         self._outputs = outputs
         self._counts = counts
         self._switch = StreamSwitch(counts)
         self._early: deque[Received] = deque()
-        self._asking = Asking(self._recall)
+        self._query = BackgroundQuery(self._fetch)
         self._begin(0, live=False)
 
     def _begin(self, first: int, *, live: bool) -> None:
@@ -219,7 +226,7 @@ class Fuser:
         Those that it had smoothed are published a second time.
         """
         first = max(0, end - self._smoothing.lag)
-        for header in self._memories.features.history.headers(stream, first, end):
+        for header in self._caches.features.cache.headers(stream, first, end):
             if not header.end:
                 self._smoothing.announce(header)
 
@@ -227,7 +234,7 @@ class Fuser:
         """Enter the stream of a descriptor; False if it was left."""
         header = received.header
         is_on = self._switch.begins(header) and header.sequence > 0
-        recalled = self._asking(header.stream, header) if is_on else []
+        fetched = self._query(header.stream, header) if is_on else []
         arrival = self._switch.enter(header)
         if arrival is Arrival.DROPPED:
             return False
@@ -236,30 +243,30 @@ class Fuser:
             self._smoothing.abandon()
             self._begin(header.oldest, live=header.live)
             if is_on:
-                self._go_on(header, recalled)
+                self._go_on(header, fetched)
             early, self._early = self._early, deque()
             for candidates in early:
                 try:
                     self.handle(candidates)
                 except MessageError as error:  # it must not cost the descriptor
                     count_refused(self._counts, error)
-        features = self._memories.features
-        came_again = features.history.find(header) is not None
-        features.history.remember(header, received.payload)
+        features = self._caches.features
+        came_again = features.cache.find(header) is not None
+        features.cache.store(header, received.payload)
         if came_again and self._joiner.is_released(header.sequence) and not header.live:
             self._answer_again(header)
         return True
 
-    def _recall(self, stream: str, header: Header) -> list[tuple[Header, bytes]]:
+    def _fetch(self, stream: str, header: Header) -> list[tuple[Header, bytes]]:
         """Learn what others know of a stream that was on, for they may forget it.
 
         Returns the candidates that may have to be smoothed. It is in a thread of its own.
         """
-        self._memories.features.fill(header)
-        self._memories.moments.fill(header)
+        self._caches.features.fill(header)
+        self._caches.moments.fill(header)
         first = max(0, _answered(header) - self._smoothing.lag)
-        recall = self._memories.recall_candidates
-        return list(recall(stream, first, header.sequence + 2 * WINDOW))
+        fetch = self._caches.fetch_candidates
+        return list(fetch(stream, first, header.sequence + 2 * WINDOW))
 
     def _go_on(self, header: Header, candidates: Iterable[tuple[Header, bytes]]) -> None:
         """Go on with a stream that was on."""

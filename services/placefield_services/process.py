@@ -13,14 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import NoReturn, TypeVar
 
-from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.bus.refusing import count_refused
+from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
-from placefield_services.asking import NotYet
+from placefield_services.background_query import NotYet
 from placefield_services.metrics import Told
 from placefield_services.notifying import notify_alive, notify_ready
 
@@ -47,7 +47,7 @@ class ServiceProcess:
         self.identity = uuid.uuid4().hex[:8]
         self.keys = {run: Keys(run) for run in runs}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in runs}
-        self.answers: dict[str, History] = {}
+        self.answers: dict[str, ReplayCache] = {}
         """Of the runs in which the newest answer is to be told."""
         self.channels: int | None = None
         """Of the map, to be told where the service awaits them all."""
@@ -78,7 +78,7 @@ class ServiceProcess:
         *,
         at_once: int = AT_ONCE,
         work: Callable[[Sequence[Work]], None] = lambda accepted: None,
-        settle: Callable[[str], None] | None = None,
+        after_batch: Callable[[str], None] | None = None,
     ) -> None:
         """Serve until ``stop`` is set: what waits is taken together.
 
@@ -93,18 +93,18 @@ class ServiceProcess:
             stop: ends the service.
             at_once: how many messages are taken together at most.
             work: called with what was accepted, in order.
-            settle: called with each run, after that and after each wait.
+            after_batch: called with each run, after that and after each wait.
         """
         gc.freeze()  # what has come with the libraries stays
         gc.enable()
         notify_ready()
         while not stop.is_set():
-            accepted = list(self._accept(inbox, inbox.take_all(_POLL_S, at_once), accept))
+            accepted = list(self._accept(inbox, inbox.get_batch(_POLL_S, at_once), accept))
             if accepted:
                 with counting_failure(self.counts[run] for run, _ in accepted):
                     work([todo for _, todo in accepted])
-            if settle is not None:
-                self._settle(settle)
+            if after_batch is not None:
+                self._finish_batch(after_batch)
             self._tell()
 
     def _accept(
@@ -137,10 +137,10 @@ class ServiceProcess:
         for messages, wait_s in waiting.values():
             inbox.put_back(messages, wait_s)
 
-    def _settle(self, settle: Callable[[str], None]) -> None:
+    def _finish_batch(self, after_batch: Callable[[str], None]) -> None:
         for run in self.counts:
             with counting_failure([self.counts[run]]):
-                settle(run)
+                after_batch(run)
 
     def _tell(self) -> None:
         """Publish the counts, and tell the supervisor, once in a while."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.bus.ros import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
@@ -83,8 +83,8 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
         node = RosNode(bus, topics.domain, NAMESPACE, run)
 
-        frames = CachedPublisher(bus.publisher(keys.frame), History(1))
-        process.answers[run] = frames.history
+        frames = CachedPublisher(bus.publisher(keys.frame), ReplayCache(1))
+        process.answers[run] = frames.cache
         source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
         # As image_transport names them. What comes says itself what it is.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
@@ -107,7 +107,9 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
             log.warning("the map has no poses: none goes out to ROS")
 
         with process.sole():
-            process.serve(inbox, _take, stop, at_once=1, settle=lambda _: diagnostics.publish())
+            process.serve(
+                inbox, _take, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
+            )
             source.end()
 
 

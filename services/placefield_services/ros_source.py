@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.history import CachedPublisher
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage, OdometryMessage
+from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
 from placefield.ros.messages import read_image, read_position

@@ -1,30 +1,30 @@
-"""The smoothed matches of a stream: what channels have settled, joined, fused and published."""
+"""The smoothed matches of a stream: what channels have smoothed, joined, fused and published."""
 
 import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
-from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage, SettledFrame
-from placefield.bus.history import LENGTH, CachedPublisher
+from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage, SmoothedFrame
 from placefield.bus.message import Header
 from placefield.bus.messages import SmoothedMessage
+from placefield.bus.replay_cache import LENGTH, CachedPublisher
 from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.settling import JoinedSettled, SettledJoiner
+from placefield.fusion.smoothed_joiner import JoinedSmoothed, SmoothedJoiner
 from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.matcher import Settled
+from placefield.matching.matcher import SmoothedCandidate
 from placefield_services.process import counting_failure
 
 
 class Smoothing:
     """Publishes one smoothed match, in order, for each frame of a stream that was answered.
 
-    A frame waits until all channels have settled it, or ``lag`` frames after it have been answered.
-    At the end the others wait for what living channels still have, as long as for a candidate.
+    A frame waits until all channels have smoothed it, or until ``lag`` frames after it are.
+    At the end the rest wait for what living channels still have, as long as for a candidate.
     """
 
     def __init__(
@@ -43,40 +43,40 @@ class Smoothing:
         self._deadline_s = config.fusion.deadline_s
         self._outbox = outbox
         self._counts = counts
-        self._joiner = SettledJoiner(self._all, self.lag)
+        self._joiner = SmoothedJoiner(self._all, self.lag)
         self._shards = stage.new_joiner()
         self.is_forgotten = False
         """Whether nobody remembered enough of the stream; see ``Match``."""
         self._answered: dict[int, Header] = {}  # and not smoothed yet
         self._newest = -1
-        self._ahead: defaultdict[int, list[tuple[int, Settled]]] = defaultdict(list)
-        """Settled frames, by channel, that are not answered yet."""
+        self._ahead: defaultdict[int, list[tuple[int, SmoothedCandidate]]] = defaultdict(list)
+        """SmoothedCandidate frames, by channel, that are not answered yet."""
         self._finished: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
         """Shards whose stream is over, by channel and how many there are."""
         self._end: Header | None = None
         self._latest = -math.inf  # when what the end waits for came last
 
     def check(self, message: CandidatesMessage | FinishedMessage) -> None:
-        """Check what a worker's channels have settled.
+        """Check what a worker's channels have smoothed.
 
         Raises:
             MessageError: it is of another map, or another lag.
         """
-        for frame in [] if message.settled is None else message.settled.frames(0):
+        for frame in [] if message.smoothed is None else message.smoothed.frames(0):
             self._check(frame, message.shards)
 
-    def _check(self, frame: SettledFrame, shards: int) -> None:
+    def _check(self, frame: SmoothedFrame, shards: int) -> None:
         if not self._stage.fits(frame.candidate, shards):
-            raise MessageError("settled by a channel of another map")
+            raise MessageError("smoothed by a channel of another map")
         if frame.lag > self.lag:
             raise MessageError(
-                f"settled after {frame.lag} frames, this fuser's lag is {self.lag}: "
+                f"smoothed after {frame.lag} frames, this fuser's lag is {self.lag}: "
                 "give both one matching.lag"
             )
 
     def add(self, sequence: int, message: CandidatesMessage | FinishedMessage, now: float) -> None:
-        """Take what a worker's channels have settled, of the message of a frame, or of the end."""
-        for frame in [] if message.settled is None else message.settled.frames(sequence):
+        """Take what a worker's channels have smoothed, of the message of a frame, or of the end."""
+        for frame in [] if message.smoothed is None else message.smoothed.frames(sequence):
             if frame.channel in self._all and self._is_awaited(frame.sequence):
                 self._add(frame, message)
         if isinstance(message, FinishedMessage):
@@ -87,18 +87,18 @@ class Smoothing:
     def _is_awaited(self, sequence: int) -> bool:
         return sequence > self._newest or sequence in self._answered
 
-    def _add(self, frame: SettledFrame, message: CandidatesMessage | FinishedMessage) -> None:
+    def _add(self, frame: SmoothedFrame, message: CandidatesMessage | FinishedMessage) -> None:
         part = message.shard, message.shards
         candidate = self._shards.add(frame.sequence, frame.channel, *part, frame.candidate)
         if candidate is None:
             return
         if message.shards > 1:  # a whole channel's was checked as it came
             self._check(frame._replace(candidate=candidate), 1)
-        settled = Settled(candidate, frame.lag)
+        smoothed = SmoothedCandidate(candidate, frame.lag)
         if frame.sequence <= self._newest:
-            self._joiner.add(frame.sequence, frame.channel, settled)
+            self._joiner.add(frame.sequence, frame.channel, smoothed)
             return
-        self._ahead[frame.sequence].append((frame.channel, settled))
+        self._ahead[frame.sequence].append((frame.channel, smoothed))
         if len(self._ahead) > LENGTH:
             del self._ahead[next(iter(self._ahead))]
 
@@ -110,8 +110,8 @@ class Smoothing:
         self._newest = sequence
         self._answered[sequence] = header
         self._joiner.announce(sequence)
-        for channel, settled in self._ahead.pop(sequence, ()):
-            self._joiner.add(sequence, channel, settled)
+        for channel, smoothed in self._ahead.pop(sequence, ()):
+            self._joiner.add(sequence, channel, smoothed)
         for old in [old for old in self._ahead if old < sequence]:
             del self._ahead[old]
 
@@ -150,7 +150,7 @@ class Smoothing:
             channel for (channel, shards), there in self._finished.items() if len(there) == shards
         }
 
-    def _publish(self, released: Iterable[JoinedSettled]) -> None:
+    def _publish(self, released: Iterable[JoinedSmoothed]) -> None:
         for joined in released:
             header = self._answered.pop(joined.sequence)
             match = replace(self._fuse(joined), forgotten=self.is_forgotten)
@@ -159,7 +159,7 @@ class Smoothing:
             self._counts["smoothed"] += 1
             self._shards.forget_before(joined.sequence + 1)
 
-    def _fuse(self, joined: JoinedSettled) -> Match:
+    def _fuse(self, joined: JoinedSmoothed) -> Match:
         """Make one match of a frame's candidates; a defect costs its answer, and no other's."""
         with counting_failure([self._counts]):
             return self._stage.fuse(list(joined.candidates.values()), sorted(joined.missing))

@@ -6,7 +6,7 @@ A program that has frames at hand needs five lines::
 
     recognizer = Recognizer(build_map(reference_images))
     for image in camera:
-        print(recognizer.push(image))
+        print(recognizer.update(image))
 
 Services on a bus recognise the same places::
 

@@ -52,7 +52,7 @@ class Recognizer:
     def __repr__(self) -> str:
         return f"Recognizer({self._map!r}, rule {self._rule}, after {self._stream.frames} frames)"
 
-    def push(self, image: Image, odometry_m: float | None = None) -> Match:
+    def update(self, image: Image, odometry_m: float | None = None) -> Match:
         """Match the next frame.
 
         Args:
@@ -71,12 +71,12 @@ class Recognizer:
         if not isinstance(shown, bytes):
             check_pixels(shown)
         try:
-            descriptor = self._images.push(shown)
+            descriptor = self._images.update(shown)
         except FrameError:
             descriptor = None
-        return self.push_descriptor(descriptor, odometry_m)
+        return self.update_descriptor(descriptor, odometry_m)
 
-    def push_raw(self, raw: NDArray[np.float32] | None, odometry_m: float | None = None) -> Match:
+    def update_raw(self, raw: NDArray[np.float32] | None, odometry_m: float | None = None) -> Match:
         """Match the next frame by its raw feature (D,); None is a missing observation.
 
         Raises:
@@ -84,10 +84,10 @@ class Recognizer:
                 or not finite; no frame was matched.
         """
         _check_odometry(odometry_m)
-        descriptor = None if raw is None else self._images.push_raw(raw)
-        return self.push_descriptor(descriptor, odometry_m)
+        descriptor = None if raw is None else self._images.update_raw(raw)
+        return self.update_descriptor(descriptor, odometry_m)
 
-    def push_descriptor(
+    def update_descriptor(
         self, descriptor: NDArray[np.float32] | None, odometry_m: float | None = None
     ) -> Match:
         """Match the next frame by its descriptor (N,); None is a missing observation.
@@ -100,7 +100,7 @@ class Recognizer:
         _check_odometry(odometry_m)
         observed = None if descriptor is None else self._model.checked(descriptor)
         compared = None if observed is None else next(self._channels.compare([observed]))
-        return self._stream.push(compared, odometry_m)
+        return self._stream.update(compared, odometry_m)
 
     def smoothed(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that have been made since they were last asked for.

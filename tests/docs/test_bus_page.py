@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from placefield.bus import candidate_messages, history, inbox, maps, message, messages
+from placefield.bus import candidate_messages, inbox, maps, message, messages, replay_cache
 from placefield.bus.credits import WINDOW
 from placefield.bus.keys import Keys
 from placefield.bus.maps import MapKeys
@@ -71,7 +71,7 @@ def fields_of(model: type[BaseModel]) -> Iterator[str]:
         yield name
         for part in get_args(field.annotation):
             if (
-                part is candidate_messages.SettledFrames
+                part is candidate_messages.SmoothedFrames
                 and model is not candidate_messages.CandidatesMessage
             ):
                 continue  # said once
@@ -138,5 +138,5 @@ def test_the_page_has_the_limits_in_force(bus_page: str) -> None:
     assert f"has {WINDOW} frames under way at most" in bus_page
     assert f"{message.MAX_BYTES // 2**20} MiB a message" in bus_page
     assert f"keeps {inbox.CAPACITY} messages or {inbox.CAPACITY_BYTES // 2**30} GiB" in bus_page
-    for name, kept in (("feature", history.LENGTH), ("moments", history.MOMENTS)):
+    for name, kept in (("feature", replay_cache.LENGTH), ("moments", replay_cache.MOMENTS)):
         assert f"| `{name}` | {kept} |" in bus_page

@@ -39,7 +39,7 @@ def test_its_feature_recognises_what_its_source_gives(query_dir: Path, tmp_path:
     with open_source(f"numpy:{tmp_path / 'drive.npy'}") as source:
         frames = list(source)
     recognizer = Recognizer(build_map(frames, config=config), config)
-    places = [recognizer.push(frame.image).place for frame in frames]
+    places = [recognizer.update(frame.image).place for frame in frames]
     assert np.mean(np.abs(np.subtract(places, range(len(places)))) <= 3) > 0.9
     with pytest.raises(SourceError, match=r"nothing\.npy: cannot be read"):
         open_source("numpy:nothing.npy")

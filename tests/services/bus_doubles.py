@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from placefield.bus.history import Recalled
 from placefield.bus.inbox import Received
 from placefield.bus.message import Header, Message
+from placefield.bus.replay_cache import Fetched
 from placefield.bus.session import Publisher
-from placefield_services.asking import NotYet
+from placefield_services.background_query import NotYet
 
 
 class RecordingPublisher(Publisher):
@@ -36,13 +36,13 @@ def at_last(handle: Callable[[], None]) -> None:
             pass
 
 
-class Memory:
+class PeerCache:
     """What others remember of a stream; nothing at first."""
 
     def __init__(self) -> None:
         self.kept: dict[int, tuple[Header, bytes]] = {}
 
-    def recall(self, stream: str, first: int, end: int) -> Recalled:
+    def fetch(self, stream: str, first: int, end: int) -> Fetched:
         return {
             sequence: (about, payload)
             for sequence, (about, payload) in self.kept.items()

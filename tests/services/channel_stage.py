@@ -6,20 +6,20 @@ from itertools import zip_longest
 from typing import get_args
 
 import numpy as np
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import PeerCache, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     FinishedMessage,
     HaloMessage,
-    SettledFrame,
+    SmoothedFrame,
 )
-from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_stage import ChannelStage
@@ -34,7 +34,7 @@ RUNS = ("day", "night")
 
 RULES: tuple[Rule, ...] = get_args(Rule)
 Descriptor = NDArray[np.float32]
-Settled = tuple[int, int, int, float, bytes, bytes]
+SmoothedCandidate = tuple[int, int, int, float, bytes, bytes]
 """Sequence, lag, place, score, places and evidence."""
 
 Told = tuple[int, int, float, bytes, bytes]
@@ -57,8 +57,8 @@ class Stage:
         self.publishers = {
             run: RecordingPublisher(CandidatesMessage, FinishedMessage) for run in RUNS
         }
-        self.elsewhere = {run: Memory() for run in RUNS}
-        self.remembered = {run: History() for run in RUNS}
+        self.elsewhere = {run: PeerCache() for run in RUNS}
+        self.remembered = {run: ReplayCache() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
         matching = MatchingConfig(rule=rule, reverse=reverse)
         outputs = {run: self._outputs(run) for run in RUNS}
@@ -68,11 +68,11 @@ class Stage:
 
     def _outputs(self, run: str) -> ChannelOutputs:
         return ChannelOutputs(
-            candidates=CachedPublisher(self.publishers[run], History()),
-            recall=self.elsewhere[run].recall,
-            remember=self.remembered[run].remember,
-            borders=CachedPublisher(RecordingPublisher(HaloMessage), History()),
-            recall_halos=lambda *_: [],
+            candidates=CachedPublisher(self.publishers[run], ReplayCache()),
+            fetch=self.elsewhere[run].fetch,
+            store=self.remembered[run].store,
+            halos=CachedPublisher(RecordingPublisher(HaloMessage), ReplayCache()),
+            fetch_halos=lambda *_: [],
             counts=self.counts[run],
         )
 
@@ -115,39 +115,41 @@ class Stage:
             if each.channel == channel
         ]
 
-    def settled(self, channel: int, *, run: str = RUNS[0], first: int = 0) -> list[Settled]:
+    def smoothed(
+        self, channel: int, *, run: str = RUNS[0], first: int = 0
+    ) -> list[SmoothedCandidate]:
         """What was published of a channel in hindsight, from message ``first`` on."""
         return [
-            _as_settled(each)
+            _as_smoothed(each)
             for about, message in self.publishers[run].sent[first:]
-            if isinstance(message, CandidatesMessage | FinishedMessage) and message.settled
-            for each in message.settled.frames(about.sequence)
+            if isinstance(message, CandidatesMessage | FinishedMessage) and message.smoothed
+            for each in message.smoothed.frames(about.sequence)
             if each.channel == channel
         ]
 
 
-def _as_settled(frame: SettledFrame) -> Settled:
+def _as_smoothed(frame: SmoothedFrame) -> SmoothedCandidate:
     candidate = frame.candidate
     arrays = candidate.places.tobytes(), candidate.evidence.tobytes()
     return frame.sequence, frame.lag, candidate.place, candidate.score, *arrays
 
 
-def settled_offline(
+def smoothed_offline(
     placemap: Map, channel: int, rule: Rule, descriptors: list[Descriptor | None]
-) -> list[Settled]:
-    """Return what a channel settles of a whole stream."""
+) -> list[SmoothedCandidate]:
+    """Return what a channel smooths of a whole stream."""
     stage = ChannelStage({channel: placemap.channels[channel]}, MatchingConfig(rule=rule))
     stream = stage.new_stream()
-    settled = []
+    smoothed = []
     for descriptor in descriptors:
-        stream.push(None if descriptor is None else next(stage.compare([descriptor])))
-        settled += stream.settled()[channel]
+        stream.update(None if descriptor is None else next(stage.compare([descriptor])))
+        smoothed += stream.smoothed()[channel]
     for _ in range(stream.end()):
-        stream.push(None)
-    settled += stream.settled()[channel] + stream.finish()[channel]
+        stream.update(None)
+    smoothed += stream.smoothed()[channel] + stream.finish()[channel]
     return [
-        _as_settled(SettledFrame(channel, sequence, each.lag, each.candidate))
-        for sequence, each in settled
+        _as_smoothed(SmoothedFrame(channel, sequence, each.lag, each.candidate))
+        for sequence, each in smoothed
     ]
 
 
@@ -163,7 +165,7 @@ def offline(
     matcher = ChannelShard(placemap.channels[channel], matching).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=False)
     candidates = [
-        matcher.push(None if descriptor is None else next(iter(places.compare(descriptor[None]))))
+        matcher.update(None if descriptor is None else next(iter(places.compare(descriptor[None]))))
         for descriptor in descriptors
     ]
     return [

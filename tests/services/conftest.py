@@ -24,4 +24,4 @@ def descriptors(query_dir: Path, route_map: Map) -> list[NDArray[np.float32]]:
     stream = DescriptorStream(route_map.model)
     feature = feature_of_model(route_map.model)
     files = sorted(query_dir.iterdir())[:20]
-    return [stream.push(feature.describe(file.read_bytes())) for file in files]
+    return [stream.update(feature.describe(file.read_bytes())) for file in files]

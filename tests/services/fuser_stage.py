@@ -4,26 +4,25 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from bus_doubles import Memory, RecordingPublisher, at_last, received
+from bus_doubles import PeerCache, RecordingPublisher, at_last, received
 
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
     FinishedMessage,
-    SettledFrame,
-    SettledFrames,
+    SmoothedFrame,
+    SmoothedFrames,
 )
-from placefield.bus.history import CachedPublisher, History
-from placefield.bus.history import Memory as Remembered
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache, ReplicatedCache
 from placefield.config import Config, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser import Fuser, FuserOutputs, Memories
+from placefield_services.fuser import Fuser, FuserCaches, FuserOutputs
 from placefield_services.live_channels import LiveChannels
 
 KEYS = Keys("test")
@@ -60,11 +59,11 @@ class Stage:
         for channel in range(CHANNELS):
             self.set_alive(channel, True)
         self.matches, self.acks = RecordingPublisher(MatchMessage), RecordingPublisher(MatchMessage)
-        self.smoothed = RecordingPublisher(SmoothedMessage)
-        self.features, self.elsewhere = History(), Memory()
+        self.smoothed_matches = RecordingPublisher(SmoothedMessage)
+        self.features, self.elsewhere = ReplayCache(), PeerCache()
         self.remembered: list[tuple[Header, bytes]] = []
         """Messages of channel workers that they can send again."""
-        unasked = Remembered(History(), Memory().recall)
+        unasked = ReplicatedCache(ReplayCache(), PeerCache().fetch)
         self.counts: Counter[str] = Counter()
         self._clock = clock
         self._fuser = Fuser(
@@ -72,18 +71,20 @@ class Stage:
             self.config,
             KEYS,
             self.channels,
-            Memories(
-                Remembered(self.features, self.elsewhere.recall), unasked, self._recall_candidates
+            FuserCaches(
+                ReplicatedCache(self.features, self.elsewhere.fetch),
+                unasked,
+                self._fetch_candidates,
             ),
             FuserOutputs(
-                CachedPublisher(self.matches, History()),
-                CachedPublisher(self.smoothed, History()),
+                CachedPublisher(self.matches, ReplayCache()),
+                CachedPublisher(self.smoothed_matches, ReplayCache()),
                 self.acks,
             ),
             self.counts,
         )
 
-    def _recall_candidates(self, stream: str, first: int, end: int) -> list[tuple[Header, bytes]]:
+    def _fetch_candidates(self, stream: str, first: int, end: int) -> list[tuple[Header, bytes]]:
         return [
             (about, payload)
             for about, payload in self.remembered
@@ -125,35 +126,38 @@ class Stage:
         candidates = [self.written(channel, about.sequence) for channel in numbers]
         self.handle(CANDIDATES, about, self.message(*candidates))
 
-    def settled(self, channel: int, sequence: int, lag: int) -> SettledFrame:
-        return SettledFrame(channel, sequence, lag, self.candidate(channel + 100, sequence))
+    def smoothed(self, channel: int, sequence: int, lag: int) -> SmoothedFrame:
+        return SmoothedFrame(channel, sequence, lag, self.candidate(channel + 100, sequence))
 
-    def settling(self, about: Header, *settled: SettledFrame) -> Message:
-        """Return what a worker says of a frame, with what it has settled; or at the end."""
-        packed = SettledFrames.of(about.sequence, settled)
-        rule, channels = self.config.matching.rule, sorted({each.channel for each in settled})
+    def message_of_smoothed(self, about: Header, *smoothed: SmoothedFrame) -> Message:
+        """Return what a worker says of a frame, with what it has smoothed; or at the end."""
+        packed = SmoothedFrames.of(about.sequence, smoothed)
+        rule, channels = self.config.matching.rule, sorted({each.channel for each in smoothed})
         if about.end:
             return FinishedMessage(
-                map=self.map, rule=rule, channels=tuple(channels or range(CHANNELS)), settled=packed
+                map=self.map,
+                rule=rule,
+                channels=tuple(channels or range(CHANNELS)),
+                smoothed=packed,
             )
         candidates = [self.written(channel, about.sequence) for channel in channels]
         return CandidatesMessage(
-            map=self.map, rule=rule, candidates=tuple(candidates), settled=packed
+            map=self.map, rule=rule, candidates=tuple(candidates), smoothed=packed
         )
 
-    def settle(self, about: Header, *settled: SettledFrame) -> None:
-        self.handle(CANDIDATES, about, self.settling(about, *settled))
+    def smooth(self, about: Header, *smoothed: SmoothedFrame) -> None:
+        self.handle(CANDIDATES, about, self.message_of_smoothed(about, *smoothed))
 
     def smoothed_as(self, sequence: int, *missing: int) -> Match:
-        settling = sorted({*range(CHANNELS)} - {*missing})
-        candidates = [self.candidate(channel + 100, sequence) for channel in settling]
+        answering = sorted({*range(CHANNELS)} - {*missing})
+        candidates = [self.candidate(channel + 100, sequence) for channel in answering]
         return fuse(candidates, self.config.matching, missing=missing)
 
     @property
     def published_smoothed(self) -> list[tuple[int, Match, int]]:
         return [
             (about.sequence, message.match, message.lag)
-            for about, message in self.smoothed.sent
+            for about, message in self.smoothed_matches.sent
             if isinstance(message, SmoothedMessage)
         ]
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from bus_doubles import header, received
-from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offline
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline, smoothed_offline
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -103,7 +103,7 @@ def test_the_end_of_the_stream_is_passed_on(route_map: Map) -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_every_frame_is_settled_once_and_the_last_ones_with_the_end(
+def test_every_frame_is_smoothed_once_and_the_last_ones_with_the_end(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     stage = Stage(route_map, rule)
@@ -113,7 +113,7 @@ def test_every_frame_is_settled_once_and_the_last_ones_with_the_end(
     stage.handle(*batch[:7])
     stage.handle(*batch[7:], stage.feature(header(len(seen), end=True)))
     for channel in stage.channels:
-        assert stage.settled(channel) == settled_offline(route_map, channel, rule, seen)
+        assert stage.smoothed(channel) == smoothed_offline(route_map, channel, rule, seen)
 
 
 def test_a_frame_that_comes_again_is_answered_by_the_same_message(
@@ -123,9 +123,9 @@ def test_a_frame_that_comes_again_is_answered_by_the_same_message(
     batch = [stage.feature(header(s), descriptor) for s, descriptor in enumerate(descriptors)]
     batch.append(stage.feature(header(len(descriptors), end=True)))
     stage.handle(*batch)
-    first = stage.settled(0)
+    first = stage.smoothed(0)
     stage.handle(*batch)
-    assert stage.settled(0, first=len(batch)) == first
+    assert stage.smoothed(0, first=len(batch)) == first
 
 
 def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(

@@ -1,6 +1,6 @@
 import pytest
 from bus_doubles import header
-from channel_stage import RULES, RUNS, Descriptor, Stage, offline, settled_offline
+from channel_stage import RULES, RUNS, Descriptor, Stage, offline, smoothed_offline
 
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map
@@ -21,9 +21,9 @@ def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
     assert stage.counts[RUNS[0]]["gaps"] == 0
     stage.handle(stage.feature(header(len(descriptors), end=True, live=live)))
     newest = (12 if live else 10) - 1  # that was answered while it was away
-    expected = settled_offline(route_map, 0, rule, [*descriptors])
+    expected = smoothed_offline(route_map, 0, rule, [*descriptors])
     awaited_still = [each for each in expected if each[0] + MatchingConfig().lag > newest]
-    assert stage.settled(0) == awaited_still
+    assert stage.smoothed(0) == awaited_still
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -37,7 +37,7 @@ def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
             stage.send(header(sequence), descriptor)
     assert stage.candidates(0) == offline(route_map, 0, rule, [*descriptors])
     assert stage.counts[RUNS[0]]["gaps"] == 0
-    assert stage.counts[RUNS[0]]["recalled"] == 3
+    assert stage.counts[RUNS[0]]["fetched"] == 3
 
 
 @pytest.mark.parametrize("known", [0, 5, 11])

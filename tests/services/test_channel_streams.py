@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, header, received
+from bus_doubles import PeerCache, RecordingPublisher, header, received
 from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import (
@@ -18,10 +18,10 @@ from placefield.bus.candidate_messages import (
     FinishedMessage,
     HaloMessage,
 )
-from placefield.bus.history import CachedPublisher, History
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
-from placefield.bus.messages import FeatureMessage, HistoryQuery
+from placefield.bus.messages import CacheQuery, FeatureMessage
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
@@ -47,9 +47,9 @@ class Shards:
     def __init__(self, placemap: Map, rule: Rule) -> None:
         self._map, self._rule = placemap, rule
         self.model = fingerprint(placemap.model)
-        self.features = Memory()
+        self.features = PeerCache()
         self.counts: Counter[str] = Counter()
-        self.borders: dict[int, History] = {}
+        self.halos: dict[int, ReplayCache] = {}
         self.told: dict[int, RecordingPublisher] = {}
         self.answered: dict[int, RecordingPublisher] = {}
         self.workers: dict[int, ChannelWorker] = {}
@@ -61,13 +61,13 @@ class Shards:
         """Start a worker, in the place of another perhaps."""
         self.told[shard] = RecordingPublisher(HaloMessage)
         self.answered[shard] = RecordingPublisher(CandidatesMessage, FinishedMessage)
-        self.borders[shard] = History()
+        self.halos[shard] = ReplayCache()
         outputs = ChannelOutputs(
-            candidates=CachedPublisher(self.answered[shard], History()),
-            recall=self.features.recall,
-            remember=History().remember,
-            borders=CachedPublisher(self.told[shard], self.borders[shard]),
-            recall_halos=self._recall_borders,
+            candidates=CachedPublisher(self.answered[shard], ReplayCache()),
+            fetch=self.features.fetch,
+            store=ReplayCache().store,
+            halos=CachedPublisher(self.told[shard], self.halos[shard]),
+            fetch_halos=self._fetch_halos,
             counts=self.counts,
         )
         channels = range(len(self._map.channels))
@@ -83,10 +83,10 @@ class Shards:
             | {(other, shard): 0 for other in range(SHARDS)}
         )
 
-    def _recall_borders(self, stream: str, first: int, end: int) -> Iterator[tuple[Header, bytes]]:
-        query = HistoryQuery(stream=stream, first=first, end=end).encode()
-        for history in self.borders.values():
-            for payload, attachment in history.reply(query):
+    def _fetch_halos(self, stream: str, first: int, end: int) -> Iterator[tuple[Header, bytes]]:
+        query = CacheQuery(stream=stream, first=first, end=end).encode()
+        for cache in self.halos.values():
+            for payload, attachment in cache.reply(query):
                 yield Header.decode(attachment), payload
 
     def send(self, about: Header, descriptor: Descriptor | None, shards: Iterable[int]) -> None:
@@ -117,9 +117,9 @@ class Shards:
                 self.workers[hearer].accept(border)
         return news
 
-    def settle(self) -> None:
+    def after_batch(self) -> None:
         for worker in self.workers.values():
-            worker.settle("test")
+            worker.after_batch("test")
 
     def joined(self, channel: int) -> dict[int, Candidate]:
         """What the fuser makes of the answers, by frame."""
@@ -141,7 +141,7 @@ def whole(
     matcher = ChannelShard(placemap.channels[channel], MatchingConfig(rule=rule)).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=True)
     return [
-        matcher.push(None if one is None else next(iter(places.compare(one[None]))))
+        matcher.update(None if one is None else next(iter(places.compare(one[None]))))
         for one in descriptors
     ]
 
@@ -191,9 +191,9 @@ def test_what_was_lost_between_workers_is_asked_for(
     for sequence, descriptor in enumerate(descriptors):
         shards.send(header(sequence), descriptor, range(SHARDS))
         shards.exchange(lost=sequence % 3 == 1)
-        shards.settle()
+        shards.after_batch()
     for _ in descriptors:
-        shards.settle()
+        shards.after_batch()
         shards.exchange(lost=True)
     assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
 
@@ -214,7 +214,7 @@ def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had
         shards.send(header(sequence, oldest=min(6, sequence)), descriptor, there)
         shards.exchange()
     for _ in range(3):
-        shards.settle()
+        shards.after_batch()
         shards.exchange()
     shards.answered[1].sent[:0] = answered
     assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
@@ -233,9 +233,9 @@ def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_oth
             shards.start(1)
         shards.send(header(sequence), descriptor, shards.workers)
         shards.exchange()
-        shards.settle()
+        shards.after_batch()
     for _ in range(3):
-        shards.settle()
+        shards.after_batch()
         shards.exchange()
     assert max(shards.joined(0)) == len(descriptors) - 1
 
@@ -284,5 +284,5 @@ def test_what_is_told_of_another_cut_or_map_is_not_taken(
             shards.workers[0].accept(border)
     shards.send(header(0), descriptors[0], range(SHARDS))
     shards.exchange()
-    shards.settle()
+    shards.after_batch()
     assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors[:1]))

@@ -4,9 +4,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from bus_doubles import Memory, RecordingPublisher, at_last, header, received
+from bus_doubles import PeerCache, RecordingPublisher, at_last, header, received
 
-from placefield.bus.history import CachedPublisher, History
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
@@ -16,6 +15,7 @@ from placefield.bus.messages import (
     MissingObservationMessage,
     MomentsMessage,
 )
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
@@ -44,21 +44,21 @@ class Stage:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
         self.unseen = RecordingPublisher(MissingObservationMessage)
-        self.features_elsewhere, self.moments_elsewhere = Memory(), Memory()
+        self.features_elsewhere, self.moments_elsewhere = PeerCache(), PeerCache()
         self.counts: Counter[str] = Counter()
         outputs = FeaturizerOutputs(
-            CachedPublisher(self.publisher, History()),
-            CachedPublisher(self.moments, History()),
+            CachedPublisher(self.publisher, ReplayCache()),
+            CachedPublisher(self.moments, ReplayCache()),
             self.unseen,
-            self.features_elsewhere.recall,
-            self.moments_elsewhere.recall,
+            self.features_elsewhere.fetch,
+            self.moments_elsewhere.fetch,
         )
         other = FeaturizerOutputs(
-            CachedPublisher(RecordingPublisher(FeatureMessage), History()),
-            CachedPublisher(RecordingPublisher(MomentsMessage), History()),
+            CachedPublisher(RecordingPublisher(FeatureMessage), ReplayCache()),
+            CachedPublisher(RecordingPublisher(MomentsMessage), ReplayCache()),
             RecordingPublisher(MissingObservationMessage),
-            Memory().recall,
-            Memory().recall,
+            PeerCache().fetch,
+            PeerCache().fetch,
         )
         self._featurizer = Featurizer(
             placemap.model,
@@ -105,7 +105,7 @@ def test_each_frame_becomes_its_descriptor(
         assert message is not None
         assert message.descriptor is not None
         assert message.model == fingerprint(route_map.model)
-        expected = offline.push(feature.describe(image))
+        expected = offline.update(feature.describe(image))
         assert np.array_equal(message.descriptor, expected)
 
 

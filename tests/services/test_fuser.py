@@ -110,7 +110,7 @@ def test_the_stream_ends_behind_its_last_answer(stage: Stage) -> None:
     stage.handle(KEYS.feature, header(1, end=True))
     assert not stage.matches.sent
     for channel in range(CHANNELS):
-        stage.settle(header(1, end=True), stage.settled(channel, 0, lag=0))
+        stage.smooth(header(1, end=True), stage.smoothed(channel, 0, lag=0))
         stage.answer(channel, header(0))
     assert stage.matches.sequences == [0, 1]
     assert stage.matches.sent[-1] == stage.acks.sent[-1] == (header(1, end=True), None)

@@ -5,7 +5,7 @@ from fuser_stage import DEADLINE_S, KEYS, Clock, Stage
 
 from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
 from placefield.bus.message import Header
-from placefield.bus.messages import FeatureMessage, HistoryQuery
+from placefield.bus.messages import CacheQuery, FeatureMessage
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_PLACES, Candidate
@@ -67,7 +67,7 @@ def test_where_a_worker_lacks_frames_of_the_stream_later_matches_say_so(stage: S
 def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
     for sequence in range(3):
         stage.announce(header(sequence))
-    query = HistoryQuery(stream="s", first=1, end=9).encode()
+    query = CacheQuery(stream="s", first=1, end=9).encode()
     told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
     assert told == [1, 2]
 
@@ -76,7 +76,7 @@ def test_one_that_comes_back_learns_what_others_remember(stage: Stage) -> None:
     message = FeatureMessage(model="m", descriptor=None).encode()
     stage.elsewhere.kept = {sequence: (header(sequence), message) for sequence in range(5)}
     stage.announce(header(5, oldest=5))
-    query = HistoryQuery(stream="s", first=0, end=9).encode()
+    query = CacheQuery(stream="s", first=0, end=9).encode()
     told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
     assert told == [0, 1, 2, 3, 4, 5]
 

@@ -11,7 +11,7 @@ from channel_stage import RUNS
 from channel_stage import Stage as WorkerStage
 from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
-from placefield.bus.candidate_messages import ChannelSummary, HaloMessage, SettledFrame
+from placefield.bus.candidate_messages import ChannelSummary, HaloMessage, SmoothedFrame
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.refusing import count_refused
@@ -37,7 +37,9 @@ def test_a_fuser_refuses_candidates_of_another_map_and_takes_its_own(
 ) -> None:
     stage.announce(header(0))
     about = header(1, end=True) if is_end else header(0)
-    told = stage.settling(about, *(stage.settled(channel, 0, 0) for channel in range(CHANNELS)))
+    told = stage.message_of_smoothed(
+        about, *(stage.smoothed(channel, 0, 0) for channel in range(CHANNELS))
+    )
     with pytest.raises(OtherMapError, match="of map ffffffffffffffff, not "):
         stage.handle(CANDIDATES, about, told.model_copy(update=OTHER))
     assert not stage.published
@@ -50,8 +52,8 @@ def test_a_fuser_that_goes_on_with_a_stream_counts_what_is_remembered_of_another
     stage: Stage,
 ) -> None:
     for sequence in range(4):
-        settled = SettledFrame(0, sequence, 0, stage.candidate(0, sequence))
-        told = stage.settling(header(sequence), settled).model_copy(update=OTHER)
+        smoothed = SmoothedFrame(0, sequence, 0, stage.candidate(0, sequence))
+        told = stage.message_of_smoothed(header(sequence), smoothed).model_copy(update=OTHER)
         stage.remembered.append((header(sequence), told.encode()))
     stage.announce(header(4, oldest=4))
     assert stage.counts["other_map"] == LAG

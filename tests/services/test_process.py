@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 import pytest
 from bus_doubles import header, received
 
-from placefield.bus.history import History
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Message
 from placefield.bus.messages import StatsMessage
+from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
-from placefield_services.asking import NotYet
+from placefield_services.background_query import NotYet
 from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess, begin
 
 KEYS = Keys("test")
@@ -40,7 +40,7 @@ def serve(
     accept: Callable[[Received], int | None],
     messages: Sequence[Received],
     work: Callable[[Sequence[int]], None] = lambda accepted: None,
-    settle: Callable[[str], None] = lambda run: None,
+    after_batch: Callable[[str], None] = lambda run: None,
 ) -> None:
     """Let a process serve these messages, and then stop."""
     inbox, stop = Inbox(process.counts), threading.Event()
@@ -52,7 +52,7 @@ def serve(
             stop.set()
         return accept(message)
 
-    process.serve(inbox, accept_and_stop, stop, work=work, settle=settle)
+    process.serve(inbox, accept_and_stop, stop, work=work, after_batch=after_batch)
 
 
 def messages_of(count: int, run: str = "test") -> list[Received]:
@@ -127,16 +127,16 @@ def test_every_message_of_work_that_fails_is_counted_in_its_run(process: Service
     }
 
 
-def test_a_run_that_does_not_settle_keeps_no_other_from_it(process: ServiceProcess) -> None:
-    settled = []
+def test_a_run_that_does_not_smooth_keeps_no_other_from_it(process: ServiceProcess) -> None:
+    smoothed = []
 
-    def settle(run: str) -> None:
+    def after_batch(run: str) -> None:
         if run == "test":
             raise ZeroDivisionError
-        settled.append(run)
+        smoothed.append(run)
 
-    serve(process, sequence_of, messages_of(3), settle=settle)
-    assert settled == ["other"]
+    serve(process, sequence_of, messages_of(3), after_batch=after_batch)
+    assert smoothed == ["other"]
     assert process.counts == {"test": {"received": 3, "failed": 1}, "other": {}}
 
 
@@ -157,10 +157,10 @@ def test_counts_are_published_by_run_under_the_process_own_name(
 def test_the_newest_answer_of_each_run_is_told_and_the_channels(
     bus: QuietBus, process: ServiceProcess
 ) -> None:
-    answers = History()
-    process.answers["test"], process.answers["other"] = answers, History()
+    answers = ReplayCache()
+    process.answers["test"], process.answers["other"] = answers, ReplayCache()
     process.channels = 3
-    answers.remember(header(41), b"an answer")
+    answers.store(header(41), b"an answer")
     serve(process, sequence_of, messages_of(1))
     stats = dict(bus.published)
     assert stats[KEYS.stats("fuser", process.identity)] == StatsMessage(

@@ -5,8 +5,8 @@ import pytest
 from bus_doubles import RecordingPublisher
 from cdr_by_hand import compressed_image, image, odometry
 
-from placefield.bus.history import CachedPublisher, History
 from placefield.bus.messages import FrameMessage, OdometryMessage
+from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
 from placefield.ros.messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
@@ -22,7 +22,7 @@ class Stage:
         self.frames = RecordingPublisher(FrameMessage)
         self.told: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
-        frames = CachedPublisher(self.frames, History(1))
+        frames = CachedPublisher(self.frames, ReplayCache(1))
         self.source = RosSource(frames, self.told.append, self.counts, spacing)
 
 

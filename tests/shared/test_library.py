@@ -50,7 +50,7 @@ def test_every_known_error_is_public() -> None:
 
 def test_five_lines_recognise_a_route(files: list[Path], query_dir: Path) -> None:
     recognizer = Recognizer(build_map(files))
-    matches = [recognizer.push(image) for image in sorted(query_dir.iterdir())]
+    matches = [recognizer.update(image) for image in sorted(query_dir.iterdir())]
     right = [abs(match.place - frame) <= 3 for frame, match in enumerate(matches)]
     assert np.mean(right) > 0.9
 

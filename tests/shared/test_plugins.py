@@ -43,7 +43,7 @@ def test_a_map_of_a_brought_feature_is_built_kept_and_recognised(
     assert placemap.features.kind == placemap.model.kind == "rows"
     np.testing.assert_allclose(feature_of("rows").describe(views[3]), views[3].mean(axis=1))
     recognizer = Recognizer(placemap, Config.model_validate({"matching": {"rule": "evidence"}}))
-    assert [recognizer.push(view).place for view in views] == list(range(20))
+    assert [recognizer.update(view).place for view in views] == list(range(20))
 
 
 def test_a_map_whose_feature_is_gone_opens_and_is_recognised_by_nobody(

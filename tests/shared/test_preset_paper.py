@@ -113,7 +113,7 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
     placemap = build_map(day, config=config)
     recognizer = Recognizer(placemap, config)
     for image in night:
-        recognizer.push(image)
+        recognizer.update(image)
     fuzzifiers = np.linspace(1.02, 1.4, CHANNELS)
     literal = literal_ams.build(
         raw_features(day, kind), dimensions or FRAMES, fuzzifiers, min_scale, seed
@@ -255,11 +255,11 @@ def test_no_channel_wins_by_comparing_another_number_of_frames(
         shard = ChannelShard(channel, matching)
         frame = Comparison(shard.metric, shard.metric.places[0] * 0, everywhere, 0.0)
         matcher = shard.new_matcher()
-        settled = []
+        smoothed = []
         for _ in range(20):
-            answered.append(matcher.push(frame))
-            settled += matcher.settled()
-        answered += [each.candidate for each in settled]
+            answered.append(matcher.update(frame))
+            smoothed += matcher.smoothed()
+        answered += [each.candidate for each in smoothed]
     score = apart * min_scale * shard.metric.unit**2
     assert {each.score for each in answered if each.place != UNANSWERED} == {score}
     assert fuse(answered, matching).score == -score
@@ -270,6 +270,6 @@ def test_no_window_is_cut_however_long() -> None:
     recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}))
     places = placemap.channels[0].metric.places / 4000
     for place in places.astype(np.float32):
-        recognizer.push_descriptor(place)
+        recognizer.update_descriptor(place)
     first, *_ = recognizer.smoothed()
     assert (first.frame, first.match.place, first.match.score, first.lag) == (0, 0, 0, 69)

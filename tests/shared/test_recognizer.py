@@ -31,7 +31,7 @@ Raw = NDArray[np.float32] | None
 
 def recognise(placemap: Map, rule: Rule, query: list[Raw]) -> list[Match]:
     recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
-    return [recognizer.push_raw(raw) for raw in query]
+    return [recognizer.update_raw(raw) for raw in query]
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -62,10 +62,10 @@ def test_every_channel_is_matched_under_its_own_metric(
     for frame, descriptor in enumerate(small_map.model.of_reference(make_traverse(noise=0.3).raw)):
         seen = frame not in (0, 30, 31)
         candidates = [
-            matcher.push(next(its.compare(descriptor[None])) if seen else None)
+            matcher.update(next(its.compare(descriptor[None])) if seen else None)
             for matcher, its in zip(matchers, places, strict=True)
         ]
-        match = recognizer.push_descriptor(descriptor if seen else None)
+        match = recognizer.update_descriptor(descriptor if seen else None)
         assert match == fuse(candidates, config)
 
 
@@ -92,7 +92,7 @@ def test_streams_of_one_map_do_not_meddle(
         Recognizer(small_map, Config(matching=MatchingConfig(rule=rule))) for _ in range(2)
     ]
     matches = [
-        [recognizer.push_raw(raw) for recognizer, raw in zip(recognizers, pair, strict=True)]
+        [recognizer.update_raw(raw) for recognizer, raw in zip(recognizers, pair, strict=True)]
         for pair in zip(forwards, backwards, strict=True)
     ]
     assert [match for match, _ in matches] == recognise(small_map, rule, forwards)
@@ -109,10 +109,10 @@ def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
     matches = []
     for raw in query:
         with pytest.raises(FrameError):
-            recognizer.push_descriptor(wrong.astype(np.float32))
+            recognizer.update_descriptor(wrong.astype(np.float32))
         with pytest.raises(FrameError):
-            recognizer.push_raw(wrong[:29].astype(np.float32))
-        matches.append(recognizer.push_raw(raw))
+            recognizer.update_raw(wrong[:29].astype(np.float32))
+        matches.append(recognizer.update_raw(raw))
     assert matches == recognise(small_map, rule, [*query])
 
 
@@ -121,12 +121,12 @@ def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
 ) -> None:
     recognizer = Recognizer(small_map)
     (raw, *_), nothing = make_traverse().raw, np.full((48, 64), 9, np.uint8)
-    recognizer.push(b"no image", 1.0)
-    recognizer.push(nothing, 2.0)
-    recognizer.push_raw(raw, 3.0)
-    recognizer.push_raw(None, 3.0)
-    recognizer.push_descriptor(None, 0.0)
-    recognizer.push_raw(raw)
+    recognizer.update(b"no image", 1.0)
+    recognizer.update(nothing, 2.0)
+    recognizer.update_raw(raw, 3.0)
+    recognizer.update_raw(None, 3.0)
+    recognizer.update_descriptor(None, 0.0)
+    recognizer.update_raw(raw)
     assert told_odometry == [1, 2, 3, 3, 0, None]
 
 
@@ -153,12 +153,12 @@ def test_odometry_that_is_no_distance_is_refused_and_no_frame_is_matched(
     recognizer = Recognizer(small_map)
     matches = []
     for raw in query:
-        for push in (recognizer.push_raw, recognizer.push_descriptor):
+        for push in (recognizer.update_raw, recognizer.update_descriptor):
             with pytest.raises(FrameError, match="odometry"):
                 push(raw, wrong)
         with pytest.raises(FrameError, match="odometry"):
-            recognizer.push(b"no image", wrong)
-        matches.append(recognizer.push_raw(raw))
+            recognizer.update(b"no image", wrong)
+        matches.append(recognizer.update_raw(raw))
     assert len(told_odometry) == len(query)
     assert matches == recognise(small_map, "filter", [*query])
 
@@ -197,18 +197,18 @@ def test_images_are_recognised_past_one_that_cannot_be_read(kind: str) -> None:
     encoded = [cv2.imencode(".jpg", view)[1].tobytes() for view in dusk]
     encoded[30] = encoded[30][:500]
     recognizer = Recognizer(placemap, config)
-    matches = [recognizer.push(image) for image in encoded]
+    matches = [recognizer.update(image) for image in encoded]
     assert [match.place for match in matches] == pytest.approx(range(60), abs=1)
 
     by_pixels = Recognizer(placemap, config)
     by_feature = Recognizer(placemap, config)
     for view in dusk:
         raw = feature.describe(view)
-        assert by_pixels.push(view) == by_feature.push_raw(raw)
+        assert by_pixels.update(view) == by_feature.update_raw(raw)
     for wrong in (np.empty((0, 96), np.uint8), dusk[0].astype(np.float32), dusk[0][:, :, None]):
         with pytest.raises(FrameError, match="pixels"):
-            by_pixels.push(wrong)
-    assert by_pixels.push(dusk[0]) == by_feature.push_raw(feature.describe(dusk[0]))
+            by_pixels.update(wrong)
+    assert by_pixels.update(dusk[0]) == by_feature.update_raw(feature.describe(dusk[0]))
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -220,7 +220,7 @@ def test_a_match_has_the_pose_of_its_place_at_once_and_smoothed(
     poses[::3] = np.nan
     placemap = replace(placemap, places=replace(placemap.places, poses=poses))
     recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
-    matches = [recognizer.push_raw(raw) for raw in [None, *make_traverse(noise=0.3).raw]]
+    matches = [recognizer.update_raw(raw) for raw in [None, *make_traverse(noise=0.3).raw]]
     matches += [each.match for each in recognizer.smoothed() + recognizer.finish()]
     assert {match.pose is None for match in matches} == {True, False}
     for match in matches:

@@ -55,4 +55,4 @@ def test_a_recognizer_counts_its_frames(small_map: Map) -> None:
     recognizer = Recognizer(small_map)
     for frames in range(3):
         assert f"after {frames} frames" in repr(recognizer)
-        recognizer.push_raw(None)
+        recognizer.update_raw(None)

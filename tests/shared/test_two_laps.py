@@ -39,7 +39,7 @@ def matches_of(placemap: Map, query: Traverse, *, reverse: bool = False) -> list
         placemap, Config(matching=MatchingConfig(precision=0.95, reverse=reverse))
     )
     raws = query.raw[::-1] if reverse else query.raw
-    at_once = [recognizer.push_raw(raw) for raw in raws]
+    at_once = [recognizer.update_raw(raw) for raw in raws]
     smoothed = [each.match for each in [*recognizer.smoothed(), *recognizer.finish()]]
     return [matches[::-1] if reverse else matches for matches in (at_once, smoothed)]
 
@@ -75,7 +75,7 @@ def test_without_sharing_it_is_hardly_known(
     assert unknown < known / 2
 
 
-def test_shards_share_the_laps_and_settle_frames_as_the_whole_does(
+def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
     map_of_laps: Callable[[int], Map],
 ) -> None:
     placemap, config = map_of_laps(2), MatchingConfig()
@@ -88,7 +88,7 @@ def test_shards_share_the_laps_and_settle_frames_as_the_whole_does(
     alone, *streams = (stage.new_stream() for stage in (whole, *parts))
     seen = (metric.unit * metric.places[PLACES:]).astype(np.float32)
     for descriptor in seen / np.linalg.norm(seen, axis=1, keepdims=True):
-        alone.push(next(whole.compare([descriptor])))
+        alone.update(next(whole.compare([descriptor])))
         partials = [
             stream.local(next(stage.compare([descriptor])), stream.next)[0]
             for stage, stream in zip(parts, streams, strict=True)

@@ -244,7 +244,7 @@ class Listener:
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
             with suppress(MessageError):
-                if (taken := self._matches.take(0.1)) is not None:
+                if (taken := self._matches.get(0.1)) is not None:
                     return taken
         raise AssertionError("no match came")
 
@@ -265,7 +265,7 @@ class Listener:
         smoothed: list[tuple[int, SmoothedMessage]] = []
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            taken = self._smoothed.take(0.1)
+            taken = self._smoothed.get(0.1)
             if taken is None or taken[0].stream != stream:
                 continue
             if taken[0].end:
@@ -292,7 +292,7 @@ def offline(
     """Return what the recognizer says of the same frames, with no bus."""
     recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     matches = [
-        recognizer.push(image.read_bytes() if isinstance(image, Path) else image)
+        recognizer.update(image.read_bytes() if isinstance(image, Path) else image)
         for image in images
     ]
     return [(match.place, match.score, match.missing) for match in matches]
@@ -312,7 +312,7 @@ def smoothed_offline(
     """Return what the recognizer says of the same frames in hindsight."""
     recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
     for image in images:
-        recognizer.push(image.read_bytes())
+        recognizer.update(image.read_bytes())
     smoothed = recognizer.smoothed() + recognizer.finish()
     matches = [(each.frame, each.match, each.lag) for each in smoothed]
     return [(n, one.place, one.probability, lag, one.missing) for n, one, lag in matches]

@@ -15,4 +15,4 @@ def test_the_client_gives_the_matches_of_the_recognizer(
     files = sorted(query_dir.iterdir())
     recognizer = Recognizer(route_map)
     with placefield.connect(host.endpoint) as client:
-        assert list(client.stream(files)) == [recognizer.push(file) for file in files]
+        assert list(client.stream(files)) == [recognizer.update(file) for file in files]

@@ -21,8 +21,8 @@ def test_a_coarse_map_and_an_exact_search_of_it_agree(tmp_path: Path) -> None:
     assert all(metric.coarse is not None for metric in placemap.metrics)
     coarse = Recognizer(placemap, Config(matching=MatchingConfig()))
     exact = Recognizer(placemap, Config(matching=MatchingConfig(exact=True)))
-    found = np.array([coarse.push_descriptor(frame).place for frame in query])
-    expected = np.array([exact.push_descriptor(frame).place for frame in query])
+    found = np.array([coarse.update_descriptor(frame).place for frame in query])
+    expected = np.array([exact.update_descriptor(frame).place for frame in query])
     assert np.mean(found == expected) >= 0.99
     assert np.mean(np.abs(found - drive) <= 3) > 0.8
 
@@ -35,5 +35,5 @@ def test_other_rules_compare_exactly_whatever_the_map(tmp_path: Path) -> None:
         recognizer = Recognizer(
             made_map(walk, coarse=coarse), Config(matching=MatchingConfig(rule="evidence"))
         )
-        answers.append([recognizer.push_descriptor(frame) for frame in query])
+        answers.append([recognizer.update_descriptor(frame) for frame in query])
     assert answers[0] == answers[1]

@@ -108,16 +108,16 @@ def test_who_is_killed_while_fetching_asks_only_for_the_rest(
     kept = sum(-(-file.stat().st_size // CHUNK) for file in files)
     if arrived(tmp_path) % CHUNK:
         kept -= 1
-    sent = _settled(server)
+    sent = _smoothed(server)
     with server.fetch(tmp_path) as fetch:
         assert ended_well(fetch), fetch.err
         assert fetch.out == f"{tmp_path}/large.pfmap: 60 places, 3 channels\n"
-    assert _settled(server) - sent == chunks - kept < 0.9 * chunks
+    assert _smoothed(server) - sent == chunks - kept < 0.9 * chunks
     assert os.listdir(tmp_path) == ["large.pfmap"]
     assert content(tmp_path / "large.pfmap") == content(server.path)
 
 
-def _settled(server: Server) -> int:
+def _smoothed(server: Server) -> int:
     """Return how many chunks were sent once that no longer changes."""
     before = -1
     while (sent := server.chunks_sent()) != before:

@@ -44,7 +44,7 @@ def test_odometry_of_a_folder_goes_with_every_frame_and_answers_are_those_given_
     wait_until(lambda: len(readings) == len(files), "all descriptors are heard of")
     assert readings == {number: number * 0.75 for number in range(len(files))}
     recognizer = Recognizer(route_map)
-    matches = [recognizer.push(file, number * 0.75) for number, file in enumerate(files)]
+    matches = [recognizer.update(file, number * 0.75) for number, file in enumerate(files)]
     assert answers == [(match.place, match.score, match.missing) for match in matches]
 
 

@@ -54,7 +54,7 @@ def told(smoothed: list[tuple[int, SmoothedMessage]]) -> list[Told]:
 def told_offline(placemap: Map, folder: Path) -> list[Told]:
     recognizer = Recognizer(placemap, PAPER)
     for file in sorted(folder.iterdir()):
-        recognizer.push(file.read_bytes())
+        recognizer.update(file.read_bytes())
     smoothed = recognizer.smoothed() + recognizer.finish()
     return [
         (each.frame, each.match.place, each.match.score, each.lag, each.match.missing)

@@ -66,7 +66,7 @@ def test_thousands_of_bad_messages_change_no_answer_take_no_memory_and_are_count
             wait_until_digested(listener)
             before = memory(host)
             published = publish(bus, heard, EACH, seed=2)
-            replies = list(query(bus, keys.history(keys.feature), 4, seed=3))
+            replies = list(query(bus, keys.cache(keys.feature), 4, seed=3))
             wait_until_digested(listener)
             after = memory(host)
         assert sum(published.values()) == EACH * len(SPOILERS)

@@ -69,8 +69,8 @@ IS_ALIVE_AS = {
     **{role: {f"alive/{role}/x"} for role in ("featurizer", "channel", "fuser", "mapserver")},
 }
 SERVICES = {"featurizer", "channel", "fuser"}
-ANSWERS = {RUN + "history/feature": SERVICES, MAP: {"mapserver"}}
-ASKS = {RUN + "history/feature": SERVICES | {"dashboard"}, MAP: SERVICES}
+ANSWERS = {RUN + "cache/feature": SERVICES, MAP: {"mapserver"}}
+ASKS = {RUN + "cache/feature": SERVICES | {"dashboard"}, MAP: SERVICES}
 ROLES = tuple(PUBLISHES)
 
 
@@ -259,13 +259,15 @@ def test_each_role_asks_and_answers_what_it_may_and_nothing_else(
     def replies(bus: Bus, key: str) -> set[str]:
         return {payload.decode() for payload, _ in bus.ask(key, timeout_s=5)}
 
-    with sessions(endpoint, issued) as answering, sessions(endpoint, issued) as asking:
+    with sessions(endpoint, issued) as answering, sessions(endpoint, issued) as background_query:
         for role, bus in answering.items():
             for key in ANSWERS:
                 bus.answer(key, lambda key, asked, role=role: [(role.encode(), b"")])
         for key, allowed in ANSWERS.items():
-            wait_until(lambda key=key, a=allowed: replies(asking["fuser"], key) >= a, "answers")
-            for role, bus in asking.items():
+            wait_until(
+                lambda key=key, a=allowed: replies(background_query["fuser"], key) >= a, "answers"
+            )
+            for role, bus in background_query.items():
                 assert replies(bus, key) == (allowed if role in ASKS[key] else set()), (role, key)
 
 
@@ -307,10 +309,10 @@ def test_roles_hold_across_routers_that_trust_each_other(endpoint: str, issued: 
         here["featurizer"].subscribe_raw(RUN + "frame", gather(heard, "featurizer"))
         here["dashboard"].subscribe_raw(RUN + "**", gather(heard, "dashboard"))
         there["camera"].subscribe_raw(RUN + "ack", gather(heard, "camera"))
-        here["featurizer"].answer(RUN + "history/feature", lambda key, asked: [(b"kept", b"")])
+        here["featurizer"].answer(RUN + "cache/feature", lambda key, asked: [(b"kept", b"")])
         here["featurizer"].declare_alive(RUN + "alive/featurizer/x")
         wait_until(lambda: there["camera"].alive(RUN + "alive/*/*"), "the token crosses")
-        wait_until(lambda: [*there["channel"].ask(RUN + "history/feature", timeout_s=5)], "history")
+        wait_until(lambda: [*there["channel"].ask(RUN + "cache/feature", timeout_s=5)], "cache")
         for key in ("match", "feature", "frame"):
             session_of(there["camera"]).put(RUN + key, b"camera")
         for key in ("match", "ack"):

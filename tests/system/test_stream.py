@@ -100,7 +100,7 @@ def test_a_loop_runs_until_it_is_stopped(
         listener.answers(count=25)  # of 10 frames
         assert replay.stop(signal.SIGINT) == 0
         sent = int(replay.out.split()[0])
-    while listener.take()[1] is not None:
+    while listener.get()[1] is not None:
         pass  # what is still under way would come to the next test's listener
     assert sent >= 25
     assert "Traceback" not in replay.err

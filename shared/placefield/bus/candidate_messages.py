@@ -1,4 +1,4 @@
-"""What channel workers say: candidates, settled frames, and what shards tell each other."""
+"""What channel workers say: candidates, smoothed frames, and what shards tell each other."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
@@ -62,8 +62,8 @@ class _OfShard(OfMap):
         return self
 
 
-class SettledFrame(NamedTuple):
-    """What a channel, or a shard of one, has settled of a frame in hindsight.
+class SmoothedFrame(NamedTuple):
+    """What a channel, or a shard of one, has smoothed of a frame in hindsight.
 
     Attributes:
         channel: whose it is.
@@ -78,8 +78,8 @@ class SettledFrame(NamedTuple):
     candidate: Candidate
 
 
-class SettledFrames(Strict):
-    """Settled frames of a worker's channels, in a few arrays: they may be many.
+class SmoothedFrames(Strict):
+    """SmoothedCandidate frames of a worker's channels, in a few arrays: they may be many.
 
     Attributes:
         channels: (m,) whose each is.
@@ -111,22 +111,22 @@ class SettledFrames(Strict):
         of_frames = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
         each = (*of_frames, *counts)
         if len({len(vector) for vector in each}) > 1:
-            raise PydanticCustomError("settled", "of some frames there is more than of others")
+            raise PydanticCustomError("smoothed", "of some frames there is more than of others")
         if any((vector < 0).any() for vector in (self.channels, self.before, self.lags, *counts)):
-            raise PydanticCustomError("settled", "a number is negative")
+            raise PydanticCustomError("smoothed", "a number is negative")
         if (self.channels >= 2**16).any() or (self.best < -1).any():
-            raise PydanticCustomError("settled", "there is no such channel or place")
+            raise PydanticCustomError("smoothed", "there is no such channel or place")
         if not np.isfinite(self.scores).all():
-            raise PydanticCustomError("settled", "a score is not finite")
+            raise PydanticCustomError("smoothed", "a score is not finite")
         if ((self.too_fast < 0) | (self.too_fast > 1)).any():
-            raise PydanticCustomError("settled", "a posterior is not between 0 and 1")
+            raise PydanticCustomError("smoothed", "a posterior is not between 0 and 1")
         for count, vector in zip(counts, (self.places, self.evidence), strict=True):
             if int(count.sum(dtype=np.int64)) != len(vector):
-                raise PydanticCustomError("settled", "places or evidence are not as many as said")
+                raise PydanticCustomError("smoothed", "places or evidence are not as many as said")
         return self
 
     @classmethod
-    def of(cls, sequence: int, frames: Sequence[SettledFrame]) -> Self | None:
+    def of(cls, sequence: int, frames: Sequence[SmoothedFrame]) -> Self | None:
         """Pack what goes with the frame of this number; None if there is nothing.
 
         What is 2**31 frames before it, or more, is left out.
@@ -148,7 +148,7 @@ class SettledFrames(Strict):
             too_fast=np.array([candidate.too_fast for candidate in candidates], np.float64),
         )
 
-    def frames(self, sequence: int) -> Iterator[SettledFrame]:
+    def frames(self, sequence: int) -> Iterator[SmoothedFrame]:
         """Yield what came with the frame of this number."""
         numbers = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
         counts = (self.place_counts, self.evidence_counts)
@@ -161,7 +161,7 @@ class SettledFrames(Strict):
             first, evidence_end = evidence_end, evidence_end + evidence
             own_evidence = self.evidence[first:evidence_end]
             candidate = Candidate(best, score, own_places, own_evidence, too_fast)
-            yield SettledFrame(channel, sequence - before, lag, candidate)
+            yield SmoothedFrame(channel, sequence - before, lag, candidate)
 
 
 class CandidatesMessage(_OfShard):
@@ -170,30 +170,30 @@ class CandidatesMessage(_OfShard):
     Attributes:
         rule: how they were made.
         candidates: one of each channel.
-        settled: frames that the channels have settled since the message before; none: no frame.
+        smoothed: frames that the channels have smoothed since the message before; none: no frame.
         forgotten: whether the worker lacks frames of the stream that nobody remembered.
     """
 
     rule: Rule
     candidates: tuple[ChannelCandidate, ...] = Field(min_length=1)
-    settled: SettledFrames | None = None
+    smoothed: SmoothedFrames | None = None
     forgotten: bool = False
 
 
 class FinishedMessage(_OfShard):
-    """What a worker's channels settle at the end of a stream: all frames that are left.
+    """What a worker's channels smooth at the end of a stream: all frames that are left.
 
     It goes with the end's header, and is the only end that has a payload.
 
     Attributes:
         rule: how candidates were made.
         channels: of the worker.
-        settled: the frames; none: all had been settled.
+        smoothed: the frames; none: all had been smoothed.
     """
 
     rule: Rule
     channels: tuple[Channel, ...] = Field(min_length=1)
-    settled: SettledFrames | None = None
+    smoothed: SmoothedFrames | None = None
 
 
 class ChannelSummary(Strict):

@@ -120,7 +120,7 @@ class Client:
             if give_up_at is None and not sender.is_alive():
                 give_up_at = time.monotonic() + (0 if frames.has_stalled else _LAST_MATCH_S)
             try:
-                taken = matches.take(_POLL_S)
+                taken = matches.get(_POLL_S)
             except MessageError as error:
                 self._bus.log_dropped(self._keys.match, error)
                 continue

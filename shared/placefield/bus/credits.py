@@ -15,7 +15,7 @@ class Credits:
         self._answered = 0
         self._changed = threading.Condition()
 
-    def take(self, timeout: float) -> bool:
+    def acquire(self, timeout: float) -> bool:
         """Take the credit for one more frame; False if none comes back within ``timeout`` s."""
         with self._changed:
             if not self._changed.wait_for(self._has_credit, timeout):

@@ -94,7 +94,7 @@ class Inbox:
     def _has_turn(self, run: str) -> bool:
         return bool(self._waiting[run]) and self._held_until[run] <= time.monotonic()
 
-    def take_all(self, timeout: float, limit: int) -> list[Received]:
+    def get_batch(self, timeout: float, limit: int) -> list[Received]:
         """Take what waits, ``limit`` at most; empty if nothing comes within ``timeout`` seconds."""
         with self._changed:
             now = time.monotonic()

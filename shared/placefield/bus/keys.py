@@ -75,14 +75,14 @@ class Keys:
         """What all shards tell each other."""
         return f"{ROOT}/{self.run}/halo/*"
 
-    def history(self, key: str) -> str:
+    def cache(self, key: str) -> str:
         """Where to ask for what came on a key of this run, or on one that begins like it."""
-        return f"{ROOT}/{self.run}/history/{key.split('/')[2]}"
+        return f"{ROOT}/{self.run}/cache/{key.split('/')[2]}"
 
     @property
-    def all_history(self) -> str:
+    def all_caches(self) -> str:
         """Where to ask for anything that came."""
-        return f"{ROOT}/{self.run}/history/*"
+        return f"{ROOT}/{self.run}/cache/*"
 
     def alive(self, service: str, identity: str) -> str:
         """Liveliness token of one process of a service: present means ready."""

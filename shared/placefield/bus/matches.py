@@ -5,11 +5,11 @@ import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Iterable, Iterator
 
-from placefield.bus.history import LENGTH, Recall, recalling
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.replay_cache import LENGTH, Fetch, fetcher
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError
@@ -40,14 +40,14 @@ class MatchQueue:
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
         maps = _Maps(digest)
         self._in_order = {
-            key: _InOrder(kind, recalling(bus, keys.history(key)), self.counts, maps)
+            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, maps)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
         for key in kinds:
             bus.subscribe(key, self._received.put, self.counts)
 
-    def take(self, timeout: float) -> Taken | None:
+    def get(self, timeout: float) -> Taken | None:
         """Return the next match with its header, no match at the end of a stream; None: none yet.
 
         Raises:
@@ -97,11 +97,11 @@ class _InOrder:
     """Puts what comes on one key in order, and asks for what is missing."""
 
     def __init__(
-        self, kind: type[MatchMessage], recall: Recall, counts: Counter[str], maps: _Maps
+        self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], maps: _Maps
     ) -> None:
         self._kind = kind
         self._maps = maps
-        self._recall = recall
+        self._fetch = fetch
         self._follower = StreamFollower(counts, lambda header: header.sequence)
         self._open_stream: str | None = None
         self._ask_at = 0.0
@@ -112,10 +112,10 @@ class _InOrder:
             return []
         self._ask_at = time.monotonic() + _QUIET_S
         first = self._follower.next
-        recalled = self._recall(self._open_stream, first, first + LENGTH).values()
+        fetched = self._fetch(self._open_stream, first, first + LENGTH).values()
         return [
             taken
-            for header, payload in recalled
+            for header, payload in fetched
             if header.end or self._decoded(header, payload)
             for taken in self.receive(header, payload)
         ]
@@ -136,8 +136,8 @@ class _InOrder:
         return taken
 
     def _missed(self, header: Header) -> list[Taken]:
-        recalled = self._recall(header.stream, self._follower.next, header.sequence)
-        decoded = ((old, self._decoded(old, payload)) for old, payload in recalled.values())
+        fetched = self._fetch(header.stream, self._follower.next, header.sequence)
+        decoded = ((old, self._decoded(old, payload)) for old, payload in fetched.values())
         return [(old, match) for old, match in decoded if match is not None]
 
     def _decode(self, header: Header, payload: bytes) -> MatchMessage:
@@ -155,7 +155,7 @@ class _InOrder:
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:
     """Yield the matches that are there until the stream ends, or none comes for ``timeout`` s."""
-    while (taken := matches.take(timeout)) is not None:
+    while (taken := matches.get(timeout)) is not None:
         header, match = taken
         if match is None:
             return

@@ -99,7 +99,7 @@ class MomentsMessage(Message):
     sums: Sums
 
 
-class HistoryQuery(Message):
+class CacheQuery(Message):
     """Asks for the messages of frames ``first`` to ``end`` - 1 of a stream."""
 
     stream: str = Field(min_length=1, max_length=64)

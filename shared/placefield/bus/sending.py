@@ -126,7 +126,7 @@ class FrameStream:
 
     def send(self, frame: Frame, stop: threading.Event) -> bool:
         """Publish a frame when there is a credit for it; False if stopped before."""
-        if stop.is_set() or not (self._live or self._await(self._take_credit, stop)):
+        if stop.is_set() or not (self._live or self._await(self._acquire_credit, stop)):
             return False
         self.look_after()
         self._stamp_ns = frame.stamp_ns
@@ -171,8 +171,8 @@ class FrameStream:
             self._proof.send(header.sequence)
         self._publisher.send(header, payload)
 
-    def _take_credit(self) -> bool:
-        return self._credits.take(_POLL_S)
+    def _acquire_credit(self) -> bool:
+        return self._credits.acquire(_POLL_S)
 
     def _header(self, *, end: bool = False) -> Header:
         return Header(

@@ -50,7 +50,7 @@ class ImageStream:
         """Of the stream so far."""
         return self._descriptors.moments
 
-    def push(self, image: bytes | NDArray[np.uint8]) -> Array | None:
+    def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame: an encoded image, or pixels.
 
         None where there was nothing to see, see ``DescriptorStream``.
@@ -58,9 +58,9 @@ class ImageStream:
         Raises:
             FrameError: the image cannot be read; the stream is as it was.
         """
-        return self.push_raw(self._stage.describe(image))
+        return self.update_raw(self._stage.describe(image))
 
-    def push_raw(self, raw: Array) -> Array | None:
+    def update_raw(self, raw: Array) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame by its raw feature (D,) float32.
 
         None where there was nothing to see, see ``DescriptorStream``.
@@ -68,4 +68,4 @@ class ImageStream:
         Raises:
             FrameError: the feature is of another shape, or not finite; the stream is as it was.
         """
-        return self._descriptors.push(raw)
+        return self._descriptors.update(raw)

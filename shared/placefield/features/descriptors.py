@@ -255,7 +255,7 @@ class DescriptorStream:
         self.moments = moments or _moments_of_reference(model)
         """Of the stream so far."""
 
-    def push(self, raw: Array) -> Array | None:
+    def update(self, raw: Array) -> Array | None:
         """Take the next frame's raw feature (D,) and return its descriptor (N,) float32.
 
         None where there was nothing to see, as in the dark or the fog: the raw feature is one and

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
-from placefield.fusion.settling import SettledJoiner
+from placefield.fusion.smoothed_joiner import SmoothedJoiner
 from placefield.matching.channel_stage import ChannelStage, Compared
-from placefield.matching.matcher import Settled
+from placefield.matching.matcher import SmoothedCandidate
 
 
 class FusedStream:
@@ -20,7 +20,7 @@ class FusedStream:
         """Begin a stream, whose frames wait for so many others at most, or ``WHOLE_DRIVE``."""
         self._stream = channels.new_stream(lag=lag)
         self._fusion = fusion
-        self._joiner = SettledJoiner(channels.channels, lag)
+        self._joiner = SmoothedJoiner(channels.channels, lag)
         self._smoothed: list[SmoothedMatch] = []
 
     @property
@@ -28,12 +28,12 @@ class FusedStream:
         """How many frames it has had."""
         return self._stream.next
 
-    def push(self, compared: Compared | None, odometry_m: float | None = None) -> Match:
+    def update(self, compared: Compared | None, odometry_m: float | None = None) -> Match:
         """Match the next frame; None is a missing observation, or a reading that is unknown."""
         frame = self._stream.next
-        match = self._fusion.fuse(self._stream.push(compared, odometry_m))
+        match = self._fusion.fuse(self._stream.update(compared, odometry_m))
         self._joiner.announce(frame)
-        self._settle(self._stream.settled(), frame)
+        self._smooth(self._stream.smoothed(), frame)
         return match
 
     def smoothed(self) -> list[SmoothedMatch]:
@@ -47,12 +47,14 @@ class FusedStream:
     def finish(self) -> list[SmoothedMatch]:
         """Return the smoothed matches that are left: no frame will come any more."""
         for _ in range(self._stream.end()):
-            self._stream.push(None)
-        self._settle(self._stream.finish(), math.inf)
+            self._stream.update(None)
+        self._smooth(self._stream.finish(), math.inf)
         return self.smoothed()
 
-    def _settle(self, settled: Mapping[int, list[tuple[int, Settled]]], newest: float) -> None:
-        for channel, frames in settled.items():
+    def _smooth(
+        self, smoothed: Mapping[int, list[tuple[int, SmoothedCandidate]]], newest: float
+    ) -> None:
+        for channel, frames in smoothed.items():
             for frame, each in frames:
                 self._joiner.add(frame, channel, each)
         for joined in self._joiner.release(newest):

@@ -99,7 +99,7 @@ def _known(places: Array, frames: Array) -> float:
     stream = FusedStream(channels, fusion, matching.lag)
     smoothed = []
     for frame in frames:
-        stream.push(next(channels.compare([frame])))
+        stream.update(next(channels.compare([frame])))
         smoothed += stream.smoothed()
     smoothed += stream.finish()
     return float(np.mean([bool(each.match.known) for each in smoothed]))

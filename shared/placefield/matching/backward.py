@@ -91,10 +91,10 @@ class BackwardPass:
         """Go back over a way that odometry tells, whatever the speed before it was."""
         pace = way.pace / road.spacing
         speeds = speeds_of(pace)
-        there = later.seen[:, :, None] * (ahead.placed @ speeds).astype(np.float32)
+        there = later.observed[:, :, None] * (ahead.placed @ speeds).astype(np.float32)
         found = float((there[1] @ HYPOTHESES).sum()) / self._lengths.apart.shape[1]
         when_lost = float(ahead.lost @ speeds)
-        from_lost = float(later.stray[0]) * ((1 - FIND) * when_lost + FIND * found)
+        from_lost = float(later.lost_likelihood[0]) * ((1 - FIND) * when_lost + FIND * found)
         apart = np.ascontiguousarray(self._lengths.apart[:, later.places])
         steps = np.empty(len(later.places), np.float32)
         step_likelihood(apart, 0, self._lengths.standing, pace, later.step, steps)

@@ -94,18 +94,18 @@ def step_likelihood_when_lost(
         speeds: (S,) float64, places per frame.
         step: its length; ``UNKNOWN`` is as likely as not.
     """
-    stray, jump = np.ones(len(speeds)), 1.0
+    lost_likelihood, jump = np.ones(len(speeds)), 1.0
     if step < 0:
-        return stray, jump
+        return lost_likelihood, jump
     some = np.empty(lengths.some.shape[1], np.float32)
     for speed in range(len(speeds)):
         step_likelihood(lengths.some, 0, lengths.standing, speeds[speed], step, some)
-        stray[speed] = sum_of(some) / len(some)
-    return stray, mean_student(lengths.jumps, step)
+        lost_likelihood[speed] = sum_of(some) / len(some)
+    return lost_likelihood, mean_student(lengths.random_pairs, step)
 
 
 @kernel
-def drift(lost: Vector, change: Array, unlearned: Vector, stray: Vector) -> Vector:
+def drift(lost: Vector, change: Array, unlearned: Vector, lost_likelihood: Vector) -> Vector:
     """Predict the speed, (S,), of a vehicle that was lost, and weigh it by the observed step.
 
     It keeps its speed for a while, as one on the map does.
@@ -114,10 +114,10 @@ def drift(lost: Vector, change: Array, unlearned: Vector, stray: Vector) -> Vect
         lost: (S,) float64, posterior of being lost, at each speed.
         change: (S,) float32, chance that the speed changes.
         unlearned: (S,) float64, chance of each speed then.
-        stray: (S,) float64, likelihood of the step.
+        lost_likelihood: (S,) float64, likelihood of the step.
     """
     changed = (change * lost).sum()
-    return np.asarray(((1 - change) * lost + unlearned * changed) * stray)
+    return np.asarray(((1 - change) * lost + unlearned * changed) * lost_likelihood)
 
 
 @kernel

@@ -14,7 +14,7 @@ from placefield.config import MatchingConfig
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield.matching.matcher import Matcher, Partial, Settled
+from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.sharding import ChannelShard, MetricShards
 
 Compared = Mapping[MapMetric, Comparison]
@@ -113,20 +113,20 @@ class _Group:
         metric: theirs.
         matcher: of the stream.
         partial: of the frame whose local step was done.
-        unsettled: numbers of the frames that were answered, and not settled yet.
-        settled: frames that were settled, and not asked for yet.
+        waiting: numbers of the frames that were answered, and not smoothed yet.
+        smoothed: frames that were smoothed, and not asked for yet.
     """
 
     numbers: tuple[int, ...]
     metric: MapMetric
     matcher: Matcher
     partial: Partial | None = None
-    unsettled: deque[int] = field(default_factory=deque)
-    settled: list[tuple[int, Settled]] = field(default_factory=list)
+    waiting: deque[int] = field(default_factory=deque)
+    smoothed: list[tuple[int, SmoothedCandidate]] = field(default_factory=list)
 
-    def settle(self, frames: list[Settled]) -> None:
-        """Number what the matcher has settled, and keep it until it is asked for."""
-        self.settled += [(self.unsettled.popleft(), each) for each in frames]
+    def smooth(self, frames: list[SmoothedCandidate]) -> None:
+        """Number what the matcher has smoothed, and keep it until it is asked for."""
+        self.smoothed += [(self.waiting.popleft(), each) for each in frames]
 
 
 class StreamMatcher:
@@ -165,8 +165,8 @@ class StreamMatcher:
         frame, reading = (compared, odometry_m) if self.next == sequence else (None, None)
         for group in self._groups:
             if group.partial is None:  # it may be there if another channel failed
-                seen = None if frame is None else frame[group.metric]
-                group.partial = group.matcher.local(seen, reading)
+                observed = None if frame is None else frame[group.metric]
+                group.partial = group.matcher.local(observed, reading)
         return {
             number: group.partial
             for group in self._groups
@@ -189,8 +189,8 @@ class StreamMatcher:
         candidates: dict[int, Candidate] = {}
         for group in self._groups:
             candidate = group.matcher.reduce(partials[group.numbers[0]])
-            group.unsettled.append(sequence)
-            group.settle(group.matcher.settled())
+            group.waiting.append(sequence)
+            group.smooth(group.matcher.smoothed())
             candidates |= dict.fromkeys(group.numbers, candidate)
         return candidates
 
@@ -199,22 +199,24 @@ class StreamMatcher:
         (group,) = (group for group in self._groups if number in group.numbers)
         return group.matcher.fits(partial)
 
-    def settled(self) -> dict[int, list[tuple[int, Settled]]]:
-        """Return the frames that each channel has settled since it was asked, by their numbers."""
-        settled: dict[int, list[tuple[int, Settled]]] = {}
+    def smoothed(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
+        """Return the frames that each channel has smoothed since it was asked, by their numbers."""
+        smoothed: dict[int, list[tuple[int, SmoothedCandidate]]] = {}
         for group in self._groups:
-            settled |= dict.fromkeys(group.numbers, self._until_end(group.settled))
-            group.settled = []
-        return settled
+            smoothed |= dict.fromkeys(group.numbers, self._until_end(group.smoothed))
+            group.smoothed = []
+        return smoothed
 
-    def _until_end(self, settled: list[tuple[int, Settled]]) -> list[tuple[int, Settled]]:
+    def _until_end(
+        self, smoothed: list[tuple[int, SmoothedCandidate]]
+    ) -> list[tuple[int, SmoothedCandidate]]:
         """Leave out what comes after the end, and do not count it as known."""
         end = self._end
         if end is None:
-            return settled
+            return smoothed
         return [
             (number, each._replace(lag=min(each.lag, end - 1 - number)))
-            for number, each in settled
+            for number, each in smoothed
             if number < end
         ]
 
@@ -227,13 +229,13 @@ class StreamMatcher:
         self._end = self.next
         return max(group.matcher.tail for group in self._groups)
 
-    def finish(self) -> dict[int, list[tuple[int, Settled]]]:
+    def finish(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
         """Return the frames that are left, after ``end`` and what it asks for."""
         for group in self._groups:
-            group.settle(group.matcher.finish())
-        return self.settled()
+            group.smooth(group.matcher.finish())
+        return self.smoothed()
 
-    def push(self, compared: Compared | None, odometry_m: float | None = None) -> list[Candidate]:
+    def update(self, compared: Compared | None, odometry_m: float | None = None) -> list[Candidate]:
         """Return the candidates for the next frame, of whole channels, by ascending number.
 
         Args:

@@ -179,17 +179,17 @@ def _measure(
 
 
 def distance_matrix(
-    metric: MapMetric, descriptors: Sequence[NDArray[np.float32] | None], unseen: float
+    metric: MapMetric, descriptors: Sequence[NDArray[np.float32] | None], unobserved: float
 ) -> NDArray[np.float32]:
     """Compare a whole query, (N,) each, with the places: (Q, K) float32, of squared descriptors.
 
-    Frames that were not seen, None, have ``unseen`` for every place.
+    Frames that were not observed, None, have ``unobserved`` for every place.
     """
-    matrix = np.full((len(descriptors), len(metric.places)), unseen, np.float32)
-    seen = [number for number, descriptor in enumerate(descriptors) if descriptor is not None]
-    if seen:
+    matrix = np.full((len(descriptors), len(metric.places)), unobserved, np.float32)
+    observed = [number for number, descriptor in enumerate(descriptors) if descriptor is not None]
+    if observed:
         stacked = np.stack([one for one in descriptors if one is not None])
         frames = MetricPlaces(metric, exact=True).compare(stacked)
-        for number, frame in zip(seen, frames, strict=True):
+        for number, frame in zip(observed, frames, strict=True):
             matrix[number] = frame.distances * metric.unit**2
     return matrix

@@ -43,7 +43,7 @@ def evidence_of(
     """Write the evidence of a frame at places (K,), see ``Observation``.
 
     No place is more times likelier than the average one than there are places. Where some of them
-    stand for all, the one that is seen may be missing; who is nearest still counts most.
+    stand for all, the one that is observed may be missing; who is nearest still counts most.
 
     Args:
         near: (K,) int32, see ``nearness``.

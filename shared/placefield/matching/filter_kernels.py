@@ -62,7 +62,7 @@ def advance(
     halo: Array,
     transition: Transition,
     apart: Array,
-    seen: Array,
+    observed: Array,
     likelihood: Array,
     of_place: Array,
     of_speed: Vector,
@@ -76,7 +76,7 @@ def advance(
             and in those after them on its reverse.
         transition: from the frame before to this one.
         apart: (6, K) float32, see ``StepLengths``.
-        seen: (2, K) float32, by how much likelier what was observed is at each place than when
+        observed: (2, K) float32, by how much likelier what was observed is at each place than when
             lost, for a vehicle that was there already, and for one that has come there.
         likelihood: (K,) float32, the same if all of the evidence counts.
         of_place: (2, K) float32, sums of the beliefs over the speeds; receives them.
@@ -107,7 +107,7 @@ def advance(
             sides = before[hypothesis], after_all
             own, sums = belief[hypothesis], of_place[hypothesis]
             _advance_block(
-                block, own, sides, transition, hypothesis, seen, sums, of_speed[hypothesis]
+                block, own, sides, transition, hypothesis, observed, sums, of_speed[hypothesis]
             )
             if hypothesis == 0:
                 total += _sum_of_block(predicted[:size])
@@ -123,7 +123,7 @@ def _advance_block(
     sides: tuple[Array, Array],
     transition: Transition,
     hypothesis: int,
-    seen: Array,
+    observed: Array,
     of_place: Array,
     of_speed: Vector,
 ) -> None:
@@ -136,7 +136,7 @@ def _advance_block(
             which receives those before the next one, and in those after all.
         transition: see ``advance``.
         hypothesis: 0 for the map, 1 for its reverse.
-        seen: see ``advance``.
+        observed: see ``advance``.
         of_place: (K,) float32, sums over the speeds; receives them.
         of_speed: (S,) float64, the sums over the places are added to it.
     """
@@ -147,7 +147,7 @@ def _advance_block(
     _sum_changes(belief[0, first:ahead], of_place[first:ahead], motion.change, block.changed)
     sums = block.predicted[:size], of_place[first:end]
     sums[0][:], sums[1][:] = 0, 0
-    looks = seen[0, first:end], seen[1, first:end]
+    looks = observed[0, first:end], observed[1, first:end]
     before, after_all = sides
     for speed in range(len(of_speed)):
         kept, change = np.float32(transition.kept), motion.change[speed]

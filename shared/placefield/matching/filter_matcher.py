@@ -14,7 +14,7 @@ from placefield.matching.belief_kernels import pick
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.comparing import Comparison, SomePlaces
 from placefield.matching.evidence_kernels import bound, evidence_of, nearness, step_length
-from placefield.matching.matcher import Matcher, Partial, Settled
+from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.motion import (
     REACH,
     UNKNOWN,
@@ -23,10 +23,10 @@ from placefield.matching.motion import (
     evenly_spaced,
     step_lengths,
 )
-from placefield.matching.odometry import Odometer, Road, Way, reached_by, tells_length
+from placefield.matching.odometry import Odometer, Road, Way, measures_length, reached_by
 from placefield.matching.partial_results import Share, fits, pack, unpack
 from placefield.matching.place_filter import Observation, PlaceFilter
-from placefield.matching.smoother import Smoothed, Smoother
+from placefield.matching.smoother import SmoothedPosterior, Smoother
 from placefield.matching.trace import NEGLIGIBLE, Trace
 from placefield.search.quantized import Codes
 from placefield.search.spread import Spread, deviation_from
@@ -42,7 +42,7 @@ SOME = 1000
 
 _NOTHING = np.empty(0)
 _TEMPERATURE = 0.8  # deviations of a frame's distances, per nat
-_JUMPS = 250  # places from which jumps stand for all
+_RANDOM_PAIRS = 250  # places from which random pairs stand for all
 _REPEATED = 1e-3  # of a descriptor: a frame that is no further from the last one is the same image
 
 
@@ -92,7 +92,7 @@ class FilterMatcher(Matcher):
         self._share: Share | None = None
         self._trace: Trace | None = None
         self._candidate = NO_CANDIDATE
-        self._settled: list[Smoothed] = []
+        self._smoothed: list[SmoothedPosterior] = []
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict, and update by what the shard's places have of the frame.
@@ -130,7 +130,7 @@ class FilterMatcher(Matcher):
         return Observation(step, way, 0.0, np.zeros(places, np.float32), 0.0)
 
     def _observe(self, frame: Comparison, step: float, way: Way | None) -> Observation:
-        """The nearer a place is, the likelier it is what is seen."""
+        """The nearer a place is, the likelier it is what is observed."""
         if not frame.is_exact:
             frame = frame.made_exact(self._within_reach(way, len(frame.distances)))
         deviation = frame.deviation
@@ -138,7 +138,7 @@ class FilterMatcher(Matcher):
             deviation = deviation_from(frame.codes, self._spread)
         # A frame like the last one says again what that has said.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
-        if way is not None and self._road is not None and not tells_length(way, self._road):
+        if way is not None and self._road is not None and not measures_length(way, self._road):
             step = UNKNOWN
         if deviation == 0:
             return self._missing(step, way)
@@ -182,7 +182,7 @@ class FilterMatcher(Matcher):
                 shares = [unpack(partial) for partial in partials]
             self._trace = self._filter.reduce(shares, self._number)
             self._candidate = self._filtered()
-        self._settled = self._smoother.push(self._trace)
+        self._smoothed = self._smoother.update(self._trace)
         return self._candidate
 
     def _filtered(self) -> Candidate:
@@ -204,25 +204,25 @@ class FilterMatcher(Matcher):
             return len(partial) == 0
         return fits(partial, self._lengths.apart.shape[1])
 
-    def settled(self) -> list[Settled]:
-        """Return the frames that were settled with the last one, in order."""
-        return [self._of_shard(smoothed) for smoothed in self._settled]
+    def smoothed(self) -> list[SmoothedCandidate]:
+        """Return the frames that were smoothed with the last one, in order."""
+        return [self._of_shard(smoothed) for smoothed in self._smoothed]
 
-    def finish(self) -> list[Settled]:
-        """Settle all frames: the stream is over."""
+    def finish(self) -> list[SmoothedCandidate]:
+        """Smooth all frames: the stream is over."""
         return [self._of_shard(smoothed) for smoothed in self._smoother.finish()]
 
-    def _of_shard(self, smoothed: Smoothed) -> Settled:
+    def _of_shard(self, smoothed: SmoothedPosterior) -> SmoothedCandidate:
         places, belief, too_fast = smoothed.posterior
         if not len(places):
-            return Settled(NO_CANDIDATE, smoothed.lag)
+            return SmoothedCandidate(NO_CANDIDATE, smoothed.lag)
         first, end = np.searchsorted(places, (self._own.start, self._own.stop))
         places, belief = places[first:end], belief[first:end]
         if not len(places):
             places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)
         best = int(np.argmax(belief))
         candidate = Candidate(int(places[best]), float(belief[best]), places, belief, too_fast)
-        return Settled(candidate, smoothed.lag)
+        return SmoothedCandidate(candidate, smoothed.lag)
 
 
 def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
@@ -234,7 +234,7 @@ def lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
 def jumps_of(metric: MapMetric) -> Array:
     """Return how far places are from those half a map away, (J,) float32."""
     count = len(metric.places)
-    some = evenly_spaced(np.arange(count), _JUMPS)
+    some = evenly_spaced(np.arange(count), _RANDOM_PAIRS)
     here, there = metric.places[some], metric.places[some - count // 2]
     difference = here.astype(np.float32) - there
     return np.asarray(metric.unit * np.linalg.norm(difference, axis=1), np.float32)

@@ -22,10 +22,10 @@ Partial = NDArray[np.float64]
 """(n,) float64, what the shards of a channel need of each other of a frame."""
 
 WHOLE_DRIVE = sys.maxsize
-"""A lag that ends with the stream: no frame is settled before."""
+"""A lag that ends with the stream: no frame is smoothed before."""
 
 
-class Settled(NamedTuple):
+class SmoothedCandidate(NamedTuple):
     """What a channel has for a frame in hindsight.
 
     Attributes:
@@ -74,17 +74,17 @@ class Matcher(ABC):
         """Whether what came from another shard can be its partial result for this frame."""
 
     @abstractmethod
-    def settled(self) -> list[Settled]:
-        """Return the frames that were settled by the last reduce step, in their order.
+    def smoothed(self) -> list[SmoothedCandidate]:
+        """Return the frames that were smoothed by the last reduce step, in their order.
 
-        Every frame is settled once, and in the end all of them are; see ``finish``.
+        Every frame is smoothed once, and in the end all of them are; see ``finish``.
         """
 
     @abstractmethod
-    def finish(self) -> list[Settled]:
-        """Settle the frames that are left: the stream is over."""
+    def finish(self) -> list[SmoothedCandidate]:
+        """Smooth the frames that are left: the stream is over."""
 
-    def push(self, frame: Comparison | None, odometry_m: float | None = None) -> Candidate:
+    def update(self, frame: Comparison | None, odometry_m: float | None = None) -> Candidate:
         """Return the candidate for the next frame; for a whole channel, which is its only shard.
 
         Args:
@@ -115,10 +115,16 @@ class ReverseMatcher(Matcher):
         """Whether what came from another shard can be its partial result for this frame."""
         return self._matcher.fits(partial)
 
-    def settled(self) -> list[Settled]:
-        """Return the frames that were settled by the last reduce step."""
-        return [Settled(each.turned(self._places), lag) for each, lag in self._matcher.settled()]
+    def smoothed(self) -> list[SmoothedCandidate]:
+        """Return the frames that were smoothed by the last reduce step."""
+        return [
+            SmoothedCandidate(each.turned(self._places), lag)
+            for each, lag in self._matcher.smoothed()
+        ]
 
-    def finish(self) -> list[Settled]:
-        """Settle the frames that are left."""
-        return [Settled(each.turned(self._places), lag) for each, lag in self._matcher.finish()]
+    def finish(self) -> list[SmoothedCandidate]:
+        """Smooth the frames that are left."""
+        return [
+            SmoothedCandidate(each.turned(self._places), lag)
+            for each, lag in self._matcher.finish()
+        ]

@@ -83,14 +83,14 @@ class StepLengths(NamedTuple):
         apart: (6, K) float32, how far each place is from the one before it, the second before it,
             and so on.
         some: (6, J) float32, some of them, that stand for all.
-        jumps: (J,) float32, how far places are from those half a map away.
+        random_pairs: (J,) float32, how far places are from those half a map away.
         typical: length of a step of one place, the median.
         standing: of no step.
     """
 
     apart: Array
     some: Array
-    jumps: Array
+    random_pairs: Array
     typical: float
     standing: float
 
@@ -123,12 +123,12 @@ def _step_chances() -> NDArray[np.float64]:
     return np.asarray(chances / chances.sum(axis=1, keepdims=True))
 
 
-def step_lengths(apart: Array, jumps: Array) -> StepLengths:
+def step_lengths(apart: Array, random_pairs: Array) -> StepLengths:
     """Return the lengths of steps; see ``StepLengths`` for the arguments."""
     typical = float(np.median(apart[0])) or 1.0
     standing = _NOISE * typical
     some = evenly_spaced(apart.T, _STEPS).T.copy()
-    return StepLengths(apart, some, jumps, typical, standing)
+    return StepLengths(apart, some, random_pairs, typical, standing)
 
 
 def evenly_spaced(rows: Rows, most: int) -> Rows:

@@ -61,18 +61,18 @@ class Way(NamedTuple):
         metres: of it; negative where less was driven up to here than had been assumed.
         deviation: of these, from what was not told.
         pace: metres per frame lately.
-        is_told: whether the readings at both of its ends were.
+        is_measured: whether the readings at both of its ends were.
     """
 
     metres: float
     deviation: float
     pace: float
-    is_told: bool
+    is_measured: bool
 
 
-def tells_length(way: Way, road: Road) -> bool:
+def measures_length(way: Way, road: Road) -> bool:
     """Whether a step in descriptor space can be compared with those of the map over such a way."""
-    return way.is_told and way.pace <= SPEEDS[RESOLVED - 1] * road.spacing
+    return way.is_measured and way.pace <= SPEEDS[RESOLVED - 1] * road.spacing
 
 
 class Odometer:
@@ -105,14 +105,14 @@ class Odometer:
         rest = driven - self._assumed
         self._last, self._pace = reading, driven / frames
         self._assumed, self._frames = 0.0, 0
-        return Way(rest, 0.0, driven / frames, is_told=frames == 1)
+        return Way(rest, 0.0, driven / frames, is_measured=frames == 1)
 
     def _assume(self) -> Way | None:
         if self._pace is None or self._frames > _ASSUMED:
             self._forget(None)
             return None
         self._assumed += self._pace
-        return Way(self._pace, _UNEVEN * self._pace, self._pace, is_told=False)
+        return Way(self._pace, _UNEVEN * self._pace, self._pace, is_measured=False)
 
 
 def reached_by(way: Way, road: Road, places: Places) -> Places:

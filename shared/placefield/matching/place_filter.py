@@ -118,17 +118,17 @@ class PlaceFilter:
         self._observation = observation
         counts = (min(count, observation.novelty / _NOVEL) for count in (AGAIN, 1))
         self._counts = np.fromiter(counts, np.float32, 2)
-        seen = np.exp(self._counts[:, None] * observation.evidence)
-        likelihood = seen[1] if self._counts[1] == 1 else np.exp(observation.evidence)
+        observed = np.exp(self._counts[:, None] * observation.evidence)
+        likelihood = observed[1] if self._counts[1] == 1 else np.exp(observation.evidence)
         of_speed = np.empty((2, len(SPEEDS)))
         if not self.begun:
-            predicted, expected = self._begin(seen, of_speed)
+            predicted, expected = self._begin(observed, of_speed)
         elif self._road is not None and observation.way is not None:
             predicted, expected = self._advance_by(
-                self._road, observation.way, seen, likelihood, of_speed
+                self._road, observation.way, observed, likelihood, of_speed
             )
         else:
-            predicted, expected = self._advance(seen, likelihood, of_speed)
+            predicted, expected = self._advance(observed, likelihood, of_speed)
         places = self._most_believed(float(of_speed.sum()))
         return Share(
             predicted,
@@ -140,17 +140,17 @@ class PlaceFilter:
             beliefs_at(self._belief, places),
         )
 
-    def _begin(self, seen: Array, of_speed: Vector) -> tuple[float, float]:
+    def _begin(self, observed: Array, of_speed: Vector) -> tuple[float, float]:
         """Update beliefs that none has moved yet."""
         self.begun = True
         self._prior, self._jump = self._motion.prior, 1.0
         self._stray = np.ones(len(SPEEDS))
-        self._belief *= seen[1]
+        self._belief *= observed[1]
         self._of_place = self._belief.sum(axis=1)
         of_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
         return 0.0, 0.0
 
-    def _advance(self, seen: Array, likelihood: Array, of_speed: Vector) -> tuple[float, float]:
+    def _advance(self, observed: Array, likelihood: Array, of_speed: Vector) -> tuple[float, float]:
         """Predict and update the beliefs; return the sums before the update that a share has."""
         self._prior = self.drive.prior.astype(np.float32)
         lengths, step = self._lengths, self._observation.step
@@ -163,11 +163,18 @@ class PlaceFilter:
         transition = Transition(self._motion, self._prior, kept, found, step, lengths.standing)
         halo = np.float32(1 - LOSE) * self._halo
         return advance(
-            self._belief, halo, transition, self._apart, seen, likelihood, self._of_place, of_speed
+            self._belief,
+            halo,
+            transition,
+            self._apart,
+            observed,
+            likelihood,
+            self._of_place,
+            of_speed,
         )
 
     def _advance_by(
-        self, road: Road, way: Way, seen: Array, likelihood: Array, of_speed: Vector
+        self, road: Road, way: Way, observed: Array, likelihood: Array, of_speed: Vector
     ) -> tuple[float, float]:
         """Predict by odometry: it tells the speed of every vehicle, on the map and lost."""
         self._prior = self.drive.prior.astype(np.float32)
@@ -178,7 +185,15 @@ class PlaceFilter:
         found, self._lost = find_and_lose(adrift, jumped, self._all_places)
         driven = speeds.astype(np.float32)
         return spread(
-            self._belief, carried, steps, driven, found, seen, likelihood, self._of_place, of_speed
+            self._belief,
+            carried,
+            steps,
+            driven,
+            found,
+            observed,
+            likelihood,
+            self._of_place,
+            of_speed,
         )
 
     def _carried(self, road: Road, way: Way) -> Array:
@@ -225,16 +240,16 @@ class PlaceFilter:
             shares: of all shards, in the order of their places.
             number: which of them this one's is.
         """
-        seen = self._observation
+        observed = self._observation
         of_speed = reduce(np.add, [share.of_speed for share in shares])
         self._total = float(of_speed.sum() + self._lost.sum())
         too_fast = of_speed[:, RESOLVED:].sum() + self._lost[RESOLVED:].sum()
         self.too_fast = min(float(too_fast) / self._total, 1.0)
         predicted = sum(share.predicted for share in shares)
-        if predicted > 0 and seen.novelty > 0:
-            expected = sum(share.expected for share in shares) * math.exp(seen.lost_evidence)
+        if predicted > 0 and observed.novelty > 0:
+            expected = sum(share.expected for share in shares) * math.exp(observed.lost_evidence)
             speeds = of_speed[0] / self._total
-            self.drive.learn(speeds, self._on_map, expected / predicted, seen.novelty)
+            self.drive.learn(speeds, self._on_map, expected / predicted, observed.novelty)
         self._on_map = float(of_speed[0].sum()) / self._total
         for hypothesis, neighbour in enumerate((number - 1, number + 1)):
             if 0 <= neighbour < len(shares):

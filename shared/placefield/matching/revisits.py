@@ -79,7 +79,7 @@ def same_places(descriptors: Array) -> Same:
 
 
 def _recognised(descriptors: Array) -> _Recognised:
-    """Recognise frames part by part, so that little is kept of those that are not settled."""
+    """Recognise frames part by part, so that little is kept of those that are not smoothed."""
     metric = identity_metric(descriptors)
     shard = ChannelShard(_channel(metric), MatchingConfig(tolerance=_TOLERANCE))
     places = MetricPlaces(metric, exact=True)
@@ -90,7 +90,7 @@ def _recognised(descriptors: Array) -> _Recognised:
         resembled: list[int] = []
         for frame in _among_earlier(places, descriptors, first, start + _PART + _AROUND):
             resembled.append(int(np.argmin(frame.distances)))
-            matcher.push(frame)
+            matcher.update(frame)
         own = slice(start - first, start - first + _PART)
         nearest += resembled[own]
         posteriors += [_posterior(candidate) for candidate, _ in matcher.finish()[own]]

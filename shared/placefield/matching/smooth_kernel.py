@@ -52,7 +52,7 @@ def step_back(
     count = apart.shape[1]
     to_lost = _LOSE * transit.jump * (motion.prior * lost).sum()
     ahead, found = _weighed(transit, placed, apart, standing)
-    adrift = transit.stray * ((1 - _FIND) * lost + _FIND / count * found)
+    adrift = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / count * found)
     from_lost = adrift + motion.change * ((motion.prior * adrift).sum() - adrift)
     _reach_back(transit, ahead, motion, to_lost, before, backward)
     values = backward.reshape(backward.size)
@@ -76,7 +76,7 @@ def _weighed(
         and on its reverse, the last one being no place; and the sum over the places for who was
         lost, (S,) float64.
     """
-    places, (again, anew) = transit.places, (transit.seen[0], transit.seen[1])
+    places, (again, anew) = transit.places, (transit.observed[0], transit.observed[1])
     speeds, count = placed.shape[2], len(places)
     near = np.empty((len(apart), count), np.float32)
     for row in range(len(apart)):

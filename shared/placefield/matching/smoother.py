@@ -1,9 +1,9 @@
-"""Fixed-lag smoothing: each frame's posterior given some frames after it, settled when it is sure.
+"""Fixed-lag smoothing: each frame's posterior given some frames after it, smoothed when it is sure.
 
-A frame is settled when it is all but certain where it was, or that it is nowhere, or when it has
-waited for ``lag`` frames. Frames are settled in order. The backward pass runs over the frames that
-are not settled, once in a few frames, and on the places that were believed in when they came: so it
-costs about twice the filter's own pass, and less on a large map.
+A frame is smoothed as soon as it is nearly certain where the vehicle was, or that it was nowhere on
+the map; at the latest after ``lag`` more frames. Frames are smoothed in order. The backward pass
+runs once in a few frames, over the frames that are still waiting, and on the places that had belief
+when these came: it costs about twice the filter's own pass, and less on a large map.
 """
 
 from collections import deque
@@ -23,10 +23,10 @@ from placefield.matching.trace import Trace
 _EVERY = 3  # frames
 _CERTAIN = 0.999  # more frames change nothing
 _HOPELESS, _PATIENCE = 0.001, 10  # likewise, after so many
-_AT_ONCE = 5  # frames that are settled together, when the first of them has waited for long enough
+_AT_ONCE = 5  # frames that are smoothed together, when the first of them has waited for long enough
 
 
-class Smoothed(NamedTuple):
+class SmoothedPosterior(NamedTuple):
     """Where the vehicle was at a frame, given some frames after it: how many is the lag."""
 
     lag: int
@@ -59,8 +59,8 @@ class Smoother:
         self._frames = 0
         self._unobserved = 0  # in a row
 
-    def push(self, trace: Trace | None) -> list[Smoothed]:
-        """Take the next frame's trace, None before the first observation; return who is settled."""
+    def update(self, trace: Trace | None) -> list[SmoothedPosterior]:
+        """Take the next trace, None before the first observation; return what is smoothed now."""
         self._waiting.append(trace)
         if self._lag == WHOLE_DRIVE:
             return []
@@ -70,7 +70,7 @@ class Smoother:
         oldest = len(self._waiting) - 1
         if oldest < self._lag and (self._frames % _EVERY or not is_news):
             return []
-        return self._settle(self._least_lag(oldest))
+        return self._smooth(self._least_lag(oldest))
 
     def _least_lag(self, oldest: int) -> int:
         """Return after how many frames who is not certain yet has waited for long enough."""
@@ -80,22 +80,22 @@ class Smoother:
             return 0  # those that wait were not observed, either
         return max(self._lag - _AT_ONCE + 1, 0)
 
-    def finish(self) -> list[Smoothed]:
-        """Settle all frames: the stream is over."""
-        smoothed = [_posterior(trace, ahead) for trace, ahead in self._back()]
+    def finish(self) -> list[SmoothedPosterior]:
+        """Smooth all frames: the stream is over."""
+        posteriors = [_posterior(trace, ahead) for trace, ahead in self._back()]
         self._waiting.clear()
-        return [Smoothed(lag, each) for lag, each in enumerate(smoothed)][::-1]
+        return [SmoothedPosterior(lag, each) for lag, each in enumerate(posteriors)][::-1]
 
-    def _settle(self, enough: int) -> list[Smoothed]:
+    def _smooth(self, enough: int) -> list[SmoothedPosterior]:
         newest = len(self._waiting) - 1
-        settled = []
+        smoothed = []
         for number, (trace, ahead) in enumerate(reversed([*self._back()])):
-            smoothed, lag = _posterior(trace, ahead), newest - number
-            if not (self._is_certain(smoothed, lag) or lag >= enough):
+            posterior, lag = _posterior(trace, ahead), newest - number
+            if not (self._is_certain(posterior, lag) or lag >= enough):
                 break
-            settled.append(Smoothed(lag, smoothed))
+            smoothed.append(SmoothedPosterior(lag, posterior))
             self._waiting.popleft()
-        return settled
+        return smoothed
 
     def _is_certain(self, smoothed: Posterior, lag: int) -> bool:
         if not len(smoothed.places):

@@ -44,7 +44,7 @@ class Step(NamedTuple):
         change: (S,), chance of a change.
         chances: (S, R), of a step of 0, 1, … places at each speed.
         likelihood: (S, K), of the observed step, at each speed, by the place that it leads to.
-        stray: (S,), the same when lost.
+        lost_likelihood: (S,), the same when lost.
         jump: the same from a place to lost.
     """
 
@@ -53,7 +53,7 @@ class Step(NamedTuple):
     change: Array
     chances: Array
     likelihood: Array
-    stray: Array
+    lost_likelihood: Array
     jump: float
 
 
@@ -107,7 +107,9 @@ def predict(state: State, step: Step) -> Predicted:
         came[0, :, places:] += chance * mixed[0, :, : count - places]
         came[1, :, : count - places] += chance * mixed[1, :, places:]
     change = step.change
-    adrift = step.stray * ((1 - change) * state.lost + step.unlearned * (change @ state.lost))
+    adrift = step.lost_likelihood * (
+        (1 - change) * state.lost + step.unlearned * (change @ state.lost)
+    )
     left = LOSE * step.jump * float(state.placed.sum()) * step.unlearned
     found = _anywhere(FIND * adrift, count)
     kept = (1 - LOSE) * step.likelihood
@@ -153,7 +155,7 @@ def predict_backward(backward: State, step: Step, likelihood: Likelihood) -> Sta
     count = backward.placed.shape[2]
     anew = backward.placed * likelihood.anew
     found = (_anywhere(np.ones_like(backward.lost), count) * anew).sum(axis=(0, 2))
-    adrift = step.stray * ((1 - FIND) * backward.lost + FIND * found)
+    adrift = step.lost_likelihood * ((1 - FIND) * backward.lost + FIND * found)
     lost = adrift + step.change * (step.unlearned @ adrift - adrift)
     stayed = step.likelihood * backward.placed * likelihood.again
     ahead = step.likelihood * anew

@@ -22,19 +22,19 @@ class Transit(NamedTuple):
 
     Attributes:
         places: (n,) int32, ascending.
-        seen: (2, n) float32, by how much likelier the frame is at each than when lost, for a
+        observed: (2, n) float32, by how much likelier the frame is at each than when lost, for a
             vehicle that was there already, and for one that has come there.
         prior: (S,) float32, of the speeds in the transition to the frame.
         step: length of the step to it, or ``UNKNOWN``.
-        stray: (S,) float64, likelihood of that step for a lost vehicle.
+        lost_likelihood: (S,) float64, likelihood of that step for a lost vehicle.
         jump: likewise for one that jumps.
     """
 
     places: NDArray[np.int32]
-    seen: Array
+    observed: Array
     prior: Array
     step: float
-    stray: Vector
+    lost_likelihood: Vector
     jump: float
 
 

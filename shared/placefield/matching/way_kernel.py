@@ -14,7 +14,7 @@ def spread(
     steps: Array,
     driven: Array,
     found: Array,
-    seen: Array,
+    observed: Array,
     likelihood: Array,
     of_place: Array,
     of_speed: NDArray[np.float64],
@@ -27,7 +27,7 @@ def spread(
         steps: (K,) float32, likelihood of the step by the place that it leads to.
         driven: (S,) float32, chance of each speed; most are 0.
         found: (2, S) float32, see ``Transition``.
-        seen: (2, K) float32, see ``advance``.
+        observed: (2, K) float32, see ``advance``.
         likelihood: (K,) float32, see there.
         of_place: (2, K) float32, receives the sums over the speeds.
         of_speed: (2, S) float64, receives the sums over the places.
@@ -46,7 +46,7 @@ def spread(
                 of_speed[hypothesis, speed] = 0
                 continue
             anyone = found[hypothesis, speed]
-            _update(chance, (stays, comes), steps, anyone, (seen[0], seen[1]), after)
+            _update(chance, (stays, comes), steps, anyone, (observed[0], observed[1]), after)
             _add(after, sums)
             of_speed[hypothesis, speed] = sum_of(after)
             if hypothesis == 0:

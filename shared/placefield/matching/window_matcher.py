@@ -19,7 +19,7 @@ from placefield.kernels import kernel
 from placefield.maps.map import MapMetric
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison
-from placefield.matching.matcher import Matcher, Partial, Settled
+from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.windows import RecentDistances, WindowSums
 from placefield.search.quantized import Codes
 
@@ -96,7 +96,7 @@ class WindowMatcher(Matcher):
     """Compares windows at the speed of the reference, one per scale.
 
     A partial result is that of the windows that look back from the newest frame, and then, with a
-    lag, of those that look ahead from the one that is settled with it.
+    lag, of those that look ahead from the one that is smoothed with it.
     """
 
     def __init__(
@@ -129,14 +129,14 @@ class WindowMatcher(Matcher):
             self._ahead = WindowSums(self._recent, cut, ahead=True)
         self.tail = self._ahead.delay if self._ahead else 0
         self._length = 0
-        self._settled: list[Settled] = []
+        self._smoothed: list[SmoothedCandidate] = []
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Move the windows on; missing observations keep the others on their diagonal."""
         if frame is None:
-            self._recent.push_missing()
+            self._recent.update_missing()
         else:
-            self._recent.push(frame.distances, self._mean_distance(frame.codes))
+            self._recent.update(frame.distances, self._mean_distance(frame.codes))
         self._back.slide()
         partial = self._partial(self._back, self._places)
         if self._ahead:
@@ -149,27 +149,29 @@ class WindowMatcher(Matcher):
         """Return the candidate for the last frame."""
         if self._ahead is None:
             candidate = self._best(self._back, self._places, partials)
-            self._settled = [Settled(candidate, 0)]
+            self._smoothed = [SmoothedCandidate(candidate, 0)]
             return candidate
         half = self._length // 2
         candidate = self._best(self._back, self._places, [each[:half] for each in partials])
-        self._settled = []
+        self._smoothed = []
         if self._recent.frames > self._ahead.delay:
             mirrored = [each[half:] for each in reversed(partials)]
-            settled = self._best(self._ahead, self._turned, mirrored)
-            self._settled = [Settled(settled.turned(self._places.places), self._ahead.delay)]
+            smoothed = self._best(self._ahead, self._turned, mirrored)
+            self._smoothed = [
+                SmoothedCandidate(smoothed.turned(self._places.places), self._ahead.delay)
+            ]
         return candidate
 
     def fits(self, partial: Partial) -> bool:
         """Whether what came from another shard can be its partial result for this frame."""
         return len(partial) == self._length
 
-    def settled(self) -> list[Settled]:
+    def smoothed(self) -> list[SmoothedCandidate]:
         """Return the frame whose longest window ends with the last one, if there is one."""
-        return self._settled
+        return self._smoothed
 
-    def finish(self) -> list[Settled]:
-        """Return none: the tail has settled all frames, by windows that end with the stream."""
+    def finish(self) -> list[SmoothedCandidate]:
+        """Return none: the tail has smoothed all frames, by windows that end with the stream."""
         return []
 
     @abstractmethod

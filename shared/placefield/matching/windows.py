@@ -44,7 +44,7 @@ class RecentDistances:
         self.frames, self.first, self.last = 0, 0, -1
         self._mean = 0
 
-    def push(self, distances: Distances, mean: int) -> None:
+    def update(self, distances: Distances, mean: int) -> None:
         """Take the newest frame's distances to the places, (K,) int32, and their mean.
 
         The mean is over all places of the map, which may be more than these.
@@ -56,7 +56,7 @@ class RecentDistances:
         self._count(0)
         self.last, self._mean = frame, mean
 
-    def push_missing(self) -> None:
+    def update_missing(self) -> None:
         """Take a missing observation."""
         self.rows[self.frames % len(self.rows)] = 0
         self._count(self._mean)

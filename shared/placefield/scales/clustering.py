@@ -100,7 +100,7 @@ def _cluster_at_once(
         progress(done, _MAX_SWEEPS)
         spread = float(distances.min(axis=0).mean())
         means, memberships, distances = sweep(memberships)
-        if _has_settled(centres, means, spread):
+        if _has_smoothed(centres, means, spread):
             break
     return Clustering(centres, labels)
 
@@ -127,12 +127,12 @@ def cluster_in_blocks(
         centres = means
         labels, means, spread = _sweep(vectors, centres, fuzzifier)
         progress(sweep, _MAX_SWEEPS)
-        if _has_settled(centres, means, spread):
+        if _has_smoothed(centres, means, spread):
             break
     return Clustering(centres, labels)
 
 
-def _has_settled(before: Vectors, centres: Vectors, spread: float) -> bool:
+def _has_smoothed(before: Vectors, centres: Vectors, spread: float) -> bool:
     return bool(np.linalg.norm(centres - before, axis=1).max() <= _TOLERANCE * spread)
 
 

@@ -60,9 +60,9 @@ def test_matches_the_place_of_the_lowest_sum(D: Array, length: int, lag: int) ->
 def test_nothing_after_a_frame_and_its_lag_changes_its_match(
     D: Array, length: int, until: int, lag: int
 ) -> None:
-    settled = max(min(until, len(D)) - lag, 0)
-    before = fixed_window(D[:until], length, lag)[:settled]
-    assert before == fixed_window(D, length, lag)[:settled]
+    smoothed = max(min(until, len(D)) - lag, 0)
+    before = fixed_window(D[:until], length, lag)[:smoothed]
+    assert before == fixed_window(D, length, lag)[:smoothed]
 
 
 def test_a_centred_window_answers_in_the_middle_of_the_stream() -> None:

@@ -69,7 +69,7 @@ def test_a_map_of_fixed_scales_recognises_its_route(
     fixed_scale_map: Map, make_traverse: Callable[..., Traverse]
 ) -> None:
     recognizer = Recognizer(fixed_scale_map, Config(matching=MatchingConfig(rule="ams")))
-    matches = [recognizer.push_raw(raw) for raw in make_traverse(noise=0.5).raw]
+    matches = [recognizer.update_raw(raw) for raw in make_traverse(noise=0.5).raw]
     before = SCALES[0] - 1
     assert [match.place for match in matches] == [-1] * before + list(range(before, 90))
 

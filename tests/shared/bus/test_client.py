@@ -13,10 +13,10 @@ import pytest
 import placefield
 from placefield import BusError, Client, ConfigError, Frame, FrameError, Match, SourceError
 from placefield.bus import sending
-from placefield.bus.history import History, share
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, MatchMessage
+from placefield.bus.replay_cache import ReplayCache, serve_cache
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.maps.digest import NO_DIGEST
@@ -32,8 +32,8 @@ class StandIn:
         self.stamps: list[int] = []
         self._deaf_to = deaf_to
         self._matches, self._acks = bus.publisher(KEYS.match), bus.publisher(KEYS.ack)
-        self._history = History()
-        share(bus, KEYS.history(KEYS.match), self._history)
+        self._cache = ReplayCache()
+        serve_cache(bus, KEYS.cache(KEYS.match), self._cache)
         self._next: Counter[str] = Counter()
         bus.subscribe(KEYS.frame, self._receive, Counter())
         for service in ("featurizer", "fuser"):
@@ -55,7 +55,7 @@ class StandIn:
             self.stamps.append(header.stamp_ns)
             told = Match(place, 1.5, pose=placefield.Pose(place, 0.0, 1.0))
             payload = MatchMessage.of(told, map=NO_DIGEST).encode()
-        self._history.remember(header, payload)
+        self._cache.store(header, payload)
         self._matches.send(header, payload)
         self._acks.put(header)
 

@@ -15,7 +15,7 @@ def test_never_more_frames_are_under_way_than_the_window(
     sent = answered = 0
     for step in steps:
         if step is None:
-            granted = credits.take(0)
+            granted = credits.acquire(0)
             assert granted == (sent - answered < window)
             sent += granted
         elif step < sent:
@@ -26,16 +26,16 @@ def test_never_more_frames_are_under_way_than_the_window(
 
 def test_an_answer_wakes_whoever_waits_for_a_credit() -> None:
     credits = Credits(1)
-    assert credits.take(0)
+    assert credits.acquire(0)
     timer = threading.Timer(0.05, credits.answer, [0])
     timer.start()
-    assert credits.take(30)
+    assert credits.acquire(30)
     timer.join()
 
 
 def test_waiting_for_an_answer_ends_with_it_or_with_the_time() -> None:
     credits = Credits()
-    assert credits.take(0)
+    assert credits.acquire(0)
     assert not credits.wait_until_answered(0, 0.01)
     timer = threading.Timer(0.05, credits.answer, [0])
     timer.start()

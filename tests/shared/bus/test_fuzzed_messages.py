@@ -16,14 +16,14 @@ from placefield.bus.candidate_messages import (
     ChannelSummary,
     FinishedMessage,
     HaloMessage,
-    SettledFrame,
-    SettledFrames,
+    SmoothedFrame,
+    SmoothedFrames,
 )
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import (
+    CacheQuery,
     FeatureMessage,
     FrameMessage,
-    HistoryQuery,
     MatchMessage,
     MissingObservationMessage,
     MomentsMessage,
@@ -39,12 +39,12 @@ pytestmark = pytest.mark.slow
 
 VECTOR = np.linspace(-1, 1, 5, dtype=np.float32)
 PLACES = np.arange(5, dtype=np.int32)
-SETTLED = SettledFrames.of(
+SETTLED = SmoothedFrames.of(
     9,
     [
-        SettledFrame(3, 4, 5, Candidate(2, 0.5, PLACES, VECTOR, 0.75)),
-        SettledFrame(3, 5, 4, NO_CANDIDATE),
-        SettledFrame(4, 8, 1, Candidate(0, 0.25, PLACES[:2], VECTOR[:2])),
+        SmoothedFrame(3, 4, 5, Candidate(2, 0.5, PLACES, VECTOR, 0.75)),
+        SmoothedFrame(3, 5, 4, NO_CANDIDATE),
+        SmoothedFrame(4, 8, 1, Candidate(0, 0.25, PLACES[:2], VECTOR[:2])),
     ],
 )
 EXAMPLES: list[Message] = [
@@ -60,7 +60,7 @@ EXAMPLES: list[Message] = [
                 channel=3, place=4, score=0.5, places=PLACES, evidence=VECTOR + 1, too_fast=0.25
             ),
         ),
-        settled=SETTLED,
+        smoothed=SETTLED,
     ),
     HaloMessage(
         map=NO_DIGEST,
@@ -70,7 +70,7 @@ EXAMPLES: list[Message] = [
     ),
     MissingObservationMessage(reason="blank"),
     MomentsMessage(frames=21.0, sums=np.ones((2, 5))),
-    HistoryQuery(stream="s", first=0, end=2**48),
+    CacheQuery(stream="s", first=0, end=2**48),
     MatchMessage(
         map=NO_DIGEST,
         place=7,
@@ -80,7 +80,7 @@ EXAMPLES: list[Message] = [
         known=False,
         pose=(1.0, 2.0, 3.0),
     ),
-    FinishedMessage(map=NO_DIGEST, rule="filter", channels=(3, 4), settled=SETTLED),
+    FinishedMessage(map=NO_DIGEST, rule="filter", channels=(3, 4), smoothed=SETTLED),
     SmoothedMessage(
         map=NO_DIGEST, place=7, score=0.9, missing=(1,), probability=0.4, known=False, lag=3
     ),
@@ -91,7 +91,7 @@ HOMES = {f"placefield.bus.{name}" for name in ("message", "messages", "candidate
 KINDS = sorted({type(example) for example in EXAMPLES}, key=lambda kind: kind.__name__)
 PARTS = {
     *ChannelCandidate.model_fields,
-    *SettledFrames.model_fields,
+    *SmoothedFrames.model_fields,
     "summary",
     "dtype",
     "shape",
@@ -129,10 +129,10 @@ candidates = st.fixed_dictionaries(
         "too_fast": st.floats(0, 1) | leaves,
     }
 )
-settled = st.fixed_dictionaries(dict.fromkeys(SettledFrames.model_fields, arrays))
+smoothed = st.fixed_dictionaries(dict.fromkeys(SmoothedFrames.model_fields, arrays))
 summaries = st.fixed_dictionaries({"channel": st.integers(0, 9) | leaves, "summary": arrays})
 values = st.recursive(
-    leaves | arrays | candidates | settled | st.lists(candidates | summaries, max_size=3),
+    leaves | arrays | candidates | smoothed | st.lists(candidates | summaries, max_size=3),
     lambda inner: (
         st.lists(inner, max_size=4)
         | st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), inner, max_size=4)
@@ -192,12 +192,12 @@ def check_bounds(message: Message) -> None:
             assert message.candidates
             for candidate in message.candidates:
                 check_candidate(candidate)
-            check_settled(message.settled)
+            check_smoothed(message.smoothed)
         case FinishedMessage():
             assert message.rule in ("filter", "evidence", "ams")
             assert message.channels
             assert all(0 <= channel < 2**16 for channel in message.channels)
-            check_settled(message.settled)
+            check_smoothed(message.smoothed)
         case MatchMessage():
             assert -1 <= message.place < 2**31
             assert np.isfinite(message.score)
@@ -222,7 +222,7 @@ def check_bounds(message: Message) -> None:
             assert message.sums.ndim == 2
             assert message.sums.dtype == np.float64
             assert np.isfinite(message.sums).all()
-        case HistoryQuery():
+        case CacheQuery():
             assert 1 <= len(message.stream) <= 64
             assert 0 <= message.first < 2**48
             assert 0 <= message.end <= 2**49
@@ -245,15 +245,15 @@ def check_candidate(candidate: ChannelCandidate) -> None:
     assert candidate.places.ndim == 1
 
 
-def check_settled(settled: SettledFrames | None) -> None:
-    frames = [] if settled is None else list(settled.frames(2**48))
+def check_smoothed(smoothed: SmoothedFrames | None) -> None:
+    frames = [] if smoothed is None else list(smoothed.frames(2**48))
     for frame in frames:
         assert 2**48 - 2**31 < frame.sequence <= 2**48
         assert 0 <= frame.lag < 2**31
         check_candidate(ChannelCandidate.of(frame.channel, frame.candidate))
-    if settled is not None:
-        assert sum(len(frame.candidate.places) for frame in frames) == len(settled.places)
-        assert sum(len(frame.candidate.evidence) for frame in frames) == len(settled.evidence)
+    if smoothed is not None:
+        assert sum(len(frame.candidate.places) for frame in frames) == len(smoothed.places)
+        assert sum(len(frame.candidate.evidence) for frame in frames) == len(smoothed.evidence)
 
 
 def check_vector(vector: Any) -> None:

@@ -27,7 +27,7 @@ def inbox_of(*runs: str, live_capacity: int = CAPACITY) -> tuple[Inbox, dict[str
 
 def drain(inbox: Inbox, limit: int = CAPACITY) -> list[int]:
     taken = []
-    while messages := inbox.take_all(0, limit):
+    while messages := inbox.get_batch(0, limit):
         assert len(messages) <= limit
         taken += [message.header.sequence for message in messages]
     return taken
@@ -45,7 +45,7 @@ def test_all_that_waits_comes_out_together_up_to_the_limit() -> None:
     inbox, _ = inbox_of()
     for sequence in range(10):
         inbox.offer(received(sequence))
-    assert [len(inbox.take_all(0, 4)) for _ in range(4)] == [4, 4, 2, 0]
+    assert [len(inbox.get_batch(0, 4)) for _ in range(4)] == [4, 4, 2, 0]
 
 
 def test_a_live_stream_keeps_the_newest_and_its_end() -> None:
@@ -64,7 +64,7 @@ def test_each_run_keeps_its_newest_however_many_another_sends() -> None:
         if sequence in (10, 50):
             inbox.offer(received(sequence, live=True, key=calm))
         inbox.offer(received(sequence, live=True, key=flood))
-    taken = [(message.run, message.header.sequence) for message in inbox.take_all(0, 100)]
+    taken = [(message.run, message.header.sequence) for message in inbox.get_batch(0, 100)]
     assert taken == [("calm", 10), ("flood", 98), ("calm", 50), ("flood", 99)]
     assert counts == {"calm": {}, "flood": {"dropped_old": 98}}
 
@@ -76,7 +76,7 @@ def test_a_camera_is_served_in_turn_with_a_replay_that_never_pauses() -> None:
         while len(inbox._waiting["replay"]) < WINDOW:
             inbox.offer(received(sequence, key=Keys("replay").frame))
         inbox.offer(received(sequence, live=True, key=Keys("camera").frame))
-        served.update(message.run for message in inbox.take_all(0, 1))
+        served.update(message.run for message in inbox.get_batch(0, 1))
     assert served == {"replay": 100, "camera": 100}
     assert counts["camera"]["dropped_old"] == 99
 
@@ -86,7 +86,7 @@ def test_a_run_that_fills_its_room_leaves_that_of_another() -> None:
     for sequence in range(CAPACITY + 5):
         inbox.offer(received(sequence, key=Keys("flood").frame))
     inbox.offer(received(0, key=Keys("calm").frame))
-    assert len(inbox.take_all(0, 2 * CAPACITY)) == CAPACITY + 1
+    assert len(inbox.get_batch(0, 2 * CAPACITY)) == CAPACITY + 1
     assert counts == {"calm": {}, "flood": {"dropped_full": 5}}
     inbox.offer(received(0, key=Keys("flood").frame))
     assert len(drain(inbox)) == 1
@@ -126,8 +126,8 @@ def test_every_message_is_taken_in_order_or_counted(
         for sequence, (live, end, take, run) in enumerate(happening):
             inbox.offer(received(sequence, live=live, end=end, key=Keys(run).frame))
             offered[run] += 1
-            messages += inbox.take_all(0, take) if take else []
-        messages += inbox.take_all(0, 100)
+            messages += inbox.get_batch(0, take) if take else []
+        messages += inbox.get_batch(0, 100)
     for run, own in counts.items():
         taken = [message.header.sequence for message in messages if message.run == run]
         assert taken == sorted(set(taken))
@@ -136,11 +136,11 @@ def test_every_message_is_taken_in_order_or_counted(
 
 def test_taking_waits_for_a_message_but_no_longer_than_asked() -> None:
     inbox, _ = inbox_of()
-    assert inbox.take_all(0.01, 5) == []
+    assert inbox.get_batch(0.01, 5) == []
     timer = threading.Timer(0.05, inbox.offer, [received(3)])
     timer.start()
     began = time.monotonic()
-    messages = inbox.take_all(30, 5)
+    messages = inbox.get_batch(30, 5)
     timer.join()
     assert messages == [received(3)]
     assert time.monotonic() - began < 15

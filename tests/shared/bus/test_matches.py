@@ -51,8 +51,8 @@ def test_what_is_no_match_is_refused_and_the_next_one_still_comes(buses: tuple[B
     publisher.put(header(0), StatsMessage(service="fuser", counts={}))
     publisher.put(header(1), MatchMessage(map=NO_DIGEST, place=3, score=1.0))
     with pytest.raises(MessageError):
-        matches.take(10)
-    assert matches.take(10) == (header(1), MatchMessage(map=NO_DIGEST, place=3, score=1.0))
+        matches.get(10)
+    assert matches.get(10) == (header(1), MatchMessage(map=NO_DIGEST, place=3, score=1.0))
 
 
 def test_smoothed_matches_come_in_order_too_and_the_end_behind_them(buses: tuple[Bus, Bus]) -> None:
@@ -84,22 +84,22 @@ def test_of_a_stream_matches_of_one_map_are_taken(
     matches, smoothed = fuser.publisher(KEYS.match), fuser.publisher(KEYS.smoothed)
     own, other = {"map": "a" * 16, "score": 0.0}, {"map": "b" * 16, "score": 0.0}
     matches.put(header(0), MatchMessage(place=1, **own))
-    assert both.take(10) == (header(0), MatchMessage(place=1, **own))
+    assert both.get(10) == (header(0), MatchMessage(place=1, **own))
     matches.put(header(1), MatchMessage(place=2, **other))
     with pytest.raises(OtherMapError):
-        both.take(10)
+        both.get(10)
     smoothed.put(header(0), SmoothedMessage(place=1, lag=2, **other))
     with pytest.raises(OtherMapError):
-        both.take(10)
+        both.get(10)
     matches.put(header(2), MatchMessage(place=3, **own))
-    assert both.take(10) == (header(2), MatchMessage(place=3, **own))
+    assert both.get(10) == (header(2), MatchMessage(place=3, **own))
     assert both.counts["gaps"] == 1
     matches.put(replace_stream(header(0)), MatchMessage(place=2, **other))
     if digest is None:  # another stream may be of another map
-        assert both.take(10) == (replace_stream(header(0)), MatchMessage(place=2, **other))
+        assert both.get(10) == (replace_stream(header(0)), MatchMessage(place=2, **other))
     else:
         with pytest.raises(OtherMapError):
-            both.take(10)
+            both.get(10)
 
 
 def replace_stream(about: Header) -> Header:

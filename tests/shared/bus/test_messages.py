@@ -13,8 +13,8 @@ from placefield.bus.candidate_messages import (
     ChannelCandidate,
     ChannelSummary,
     HaloMessage,
-    SettledFrame,
-    SettledFrames,
+    SmoothedFrame,
+    SmoothedFrames,
 )
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, FrameMessage, MatchMessage, StatsMessage
@@ -311,15 +311,16 @@ def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
     assert MatchMessage.decode(sent.encode()).match == match
 
 
-def test_settled_frames_come_back_with_how_likely_each_is_too_fast() -> None:
+def test_smoothed_frames_come_back_with_how_likely_each_is_too_fast() -> None:
     places, evidence = np.arange(2, dtype=np.int32), np.zeros(2, np.float32)
     told = [0.0, 0.625, 1.0]
-    settled = [
-        SettledFrame(2, 5, 4, Candidate(1, 0.25, places, evidence, posterior)) for posterior in told
+    smoothed = [
+        SmoothedFrame(2, 5, 4, Candidate(1, 0.25, places, evidence, posterior))
+        for posterior in told
     ]
-    packed = SettledFrames.of(9, [*settled, SettledFrame(3, 5, 4, NO_CANDIDATE)])
+    packed = SmoothedFrames.of(9, [*smoothed, SmoothedFrame(3, 5, 4, NO_CANDIDATE)])
     assert packed is not None
-    unpacked = SettledFrames.model_validate(msgpack.unpackb(msgpack.packb(packed.model_dump())))
+    unpacked = SmoothedFrames.model_validate(msgpack.unpackb(msgpack.packb(packed.model_dump())))
     assert [frame.candidate.too_fast for frame in unpacked.frames(9)] == [*told, 0.0]
 
 
@@ -343,14 +344,14 @@ def test_a_posterior_that_is_none_is_refused(posterior: Any) -> None:
 
 
 @pytest.mark.parametrize("posterior", [-0.01, 1.01, float("nan"), float("inf")])
-def test_a_posterior_of_a_settled_frame_that_is_none_is_refused(posterior: float) -> None:
-    packed = SettledFrames.of(9, [SettledFrame(3, 5, 4, NO_CANDIDATE)])
+def test_a_posterior_of_a_smoothed_frame_that_is_none_is_refused(posterior: float) -> None:
+    packed = SmoothedFrames.of(9, [SmoothedFrame(3, 5, 4, NO_CANDIDATE)])
     message = CandidatesMessage(
-        map=NO_DIGEST, rule="filter", candidates=(candidate(0),), settled=packed
+        map=NO_DIGEST, rule="filter", candidates=(candidate(0),), smoothed=packed
     )
     fields = msgpack.unpackb(message.encode())
-    fields["settled"]["too_fast"]["data"] = np.float64(posterior).tobytes()
-    with pytest.raises(MessageError, match="settled"):
+    fields["smoothed"]["too_fast"]["data"] = np.float64(posterior).tobytes()
+    with pytest.raises(MessageError, match="smoothed"):
         CandidatesMessage.decode(msgpack.packb(fields))
 
 

@@ -25,11 +25,11 @@ def test_an_image_becomes_the_descriptor_of_its_feature(
     encoded, pixels, raw = stage.new_stream(), stage.new_stream(), stage.new_stream()
     by_hand, feature = DescriptorStream(route_map.model), feature_of_model(route_map.model)
     for image in images:
-        expected = by_hand.push(feature.describe(image))
+        expected = by_hand.update(feature.describe(image))
         for descriptor in (
-            encoded.push(image),
-            pixels.push(decode(image)),
-            raw.push_raw(stage.describe(image)),
+            encoded.update(image),
+            pixels.update(decode(image)),
+            raw.update_raw(stage.describe(image)),
         ):
             assert descriptor is not None
             assert expected is not None
@@ -41,13 +41,13 @@ def test_what_cannot_be_read_or_shows_nothing_leaves_the_stream_as_it_was(
 ) -> None:
     stage = DescriptorStage(route_map.model)
     stream = stage.new_stream()
-    stream.push(images[0])
+    stream.update(images[0])
     before = stream.moments
     with pytest.raises(FrameError):
-        stream.push(b"no image")
+        stream.update(b"no image")
     with pytest.raises(FrameError):
-        stream.push_raw(np.ones(3, np.float32))
-    assert stream.push(np.full((48, 64, 3), 99, np.uint8)) is None
+        stream.update_raw(np.ones(3, np.float32))
+    assert stream.update(np.full((48, 64, 3), 99, np.uint8)) is None
     assert stream.moments is before
 
 
@@ -55,10 +55,10 @@ def test_a_stream_goes_on_from_its_moments(route_map: Map, images: list[bytes]) 
     stage = DescriptorStage(route_map.model)
     whole = stage.new_stream()
     for image in images[:4]:
-        whole.push(image)
+        whole.update(image)
     rest = stage.new_stream(whole.moments)
     for image in images[4:]:
-        one, other = whole.push(image), rest.push(image)
+        one, other = whole.update(image), rest.update(image)
         assert one is not None
         assert other is not None
         assert one.tobytes() == other.tobytes()

@@ -57,7 +57,7 @@ def test_without_standardisation_every_traverse_has_the_references_moments() -> 
     model, descriptors = fit_descriptors(raws, "gist", dimensions=8, standardise=False)
     stream = DescriptorStream(model)
     for raw, traverse in zip(raws, descriptors, strict=True):
-        np.testing.assert_allclose([stream.push(frame) for frame in raw], traverse, atol=1e-5)
+        np.testing.assert_allclose([stream.update(frame) for frame in raw], traverse, atol=1e-5)
 
 
 @pytest.mark.parametrize(("frames", "dimensions"), [(5, 4), (1, 0), (50, 20)])
@@ -83,14 +83,14 @@ def test_a_streams_moments_run_over_its_frames_and_twenty_of_the_reference() -> 
         seen = np.concatenate([prior, units[: newest + 1]])
         standardised = (units[newest] - seen.mean(axis=0)) / seen.std(axis=0)
         (expected,) = normalize([standardised @ model.components.T.astype(np.float64)])
-        np.testing.assert_allclose(stream.push(query[newest]), expected, atol=1e-4)
+        np.testing.assert_allclose(stream.update(query[newest]), expected, atol=1e-4)
 
 
 @given(st.lists(st.lists(st.floats(0, 255, width=32), min_size=20, max_size=20), max_size=5))
 def test_descriptors_are_finite_and_of_unit_length_whatever_comes(query: list[list[float]]) -> None:
     stream = DescriptorStream(fitted())
     for raw in [[0.0] * 20, *query, [0.0] * 20]:
-        descriptor = stream.push(np.asarray(raw, np.float32))
+        descriptor = stream.update(np.asarray(raw, np.float32))
         if descriptor is None:
             assert max(raw) - min(raw) <= 1e-5 * max(raw)
             continue
@@ -118,8 +118,8 @@ def test_where_there_is_nothing_to_see_there_is_no_descriptor_and_the_stream_sta
     disturbed, other = DescriptorStream(fitted()), DescriptorStream(fitted())
     for raw in raw_features(3, seed=2):
         for value in (0, 7, 200):
-            assert disturbed.push(np.full(20, value, np.float32)) is None
-        np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))
+            assert disturbed.update(np.full(20, value, np.float32)) is None
+        np.testing.assert_array_equal(disturbed.update(raw), other.update(raw))
 
 
 @pytest.mark.parametrize("shape", [(7,), (9,), (1, 8), (8, 1), ()])
@@ -145,8 +145,8 @@ def test_a_feature_that_is_refused_leaves_the_stream_as_it_was(
     disturbed, other = DescriptorStream(model), DescriptorStream(model)
     for raw in raw_features(3, seed=2):
         with pytest.raises(FrameError, match="feature"):
-            disturbed.push(wrong.astype(np.float32))
-        np.testing.assert_array_equal(disturbed.push(raw), other.push(raw))
+            disturbed.update(wrong.astype(np.float32))
+        np.testing.assert_array_equal(disturbed.update(raw), other.update(raw))
 
 
 def test_plain_descriptors_are_those_of_scikit_learn_in_one_unit() -> None:
@@ -176,14 +176,14 @@ def test_a_plain_query_depends_on_no_frame_before_and_may_be_4_times_as_far_as_t
     model = fitted(plain=True)
     stream, raws = DescriptorStream(model), raw_features(9, seed=1)
     for raw in raws:
-        np.testing.assert_array_equal(stream.push(raw), model.of_reference(raw))
+        np.testing.assert_array_equal(stream.update(raw), model.of_reference(raw))
     far = model.mean + 3.9 * (raw_features(50) - model.mean)
     longest = max(far, key=lambda raw: float(np.linalg.norm(model.of_reference(raw))))
-    descriptor = stream.push(longest)
+    descriptor = stream.update(longest)
     assert descriptor is not None
     assert np.linalg.norm(descriptor) == pytest.approx(3.9 / 4, abs=1e-3)
     with pytest.raises(FrameError, match=r"length 1.* not 1 at most"):
-        stream.push(model.mean + (longest - model.mean) * 1.1)
+        stream.update(model.mean + (longest - model.mean) * 1.1)
 
 
 @pytest.mark.parametrize("value", [1.1, -2, 3e38, np.inf, -np.inf, np.nan])

@@ -28,12 +28,12 @@ def test_streams_of_one_comparison_match_as_alone(
     for frame, descriptor in enumerate(descriptors):
         compared = None if frame in unseen else next(stage.compare([descriptor]))
         for lag, stream in streams.items():
-            together[lag][0].append(stream.push(compared))
+            together[lag][0].append(stream.update(compared))
             together[lag][1].extend(stream.smoothed())
     for lag, stream in streams.items():
         recognizer = Recognizer(small_map, Config(matching=MatchingConfig(rule=rule, lag=lag)))
         alone = [
-            recognizer.push_descriptor(None if frame in unseen else descriptor)
+            recognizer.update_descriptor(None if frame in unseen else descriptor)
             for frame, descriptor in enumerate(descriptors)
         ]
         causal, smoothed = together[lag]
@@ -41,16 +41,16 @@ def test_streams_of_one_comparison_match_as_alone(
         assert smoothed + stream.finish() == recognizer.finish()
 
 
-def test_of_a_whole_drive_nothing_is_settled_before_its_end(
+def test_of_a_whole_drive_nothing_is_smoothed_before_its_end(
     small_map: Map, make_traverse: Callable[..., Traverse]
 ) -> None:
     stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig())
     stream = FusedStream(stage, FusionStage(small_map.places.same, MatchingConfig()), WHOLE_DRIVE)
     query = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
     for compared in stage.compare(query):
-        stream.push(compared)
+        stream.update(compared)
         assert stream.smoothed() == []
-    settled = stream.finish()
-    assert [each.frame for each in settled] == [*range(len(query))]
-    assert [each.lag for each in settled] == [*range(len(query) - 1, -1, -1)]
+    smoothed = stream.finish()
+    assert [each.frame for each in smoothed] == [*range(len(query))]
+    assert [each.lag for each in smoothed] == [*range(len(query) - 1, -1, -1)]
     assert stream.finish() == []

@@ -189,7 +189,7 @@ class Account:
             known[channel] = given
             self.answered = now
 
-    def settle(self, released: list[Joined], now: float) -> None:
+    def check(self, released: list[Joined], now: float) -> None:
         for joined in released:
             assert joined.sequence > self.last
             self.last = joined.sequence
@@ -237,9 +237,9 @@ def test_every_frame_heard_of_in_time_is_released_once_in_order_whatever_happens
         elif event == "wait":
             now += detail
         else:
-            account.settle(joiner.release(now), now)
+            account.check(joiner.release(now), now)
         assert joiner.pending == len(account.since)
     now = math.inf
-    account.settle(joiner.release(now), now)
+    account.check(joiner.release(now), now)
     assert joiner.pending == 0
     assert +counts == +account.counts

@@ -50,14 +50,14 @@ class Driven:
         speeds: (S,), chance of each.
         chances: (2, K, K), of getting from each place to each, on the map and on its reverse.
         likelihood: (K,), of the observed step, by the place that it leads to.
-        stray: the same when lost.
+        lost_likelihood: the same when lost.
         jump: the same of one that jumps.
     """
 
     speeds: Points
     chances: Points
     likelihood: Points
-    stray: float
+    lost_likelihood: float
     jump: float
 
     def predict(self, state: State) -> Predicted:
@@ -65,7 +65,7 @@ class Driven:
         count, here = of_place.shape[1], np.einsum("hii->hi", self.chances)
         moved = np.einsum("hi,hij->hj", of_place, self.chances)
         kept = (1 - LOSE) * self.speeds[:, None] * self.likelihood
-        adrift = self.stray * float(state.lost.sum()) * self.speeds
+        adrift = self.lost_likelihood * float(state.lost.sum()) * self.speeds
         found = FIND * HYPOTHESES[:, None, None] * adrift[:, None] / count
         left = LOSE * self.jump * float(of_place.sum()) * self.speeds
         stayed = (of_place * here)[:, None]
@@ -78,7 +78,7 @@ class Driven:
         anew = ahead * likelihood.anew
         when_lost = float(self.speeds @ backward.lost)
         found = float((HYPOTHESES[:, None] * anew).sum()) / count
-        lost = self.stray * ((1 - FIND) * when_lost + FIND * found)
+        lost = self.lost_likelihood * ((1 - FIND) * when_lost + FIND * found)
         there, again = anew * self.likelihood, ahead * likelihood.again * self.likelihood
         reached = np.einsum("hij,hj->hi", self.chances, there) + here * (again - there)
         placed = (1 - LOSE) * reached + LOSE * self.jump * when_lost
@@ -116,7 +116,7 @@ class LiteralFilter:
         made = np.linalg.norm(self.places[step:] - self.places[:-step], axis=1)
         return np.concatenate([np.full(step, made.mean()), made])
 
-    def push(self, frame: Points | None, way: Way | None = None) -> None:
+    def update(self, frame: Points | None, way: Way | None = None) -> None:
         """Take the next frame (M,), or a missing observation, and the way to it if it is known."""
         repeated = (
             frame is not None and self.last is not None and math.dist(frame, self.last) <= REPEATED
@@ -154,11 +154,11 @@ class LiteralFilter:
             return Step(self.prior(), PRIOR, change, chances, every, np.ones(len(SPEEDS)), 1.0)
         walked = max(length, self.standing)
         likelihood = student(walked - np.array([self.expected(speed) for speed in SPEEDS]))
-        stray = likelihood[:, self.some].mean(axis=1)
+        lost_likelihood = likelihood[:, self.some].mean(axis=1)
         there = [(place - len(self.places) // 2) % len(self.places) for place in self.some]
         jumps = np.linalg.norm(self.places[self.some] - self.places[there], axis=1)
         jump = float(student(length - jumps).mean())
-        return Step(self.prior(), PRIOR, change, chances, likelihood, stray, jump)
+        return Step(self.prior(), PRIOR, change, chances, likelihood, lost_likelihood, jump)
 
     def moved(self, before: State, step: Step | Driven) -> Predicted:
         return step.predict(before) if isinstance(step, Driven) else predict(before, step)
@@ -173,12 +173,12 @@ class LiteralFilter:
                 np.array([place], np.int32), np.ones((1, 2), np.float32), self.road, way, 0, arrived
             )
             chances[:, place] = arrived.sum(axis=0)
-        likelihood, stray, jump = np.ones(count), 1.0, 1.0
-        if length is not None and pace <= 6 and way.is_told:
+        likelihood, lost_likelihood, jump = np.ones(count), 1.0, 1.0
+        if length is not None and pace <= 6 and way.is_measured:
             likelihood = student(max(length, self.standing) - self.expected(pace))
-            stray = float(likelihood[self.some].mean())
+            lost_likelihood = float(likelihood[self.some].mean())
             jump = self.step(length).jump
-        return Driven(speeds_of(pace), chances, likelihood, stray, jump)
+        return Driven(speeds_of(pace), chances, likelihood, lost_likelihood, jump)
 
     def step_chances(self, speed: float) -> list[float]:
         """Means over the speeds that one stands for."""

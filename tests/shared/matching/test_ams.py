@@ -90,7 +90,7 @@ def test_places_and_scores_are_those_of_the_equations(
     for newest in range(frames):
         candidates = []
         for channel, (D, scales) in zip(windows, channels, strict=True):
-            candidate = channel.push(D[newest])
+            candidate = channel.update(D[newest])
             expected = literal_candidate(D[: newest + 1], scales)
             if expected is None:
                 assert candidate is NO_CANDIDATE
@@ -136,12 +136,12 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
     channels: list[tuple[Array, list[int]]],
 ) -> None:
     frames, places = channels[0][0].shape
-    settled = [
+    smoothed = [
         Windowed(AmsMatcher, scales, places, unit=0.25, lag=20).settle_all(list(D))
         for D, scales in channels
     ]
     for frame in range(frames):
-        candidates = [of_channel[frame].candidate for of_channel in settled]
+        candidates = [of_channel[frame].candidate for of_channel in smoothed]
         match = fuse(candidates, MatchingConfig(rule="ams"))
         expected = published_match([(D[frame:], scales) for D, scales in channels])
         if expected is None:
@@ -153,8 +153,8 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
 def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
     windows = Windowed(AmsMatcher, [2, 3], 10)
     for _ in range(5):
-        assert windows.push_missing() is NO_CANDIDATE
+        assert windows.update_missing() is NO_CANDIDATE
     D = np.ones((3, 10), np.int32)
     for row in D[:2]:
-        assert windows.push(row) is NO_CANDIDATE
-    assert windows.push(D[2]).score == 2
+        assert windows.update(row) is NO_CANDIDATE
+    assert windows.update(D[2]).score == 2

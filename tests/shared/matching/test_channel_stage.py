@@ -44,7 +44,7 @@ def alone(
     """What a channel's matcher answers to each frame."""
     channel = placemap.channels[number]
     matcher = ChannelShard(channel, MatchingConfig(rule=rule)).new_matcher()
-    return [bits(matcher.push(frame)) for frame in compared(channel.metric, query)]
+    return [bits(matcher.update(frame)) for frame in compared(channel.metric, query)]
 
 
 def finish(stream: StreamMatcher, partials: Mapping[int, Partial]) -> dict[int, Candidate]:
@@ -62,7 +62,7 @@ def test_a_stream_matches_each_frame_in_every_channel_as_in_that_alone(
     answers = []
     for descriptor in observed:
         frame = next(together)
-        answers.append(stream.push(None if descriptor is None else frame))
+        answers.append(stream.update(None if descriptor is None else frame))
     for number in range(len(small_map.channels)):
         expected = alone(small_map, number, rule, observed)
         assert [bits(candidates[number]) for candidates in answers] == expected
@@ -96,7 +96,7 @@ def test_of_a_gap_of_any_length_no_more_is_taken_than_changes_anything(
     memory = ChannelShard(channel, matching).new_matcher().memory
     stage = ChannelStage({0: channel}, matching)
     stream, (first, last) = stage.new_stream(), stage.compare(query[:2])
-    stream.push(first)
+    stream.update(first)
     steps = 0
     while stream.next <= 2**40:
         candidates = finish(stream, stream.local(last, 2**40))
@@ -151,7 +151,7 @@ def test_channels_that_answer_alike_are_answered_for_once(
     stream = stage.new_stream()
     expected = alone(small_map, 0, "filter", query[:8])
     for frame, answer in zip(stage.compare(query[:8]), expected, strict=True):
-        candidates = stream.push(frame)
+        candidates = stream.update(frame)
         assert [bits(candidate) for candidate in candidates] == [answer] * 3
     assert next(steps) == 8 + 8  # of the whole channel that was matched alone, too
 

@@ -101,10 +101,10 @@ def test_no_descriptors_are_no_comparisons() -> None:
 @pytest.mark.parametrize("learned", [False, True])
 def test_a_distance_matrix_has_a_row_for_each_frame_seen_or_not(learned: bool) -> None:
     metric, query = METRICS[learned], unit_vectors(30, seed=2)
-    seen = [None if frame in (0, 7, 29) else one for frame, one in enumerate(query)]
-    matrix = distance_matrix(metric, seen, np.inf)
+    observed = [None if frame in (0, 7, 29) else one for frame, one in enumerate(query)]
+    matrix = distance_matrix(metric, observed, np.inf)
     assert matrix.dtype == np.float32
-    for row, one in zip(matrix, seen, strict=True):
+    for row, one in zip(matrix, observed, strict=True):
         if one is None:
             assert np.isinf(row).all()
         else:

@@ -47,7 +47,7 @@ def test_evidence_is_the_literal_one(
     distances = made_up_distances(frames, places, seed)
     windows = Windowed(EvidenceMatcher, lengths, places)
     for newest in range(frames):
-        candidate = windows.push(distances[newest])
+        candidate = windows.update(distances[newest])
         expected = literal_evidence(distances[: newest + 1], lengths)
         np.testing.assert_allclose(candidate.evidence, expected, atol=1e-4)
         assert candidate.evidence.dtype == np.float32
@@ -62,10 +62,10 @@ def test_wherever_the_windows_have_come_to_the_evidence_has_the_same_bits(places
     distances = made_up_distances(60, places, seed=0)
     old = Windowed(EvidenceMatcher, [3, 5, 9], places)
     for newest in range(60):
-        one = old.push(distances[newest])
+        one = old.update(distances[newest])
         new = Windowed(EvidenceMatcher, [3, 5, 9], places)
         for row in distances[max(newest - 8, 0) : newest + 1]:
-            other = new.push(row)
+            other = new.update(row)
         assert (one.place, one.score) == (other.place, other.score)
         assert one.evidence.tobytes() == other.evidence.tobytes()
 
@@ -74,30 +74,30 @@ def test_wherever_the_windows_have_come_to_the_evidence_has_the_same_bits(places
 def test_where_all_places_are_alike_there_is_no_candidate(places: int) -> None:
     windows = Windowed(EvidenceMatcher, [2, 3, 7], places)
     for distance in made_up_distances(1, 20, 0)[0]:
-        assert windows.push(np.full(places, distance)).place == UNANSWERED
+        assert windows.update(np.full(places, distance)).place == UNANSWERED
 
 
 def test_before_the_first_frame_that_was_seen_there_is_no_candidate() -> None:
     windows = Windowed(EvidenceMatcher, [2, 3], 10)
     for _ in range(5):
-        assert windows.push_missing().place == UNANSWERED
-    assert windows.push(made_up_distances(1, 10, 0)[0]).place != UNANSWERED
+        assert windows.update_missing().place == UNANSWERED
+    assert windows.update(made_up_distances(1, 10, 0)[0]).place != UNANSWERED
 
 
 def test_in_darkness_the_longest_window_knows_until_it_is_dark_as_a_whole() -> None:
     windows = Windowed(EvidenceMatcher, [3, 9], 1261)
-    windows.push(made_up_distances(1, 1261, 0)[0])
+    windows.update(made_up_distances(1, 1261, 0)[0])
     answered = []
     for _ in range(20):
-        answered.append(windows.push_missing().place != UNANSWERED)
+        answered.append(windows.update_missing().place != UNANSWERED)
     assert answered == [True] * 8 + [False] * 12
 
 
 def test_a_candidate_stays_what_it_was() -> None:
     distances = made_up_distances(5, 10, 0)
     windows = Windowed(EvidenceMatcher, [2, 3], 10)
-    candidate = windows.push(distances[0])
+    candidate = windows.update(distances[0])
     kept = candidate.evidence.copy()
     for row in distances[1:]:
-        windows.push(row)
+        windows.update(row)
     np.testing.assert_array_equal(candidate.evidence, kept)

@@ -66,7 +66,7 @@ def filtered(places: Array, frames: Array) -> tuple[NDArray[np.int64], NDArray[n
     matcher = filter_of(metric)
     most_believed, lost = [], []
     for frame in compared(metric, [*frames]):
-        candidate = matcher.push(frame)
+        candidate = matcher.update(frame)
         most_believed.append(candidate.place)
         lost.append(1 - posterior_of(candidate, len(places)).sum())
     return np.array(most_believed), np.array(lost)
@@ -102,7 +102,7 @@ def told_too_fast(route: Route, speed: float) -> NDArray[np.bool_]:
     metric, matching = identity_metric(places), MatchingConfig()
     matcher = filter_of(metric)
     frames = route.drive(speed * np.arange(int((len(places) - 1) / speed)))
-    matches = [fuse([matcher.push(frame)], matching) for frame in compared(metric, [*frames])]
+    matches = [fuse([matcher.update(frame)], matching) for frame in compared(metric, [*frames])]
     assert not any(match.known for match in matches if match.too_fast)
     return np.array([match.too_fast for match in matches])
 

@@ -59,7 +59,7 @@ def window_matcher(metric: MapMetric, scales: list[int], rule: Rule) -> WindowMa
 
 
 def candidates_of(channel: Matcher, frames: list[Comparison | None]) -> list[Candidate]:
-    return [channel.push(frame) for frame in frames]
+    return [channel.update(frame) for frame in frames]
 
 
 def bits(candidate: Candidate) -> tuple[int, float, bytes, bytes]:
@@ -75,18 +75,18 @@ def bits(candidate: Candidate) -> tuple[int, float, bytes, bytes]:
 @given(
     places=st.integers(3, 40) | st.just(300),
     scales=st.lists(st.integers(2, 12), min_size=1, max_size=3, unique=True).map(sorted),
-    seen=st.lists(st.booleans(), min_size=1, max_size=60),
+    observed=st.lists(st.booleans(), min_size=1, max_size=60),
     seed=st.integers(0, 99),
 )
 @settings(max_examples=60)
 def test_what_came_before_the_longest_window_changes_not_one_bit(
-    rule: Rule, places: int, scales: list[int], seen: list[bool], seed: int
+    rule: Rule, places: int, scales: list[int], observed: list[bool], seed: int
 ) -> None:
-    """Where the window begins with frames unseen, the last frame seen before them is part of it."""
+    """A window that begins with missing observations has the last observed frame in it."""
     metric = some_metric(random_walk(places, 1))
-    walk = random_walk(len(seen), seed)
+    walk = random_walk(len(observed), seed)
     frames = compared(
-        metric, [row if there else None for row, there in zip(walk, seen, strict=True)]
+        metric, [row if there else None for row, there in zip(walk, observed, strict=True)]
     )
     old, new = (window_matcher(metric, scales, rule) for _ in range(2))
     candidates = candidates_of(old, frames)
@@ -117,7 +117,7 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
     by_hand = window_matcher(channel.metric, scales, rule)
     assert made.memory == channel.scales.max()
     for frame in compared(channel.metric, descriptors_of(channel.metric)):
-        assert bits(made.push(frame)) == bits(by_hand.push(frame))
+        assert bits(made.update(frame)) == bits(by_hand.update(frame))
 
 
 def test_the_filter_follows_a_route_past_frames_unseen() -> None:
@@ -139,9 +139,9 @@ def test_the_filter_has_no_candidate_before_the_first_frame_that_was_seen() -> N
     metric = identity_metric(places)
     late, prompt = filter_of(metric), filter_of(metric)
     for _ in range(5):
-        assert late.push(None) is NO_CANDIDATE
+        assert late.update(None) is NO_CANDIDATE
     for frame in compared(metric, [*places[:10], None, None, *places[12:]]):
-        assert bits(late.push(frame)) == bits(prompt.push(frame))
+        assert bits(late.update(frame)) == bits(prompt.update(frame))
 
 
 @pytest.mark.parametrize("rule", get_args(Rule))
@@ -150,7 +150,7 @@ def test_a_candidate_stays_what_it_was(small_map: Map, rule: Rule) -> None:
     for reverse in (False, True):
         matcher = matcher_of(channel, rule, reverse=reverse)
         first, *others = compared(channel.metric, descriptors_of(channel.metric))
-        candidate = matcher.push(first)
+        candidate = matcher.update(first)
         kept = bits(candidate)
         candidates_of(matcher, others)
         assert bits(candidate) == kept
@@ -160,8 +160,8 @@ def test_after_its_memory_the_filter_is_found_by_what_it_sees_next_alone() -> No
     places = random_walk(300, 1)
     metric = identity_metric(places)
     found = []
-    for unseen in (FilterMatcher.memory, 4 * FilterMatcher.memory):
-        query = [*places[:60], *[None] * unseen, *places[30:40]]
+    for unobserved in (FilterMatcher.memory, 4 * FilterMatcher.memory):
+        query = [*places[:60], *[None] * unobserved, *places[30:40]]
         candidate = candidates_of(filter_of(metric), compared(metric, query))[-1]
         beliefs = np.zeros(300)
         beliefs[candidate.places] = candidate.evidence
@@ -177,8 +177,8 @@ def test_what_is_left_out_of_a_posterior_is_negligible() -> None:
     literal = LiteralFilter(descriptors_of(metric).astype(np.float64))
     matcher = filter_of(metric)
     for number, frame in enumerate(compared(metric, [*places[:20], *[None] * 30])):
-        candidate = matcher.push(frame)
-        literal.push(None if frame is None else metric.unit * frame.codes.astype(np.float64))
+        candidate = matcher.update(frame)
+        literal.update(None if frame is None else metric.unit * frame.codes.astype(np.float64))
         left_out = literal.belief() - posterior_of(candidate, 5000)
         assert left_out.max() <= 1.1e-6
         assert left_out.sum() < 0.005 or number > 45
@@ -202,7 +202,7 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
     for there, here in zip(
         compared(back.metric, query), compared(forth.metric, query), strict=True
     ):
-        expected, candidate = turned.push(there), reverse.push(here)
+        expected, candidate = turned.update(there), reverse.update(here)
         answered = expected.place != UNANSWERED
         assert candidate.place == (last - expected.place if answered else UNANSWERED)
         assert candidate.score == pytest.approx(expected.score, rel=rtol, abs=0)
@@ -214,7 +214,7 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
 
 
 @pytest.mark.parametrize("rule", WINDOW_RULES)
-def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_way(
+def test_in_reverse_windows_smooth_a_route_as_one_whose_places_come_the_other_way(
     small_map: Map, rule: Rule
 ) -> None:
     forth = small_map.channels[0]
@@ -222,15 +222,15 @@ def test_in_reverse_windows_settle_a_route_as_one_whose_places_come_the_other_wa
     forth = replace(forth, metric=identity_metric(places))
     back = replace(forth, metric=identity_metric(places[::-1]))
     query = [None, *places[::-1][:10], None, *places[::-1][11:], None]
-    settled = []
+    smoothed = []
     for channel, reverse in ((forth, True), (back, False)):
         matcher, frames = matcher_of(channel, rule, reverse=reverse), []
         for frame in [*compared(channel.metric, query), *[None] * matcher.tail]:
-            matcher.push(frame)
-            frames += matcher.settled()
-        settled.append(frames + matcher.finish())
-    assert len(settled[0]) == len(settled[1]) == len(query)
-    for candidate, expected in zip(*settled, strict=True):
+            matcher.update(frame)
+            frames += matcher.smoothed()
+        smoothed.append(frames + matcher.finish())
+    assert len(smoothed[0]) == len(smoothed[1]) == len(query)
+    for candidate, expected in zip(*smoothed, strict=True):
         assert bits(candidate.candidate) == bits(expected.candidate.turned(90))
         assert candidate.lag == expected.lag
 
@@ -244,18 +244,18 @@ def test_in_reverse_odometry_is_followed_as_on_a_route_whose_places_come_the_oth
     back = replace(forth, metric=identity_metric(places[::-1]))
     travelled = np.cumsum(np.random.default_rng(1).uniform(0, 3, 90))
     driven = np.random.default_rng(2).integers(-1, 9, 20).cumsum()
-    seen = [int(place) for place in driven if 0 <= place < 90]
-    readings = [float(travelled[-1] - travelled[89 - place]) for place in seen]
+    observed = [int(place) for place in driven if 0 <= place < 90]
+    readings = [float(travelled[-1] - travelled[89 - place]) for place in observed]
     reverse = ChannelStage({0: forth}, MatchingConfig(reverse=True), travelled=travelled)
     turned = ChannelStage({0: back}, MatchingConfig(), travelled=travelled[-1] - travelled[::-1])
     without = ChannelStage({0: back}, MatchingConfig(), travelled=np.empty(0))
     streams = [stage.new_stream() for stage in (reverse, turned, without)]
     stages = (reverse, turned, without)
     differ = False
-    for place, reading in zip(seen, readings, strict=True):
+    for place, reading in zip(observed, readings, strict=True):
         frame = places[::-1][place]
         (there,), (here,), (blind,) = (
-            stream.push(next(stage.compare([frame])), reading)
+            stream.update(next(stage.compare([frame])), reading)
             for stage, stream in zip(stages, streams, strict=True)
         )
         assert there.place == 89 - here.place

@@ -22,7 +22,7 @@ VEHICLES = 400_000
 
 
 def told(metres: float, deviation: float = 0.0) -> Way:
-    return Way(metres, deviation, metres, is_told=True)
+    return Way(metres, deviation, metres, is_measured=True)
 
 
 def road_of(*travelled: float) -> Road:
@@ -148,11 +148,11 @@ def test_ways_add_up_to_what_was_driven_however_many_readings_are_missing(
 def test_the_pace_is_assumed_of_frames_without_a_reading_and_then_put_right() -> None:
     odometer = Odometer()
     assert odometer.way(10.0) is None
-    assert odometer.way(12.0) == Way(2.0, 0.0, 2.0, is_told=True)
-    assert odometer.way(None) == Way(2.0, 1.0, 2.0, is_told=False)
-    assert odometer.way(None) == Way(2.0, 1.0, 2.0, is_told=False)
-    assert odometer.way(15.0) == Way(-1.0, 0.0, 1.0, is_told=False)
-    assert odometer.way(17.0) == Way(2.0, 0.0, 2.0, is_told=True)
+    assert odometer.way(12.0) == Way(2.0, 0.0, 2.0, is_measured=True)
+    assert odometer.way(None) == Way(2.0, 1.0, 2.0, is_measured=False)
+    assert odometer.way(None) == Way(2.0, 1.0, 2.0, is_measured=False)
+    assert odometer.way(15.0) == Way(-1.0, 0.0, 1.0, is_measured=False)
+    assert odometer.way(17.0) == Way(2.0, 0.0, 2.0, is_measured=True)
 
 
 def test_nothing_is_assumed_for_long_or_over_a_count_that_began_anew() -> None:
@@ -166,7 +166,7 @@ def test_nothing_is_assumed_for_long_or_over_a_count_that_began_anew() -> None:
     assert odometer.way(2.0) is None
     assert odometer.way(None) is None
     assert odometer.way(4.0) is None
-    assert odometer.way(5.0) == Way(1.0, 0.0, 1.0, is_told=True)
+    assert odometer.way(5.0) == Way(1.0, 0.0, 1.0, is_measured=True)
 
 
 @pytest.mark.parametrize("pace", [0, 0.1, 1, 1.1, 3.7, 6])

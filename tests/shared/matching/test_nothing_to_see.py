@@ -1,4 +1,4 @@
-"""Frames on which there is nothing to see: they are as frames that were not seen."""
+"""Frames on which there is nothing to see: they are as frames that were not observed."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ UNREADABLE = b"no image"
 
 def matches(placemap: Map, rule: Rule, frames: list[bytes | np.ndarray]) -> list[Match]:
     recognizer = Recognizer(placemap, Config(matching=MatchingConfig(rule=rule)))
-    return [recognizer.push(frame) for frame in frames]
+    return [recognizer.update(frame) for frame in frames]
 
 
 @pytest.mark.parametrize("rule", ["filter", "evidence", "ams"])
@@ -27,8 +27,8 @@ def test_an_even_image_is_as_one_that_cannot_be_read(
     frames: list[bytes | np.ndarray] = [file.read_bytes() for file in sorted(query_dir.iterdir())]
     even = np.full((120, 160, 3), level, np.uint8)
     covered = [*frames[:20], *[even] * 15, *frames[35:]]
-    unseen = [*frames[:20], *[UNREADABLE] * 15, *frames[35:]]
-    assert matches(route_map, rule, covered) == matches(route_map, rule, unseen)
+    unobserved = [*frames[:20], *[UNREADABLE] * 15, *frames[35:]]
+    assert matches(route_map, rule, covered) == matches(route_map, rule, unobserved)
 
 
 def test_a_descriptor_of_length_0_is_as_none(route_map: Map) -> None:
@@ -37,7 +37,7 @@ def test_a_descriptor_of_length_0_is_as_none(route_map: Map) -> None:
     one = np.eye(1, dimensions, dtype=np.float32)[0]
     for descriptor in (one, np.zeros(dimensions, np.float32), one):
         shown = descriptor if descriptor.any() else None
-        assert first.push_descriptor(descriptor) == second.push_descriptor(shown)
+        assert first.update_descriptor(descriptor) == second.update_descriptor(shown)
 
 
 @pytest.mark.parametrize("kind", ["gist", "grayscale"])

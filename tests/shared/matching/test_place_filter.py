@@ -36,24 +36,24 @@ def assert_the_model_is_followed(
     metric = metric_of_codes(places, unit)
     matcher = filter_of(metric, lag=1000, travelled=travelled)
     literal, odometer = LiteralFilter(unit * places.astype(np.float64), travelled), Odometer()
-    settled, last = [], None
+    smoothed, last = [], None
     for frame, reading in zip(query, readings or [None] * len(query), strict=True):
         shown = None if frame is None else comparison(metric, frame)
-        candidate = matcher.push(shown, reading)
-        settled += matcher.settled()
+        candidate = matcher.update(shown, reading)
+        smoothed += matcher.smoothed()
         is_news = frame is None or last is None or bool((frame != last).any())
         way = odometer.way(reading) if is_news and literal.road is not None else None
-        literal.push(None if frame is None else unit * frame.astype(np.float64), way)
+        literal.update(None if frame is None else unit * frame.astype(np.float64), way)
         last = frame
         if not literal.filtered:
             assert candidate is NO_CANDIDATE
             continue
         posterior = posterior_of(candidate, len(places))
         np.testing.assert_allclose(posterior, literal.belief(), rtol=2e-4, atol=1.1 * LEFT_OUT)
-    settled += matcher.finish()
-    assert len(settled) == len(query)
+    smoothed += matcher.finish()
+    assert len(smoothed) == len(query)
     last = len(query) - 1
-    for frame, (each, expected) in enumerate(zip(settled, literal.smoothed(), strict=True)):
+    for frame, (each, expected) in enumerate(zip(smoothed, literal.smoothed(), strict=True)):
         if expected is None:
             assert each.candidate is NO_CANDIDATE
         elif frame + each.lag == last:
@@ -69,7 +69,7 @@ def maps(draw: st.DrawFn) -> Codes:
 
 @st.composite
 def queries(draw: st.DrawFn) -> list[Codes | None]:
-    """Each frame is new, not seen, or the last one that was seen once more."""
+    """Each frame is new, not observed, or the last one that was observed once more."""
     frames: list[Codes | None] = []
     last: Codes | None = None
     for frame in draw(st.lists(points | st.sampled_from(["unobserved", "again"]), max_size=10)):
@@ -145,28 +145,28 @@ def assert_is_a_posterior(candidate: Candidate, places: int) -> None:
 
 
 codes = st.lists(st.integers(-2300, 2300), min_size=3, max_size=3)
-seen = st.tuples(codes, st.lists(st.integers(0, (2 * 4015) ** 2), min_size=7, max_size=7))
+observed = st.tuples(codes, st.lists(st.integers(0, (2 * 4015) ** 2), min_size=7, max_size=7))
 
 
-@given(maps(), st.lists(seen | st.none(), max_size=12))
+@given(maps(), st.lists(observed | st.none(), max_size=12))
 @settings(deadline=None)
 def test_posteriors_are_probabilities_whatever_comes(
     places: Codes, query: list[tuple[Point, list[int]] | None]
 ) -> None:
     metric = metric_of_codes(places, DESCRIPTOR_UNIT)
     matcher = filter_of(metric)
-    settled = []
+    smoothed = []
     for frame in query:
         shown = None
         if frame is not None:
             frame_codes, distances = frame
             there = np.array(distances[: len(places)])
             shown = comparison_at(metric, np.array(frame_codes, np.int16), there)
-        assert_is_a_posterior(matcher.push(shown), len(places))
-        settled += matcher.settled()
-    settled += matcher.finish()
-    assert len(settled) == len(query)
-    for each in settled:
+        assert_is_a_posterior(matcher.update(shown), len(places))
+        smoothed += matcher.smoothed()
+    smoothed += matcher.finish()
+    assert len(smoothed) == len(query)
+    for each in smoothed:
         assert_is_a_posterior(each.candidate, len(places))
 
 
@@ -179,7 +179,7 @@ def test_one_place_of_very_many_that_stands_out_takes_the_others_posterior_but_d
     for frame, place in enumerate((7, 8, 20_000, 20_001, 20_002)):
         distances = np.full(30_000, 5_000_000, np.int32)
         distances[place] = 0
-        candidate = matcher.push(comparison_at(metric, metric.places[place], distances))
+        candidate = matcher.update(comparison_at(metric, metric.places[place], distances))
         assert_is_a_posterior(candidate, 30_000)
         assert candidate.place == place or frame == 2
 
@@ -200,11 +200,11 @@ def test_posteriors_are_probabilities_after_a_long_stream(
     stream: list[Comparison | None],
 ) -> None:
     matcher = filter_of(ROUTE)
-    settled = 0
+    smoothed = 0
     for frame in range(LONG):
-        candidate = matcher.push(stream[frame % len(stream)])
-        settled += len(matcher.settled())
-        assert frame - settled < 20
+        candidate = matcher.update(stream[frame % len(stream)])
+        smoothed += len(matcher.smoothed())
+        assert frame - smoothed < 20
         if frame % 1000 == 0 or frame == LONG - 1:
             assert_is_a_posterior(candidate, 50)
     if stream is AROUND:
@@ -214,7 +214,7 @@ def test_posteriors_are_probabilities_after_a_long_stream(
 def of_codes(places: Codes, query: NDArray[np.int16]) -> list[Candidate]:
     metric = metric_of_codes(places, DESCRIPTOR_UNIT)
     matcher = filter_of(metric)
-    return [matcher.push(comparison(metric, frame)) for frame in query]
+    return [matcher.update(comparison(metric, frame)) for frame in query]
 
 
 def test_a_frame_that_comes_twice_is_no_news_and_no_step_of_time() -> None:

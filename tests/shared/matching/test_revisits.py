@@ -25,9 +25,9 @@ def driven(looks: Array, *laps: Sequence[int], noise: float = 0.4) -> Array:
     """Descriptors of laps, which pass places of a route, each with noise of its own."""
     rng = np.random.default_rng(1)
     frames = np.concatenate([looks[list(lap)] for lap in laps])
-    seen = frames + rng.normal(scale=noise, size=frames.shape)
-    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-    return np.asarray(seen, np.float32)
+    observed = frames + rng.normal(scale=noise, size=frames.shape)
+    observed /= np.linalg.norm(observed, axis=1, keepdims=True)
+    return np.asarray(observed, np.float32)
 
 
 def test_places_of_one_lap_are_all_different() -> None:

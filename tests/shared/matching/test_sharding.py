@@ -19,7 +19,7 @@ from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield.matching.matcher import Matcher, Partial, Settled
+from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.sharding import ChannelShard, shard_range
 from placefield.search.quantized import Codes
 
@@ -51,7 +51,7 @@ def learned_channel(places: Array) -> MapChannel:
 
 
 def a_drive(places: Array, *, reverse: bool) -> list[Array | None]:
-    """All that may befall: a late start, any speed, stops, jumps, strangers and frames not seen."""
+    """All that may happen: a late start, stops, jumps, other routes, unobserved frames."""
     ordered = places[::-1] if reverse else places
     last = len(places) - 1
     ahead = max(last // 2 - 60, 0) + np.cumsum(np.repeat([1, 2, 1, 0, 2, 1], 25))
@@ -61,11 +61,11 @@ def a_drive(places: Array, *, reverse: bool) -> list[Array | None]:
     the_other_way = ordered[np.arange(min(last, 70), 0, -1)]
     frames = np.concatenate([along, from_elsewhere, strangers, the_other_way])
     noise = 0.05 * np.random.default_rng(3).normal(size=frames.shape)
-    seen = frames + noise.astype(np.float32)
-    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-    seen[90:100] = seen[90]  # to the last bit the same
-    unseen = {0, 1, 20, 40, 41, 42, 130, 160, 161, 162, 163, 200}
-    return [None if number in unseen else frame for number, frame in enumerate(seen)]
+    observed = frames + noise.astype(np.float32)
+    observed /= np.linalg.norm(observed, axis=1, keepdims=True)
+    observed[90:100] = observed[90]  # to the last bit the same
+    unobserved = {0, 1, 20, 40, 41, 42, 130, 160, 161, 162, 163, 200}
+    return [None if number in unobserved else frame for number, frame in enumerate(observed)]
 
 
 def whole_channel(channel: MapChannel, rule: Rule, *, reverse: bool) -> Matcher:
@@ -85,29 +85,31 @@ class Shards:
         ]
         self.matchers: list[Matcher] = [part.new_matcher() for part in self.parts]
         self.partials: list[Partial] = []
-        self.settled: list[Settled] = []
+        self.smoothed: list[SmoothedCandidate] = []
 
-    def push(self, frames: Sequence[Comparison | None]) -> Candidate:
+    def update(self, frames: Sequence[Comparison | None]) -> Candidate:
         """Take how a frame compares with the places of each, and return what they answer."""
         self.partials = [
             matcher.local(frame) for matcher, frame in zip(self.matchers, frames, strict=True)
         ]
         candidates = [matcher.reduce(self.partials) for matcher in self.matchers]
-        self.settled += joined([matcher.settled() for matcher in self.matchers], self.rule)
+        self.smoothed += joined([matcher.smoothed() for matcher in self.matchers], self.rule)
         return join_shards(candidates, self.rule)
 
-    def finish(self) -> list[Settled]:
-        """Return all that was settled: the stream is over."""
+    def finish(self) -> list[SmoothedCandidate]:
+        """Return all that was smoothed: the stream is over."""
         left = joined([matcher.finish() for matcher in self.matchers], self.rule)
-        return self.settled + left
+        return self.smoothed + left
 
 
-def joined(settled: Sequence[list[Settled]], rule: Rule) -> list[Settled]:
-    """Join what shards have settled, which are the same frames."""
+def joined(smoothed: Sequence[list[SmoothedCandidate]], rule: Rule) -> list[SmoothedCandidate]:
+    """Join what shards have smoothed, which are the same frames."""
     frames = []
-    for of_frame in zip(*settled, strict=True):
+    for of_frame in zip(*smoothed, strict=True):
         (lag,) = {each.lag for each in of_frame}
-        frames.append(Settled(join_shards([each.candidate for each in of_frame], rule), lag))
+        frames.append(
+            SmoothedCandidate(join_shards([each.candidate for each in of_frame], rule), lag)
+        )
     return frames
 
 
@@ -130,7 +132,7 @@ def answers(
             None if descriptor is None else next(compare.compare(descriptor[None]))
             for compare in places
         ]
-        yield whole.push(frame), parts.push(frames)
+        yield whole.update(frame), parts.update(frames)
 
 
 def beliefs_of(candidate: Candidate, places: int) -> Array:
@@ -175,7 +177,7 @@ def test_shards_of_the_filter_match_every_frame_as_the_whole_does(
 
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize(("places", "shards"), [(61, 2), (300, 5)])
-def test_shards_of_the_filter_settle_every_frame_as_the_whole_does(
+def test_shards_of_the_filter_smooth_every_frame_as_the_whole_does(
     places: int, shards: int, reverse: bool
 ) -> None:
     walk = random_walk(places, seed=1)
@@ -189,9 +191,9 @@ def test_shards_of_the_filter_settle_every_frame_as_the_whole_does(
         frame, *frames = [
             None if descriptor is None else next(each.compare(descriptor[None])) for each in compare
         ]
-        whole.push(frame)
-        expected += whole.settled()
-        parts.push(frames)
+        whole.update(frame)
+        expected += whole.smoothed()
+        parts.update(frames)
     expected += whole.finish()
     for one, other in zip(expected, parts.finish(), strict=True):
         assert one.lag == other.lag
@@ -218,14 +220,14 @@ def test_shards_that_compare_windows_match_every_frame_as_the_whole_does(
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize(("places", "shards", "lag"), [(61, 2, 20), (97, 4, 5), (150, 5, 20)])
 @pytest.mark.parametrize("rule", ["evidence", "ams"])
-def test_shards_that_compare_windows_settle_every_frame_as_the_whole_does(
+def test_shards_that_compare_windows_smooth_every_frame_as_the_whole_does(
     rule: Rule, places: int, shards: int, lag: int, reverse: bool
 ) -> None:
     walk = random_walk(places, seed=1)
     channel = learned_channel(walk)
     query = a_drive(walk, reverse=reverse)
     matching = MatchingConfig(rule=rule, reverse=reverse, lag=lag)
-    settled = []
+    smoothed = []
     for count in (1, shards):
         parts = [ChannelShard(channel, matching, shard, count) for shard in range(count)]
         matchers = [part.new_matcher() for part in parts]
@@ -238,13 +240,13 @@ def test_shards_that_compare_windows_settle_every_frame_as_the_whole_does(
             ]
             for matcher in matchers:
                 matcher.reduce(partials)
-            for each in zip(*[matcher.settled() for matcher in matchers], strict=True):
+            for each in zip(*[matcher.smoothed() for matcher in matchers], strict=True):
                 frames.append(join_shards([one.candidate for one in each], rule))
-        settled.append(frames)
+        smoothed.append(frames)
         assert not any(matcher.finish() for matcher in matchers)
-    assert len(settled[0]) == len(settled[1]) == len(query)
+    assert len(smoothed[0]) == len(smoothed[1]) == len(query)
     rel = 1e-12 if rule == "evidence" else 0
-    for whole, joined in zip(*settled, strict=True):
+    for whole, joined in zip(*smoothed, strict=True):
         assert joined.place == whole.place
         assert joined.score == pytest.approx(whole.score, rel=rel, abs=0)
         np.testing.assert_allclose(joined.evidence, whole.evidence, rtol=1e-6, atol=1e-7)
@@ -289,8 +291,8 @@ def test_shards_of_the_filter_believe_what_the_whole_does(
     for frame in query:
         last = np.array(frame, np.int16) if isinstance(frame, list) else last
         codes = None if frame == "unobserved" else last
-        expected = whole.push(beside(channel.metric, codes))
-        found = parts.push([beside(part.metric, codes) for part in parts.parts])
+        expected = whole.update(beside(channel.metric, codes))
+        found = parts.update([beside(part.metric, codes) for part in parts.parts])
         assert_believed_alike(expected, found, len(places))
 
 
@@ -312,7 +314,7 @@ def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: boo
         frame /= np.linalg.norm(frame)
         way = travelled[-1] - travelled[place] if reverse else travelled[place]
         reading = None if number % 7 == 3 else float(way)
-        expected = whole.push(beside_all(channel.metric, frame), reading)
+        expected = whole.update(beside_all(channel.metric, frame), reading)
         partials = [
             matcher.local(beside_all(shard.metric, frame), reading)
             for matcher, shard in zip(parts, made[1], strict=True)
@@ -376,11 +378,11 @@ def test_partial_results_are_small(rule: Rule) -> None:
     parts = Shards(channel_of(identity_metric(walk), scales), rule, 4)
     sizes = []
     for number, descriptor in enumerate(walk[:40]):
-        seen = number not in (0, 7)
-        parts.push(
+        observed = number not in (0, 7)
+        parts.update(
             [
                 next(MetricPlaces(part.metric, exact=True).compare(descriptor[None]))
-                if seen
+                if observed
                 else None
                 for part in parts.parts
             ]

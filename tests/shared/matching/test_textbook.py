@@ -53,7 +53,9 @@ def probability_of_moving(before: tuple[int, ...], after: tuple[int, ...], step:
     """Of one state from another, times how likely the step is."""
     if len(before) == 1:
         speed = after[0] if len(after) == 1 else after[1]
-        drifts = change_of_speed(before[0], speed, step, step.unlearned) * step.stray[speed]
+        drifts = (
+            change_of_speed(before[0], speed, step, step.unlearned) * step.lost_likelihood[speed]
+        )
         found = FIND * HYPOTHESES[after[0]] / PLACES if len(after) == 3 else 1 - FIND
         return float(drifts * found)
     if len(after) == 1:

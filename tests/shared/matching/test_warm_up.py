@@ -45,8 +45,8 @@ for shards in (1, 2):
     stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards)
     stream = stage.new_stream()
     for compared in stage.compare(list(frames)):
-        for seen in (compared, None):
-            partials = stream.local(seen, stream.next)
+        for observed in (compared, None):
+            partials = stream.local(observed, stream.next)
             stream.reduce({number: [one] * shards for number, one in partials.items()})
 assert before and compiled() == before, compiled() - before
 """

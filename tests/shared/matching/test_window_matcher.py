@@ -1,4 +1,4 @@
-"""What frames are settled with: the mirror image in time and place of the answers at once."""
+"""What frames are smoothed with: the mirror image in time and place of the answers at once."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from windowed import Windowed
 from placefield.matching.ams import AmsMatcher
 from placefield.matching.candidate import Candidate
 from placefield.matching.evidence import EvidenceMatcher
-from placefield.matching.matcher import Settled
+from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.window_matcher import WindowMatcher
 
 Frames = list[NDArray[np.int32] | None]
@@ -26,8 +26,10 @@ def streams(draw: st.DrawFn, missing: bool = True) -> Frames:
     frames, places = draw(st.integers(0, 40)), draw(st.integers(1, 15))
     most = draw(st.sampled_from([2, 1_000_000]))
     D = np.random.default_rng(draw(st.integers(0, 999))).integers(0, most, (frames, places))
-    seen = draw(st.lists(st.booleans() if missing else st.just(True), min_size=40, max_size=40))
-    return [row.astype(np.int32) if there else None for row, there in zip(D, seen, strict=False)]
+    observed = draw(st.lists(st.booleans() if missing else st.just(True), min_size=40, max_size=40))
+    return [
+        row.astype(np.int32) if there else None for row, there in zip(D, observed, strict=False)
+    ]
 
 
 def places_of(frames: Frames) -> int:
@@ -43,9 +45,9 @@ def bits(candidate: Candidate) -> tuple[int, float, bytes]:
     return candidate.place, candidate.score, candidate.evidence.tobytes()
 
 
-def settle(
+def smooth(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames, lag: int
-) -> list[Settled]:
+) -> list[SmoothedCandidate]:
     return Windowed(rule, lengths, places_of(frames), lag=lag).settle_all(frames)
 
 
@@ -56,19 +58,19 @@ def at_once(rule: type[WindowMatcher], lengths: list[int], frames: Frames) -> li
 @rules
 @given(scales, streams(missing=False))
 @settings(max_examples=60)
-def test_a_stream_is_settled_as_its_mirror_image_is_answered_at_once(
+def test_a_stream_is_smoothed_as_its_mirror_image_is_answered_at_once(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames
 ) -> None:
     answers = at_once(rule, lengths, mirrored(frames))[::-1]
-    settled = settle(rule, lengths, frames, ALL_LAGS)
+    smoothed = smooth(rule, lengths, frames, ALL_LAGS)
     turned = [each.turned(places_of(frames)) for each in answers]
-    assert [bits(each.candidate) for each in settled] == [bits(each) for each in turned]
+    assert [bits(each.candidate) for each in smoothed] == [bits(each) for each in turned]
 
 
 @rules
 @given(scales, streams(), st.integers(1, 12))
 @settings(max_examples=60)
-def test_a_frame_is_settled_by_the_mirror_image_of_the_frames_that_it_waits_for(
+def test_a_frame_is_smoothed_by_the_mirror_image_of_the_frames_that_it_waits_for(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames, lag: int
 ) -> None:
     """Whatever is missing; the last of them counts as the stream's end, and longer windows are cut.
@@ -76,9 +78,9 @@ def test_a_frame_is_settled_by_the_mirror_image_of_the_frames_that_it_waits_for(
     So what comes after the lag changes nothing.
     """
     cut = [min(length, lag + 1) for length in lengths]
-    settled = settle(rule, lengths, frames, lag)
-    assert len(settled) == len(frames)
-    for number, each in enumerate(settled):
+    smoothed = smooth(rule, lengths, frames, lag)
+    assert len(smoothed) == len(frames)
+    for number, each in enumerate(smoothed):
         waited_for = frames[number : number + max(cut)]
         windows = Windowed(rule, cut, places_of(frames))
         expected = windows.push_all(mirrored(waited_for))[-1].turned(places_of(frames))
@@ -89,13 +91,13 @@ def test_a_frame_is_settled_by_the_mirror_image_of_the_frames_that_it_waits_for(
 @rules
 @given(scales, streams())
 @settings(max_examples=20)
-def test_with_no_lag_frames_are_settled_as_they_are_answered(
+def test_with_no_lag_frames_are_smoothed_as_they_are_answered(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames
 ) -> None:
-    settled = settle(rule, lengths, frames, 0)
+    smoothed = smooth(rule, lengths, frames, 0)
     answers = at_once(rule, lengths, frames)
-    assert [bits(each.candidate) for each in settled] == [bits(each) for each in answers]
-    assert {each.lag for each in settled} <= {0}
+    assert [bits(each.candidate) for each in smoothed] == [bits(each) for each in answers]
+    assert {each.lag for each in smoothed} <= {0}
 
 
 @rules
@@ -110,13 +112,13 @@ def test_a_lag_changes_not_one_bit_of_the_answers_at_once(
 
 
 @rules
-def test_a_frame_is_settled_when_its_longest_window_is_complete(rule: type[WindowMatcher]) -> None:
+def test_a_frame_is_smoothed_when_its_longest_window_is_complete(rule: type[WindowMatcher]) -> None:
     D = np.random.default_rng(0).integers(0, 1000, (10, 30), np.int32)
     for lag, waits in ((1, 1), (3, 3), (4, 4), (20, 4)):
         windows = Windowed(rule, [2, 5], 30, lag=lag)
         lags = []
         for row in D:
-            windows.push(row)
-            lags.append([each.lag for each in windows.matcher.settled()])
+            windows.update(row)
+            lags.append([each.lag for each in windows.matcher.smoothed()])
         assert lags == [[]] * waits + [[waits]] * (10 - waits)
         assert len(windows.finish()) == waits

@@ -27,12 +27,12 @@ class Sums:
         self.recent = RecentDistances(max(lengths), places)
         self.windows = WindowSums(self.recent, lengths, ahead=ahead)
 
-    def push(self, distances: Array) -> None:
-        self.recent.push(distances, mean_of(distances))
+    def update(self, distances: Array) -> None:
+        self.recent.update(distances, mean_of(distances))
         self.windows.slide()
 
-    def push_missing(self) -> None:
-        self.recent.push_missing()
+    def update_missing(self) -> None:
+        self.recent.update_missing()
         self.windows.slide()
 
     def values(self) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int,
     distances = made_up_distances(frames, places, seed)
     windows = Sums(lengths, places)
     for newest in range(frames):
-        windows.push(distances[newest])
+        windows.update(distances[newest])
         expected = [
             [literal_sum(distances[: newest + 1], length, place) for place in range(places)]
             for length in lengths
@@ -80,7 +80,7 @@ def test_sums_ahead_are_the_literal_ones(
     distances = made_up_distances(frames, places, seed)
     windows = Sums(lengths, places, ahead=True)
     for newest in range(frames):
-        windows.push(distances[newest])
+        windows.update(distances[newest])
         begin = newest - max(lengths) + 1
         if begin < 0:
             continue
@@ -103,9 +103,9 @@ def test_sums_ahead_are_the_literal_ones(
 def test_sums_stay_exact_in_a_long_stream_of_the_largest_distances() -> None:
     windows = Sums([1, 700], 40)
     for distances in made_up_distances(3000, 40):
-        windows.push(distances)
+        windows.update(distances)
     for _ in range(700):
-        windows.push(np.full(40, MOST, np.int32))
+        windows.update(np.full(40, MOST, np.int32))
     np.testing.assert_array_equal(windows.values(), [[MOST] * 40, [700 * MOST] * 40])
 
 
@@ -117,9 +117,9 @@ def test_only_the_frames_in_the_window_count(
     distances = made_up_distances(frames, places, seed)
     whole, last = Sums(lengths, places), Sums(lengths, places)
     for row in distances:
-        whole.push(row)
+        whole.update(row)
     for row in distances[-max(lengths) :]:
-        last.push(row)
+        last.update(row)
     assert whole.values().tobytes() == last.values().tobytes()
 
 
@@ -130,12 +130,12 @@ def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_averag
     distances = made_up_distances(3, places)
     windows, by_hand = Sums([2, 5], places), Sums([2, 5], places)
     for row in distances:
-        windows.push(row)
-        by_hand.push(row)
+        windows.update(row)
+        by_hand.update(row)
     mean = round(Fraction(int(distances[-1].sum(dtype=np.int64)), places))
     for _ in range(4):
-        windows.push_missing()
-        by_hand.push(np.full(places, mean, np.int32))
+        windows.update_missing()
+        by_hand.update(np.full(places, mean, np.int32))
         np.testing.assert_array_equal(windows.values(), by_hand.values())
     np.testing.assert_array_equal(windows.values()[0], 2 * mean)
 
@@ -144,9 +144,9 @@ def test_a_stream_begins_with_the_first_frame_that_was_seen() -> None:
     distances = made_up_distances(6, 8)
     late, prompt = Sums([3, 4], 8), Sums([3, 4], 8)
     for _ in range(5):
-        late.push_missing()
+        late.update_missing()
     for row in distances:
-        late.push(row)
-        prompt.push(row)
+        late.update(row)
+        prompt.update(row)
         np.testing.assert_array_equal(late.values(), prompt.values())
         assert late.windows.frames == prompt.windows.frames

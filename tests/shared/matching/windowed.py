@@ -8,7 +8,7 @@ from comparisons import comparison_at, metric_of_codes
 from numpy.typing import NDArray
 
 from placefield.matching.candidate import Candidate
-from placefield.matching.matcher import Settled
+from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
 
 NOWHERE = metric_of_codes(np.zeros((1, 1), np.int16), 1.0)
@@ -36,35 +36,35 @@ class Windowed:
         self.matcher = rule(lengths, whole, unit, lambda _: mean_of(self._distances), lag)
         self._distances = np.zeros(places, np.int32)
 
-    def push(self, distances: NDArray[np.int32]) -> Candidate:
+    def update(self, distances: NDArray[np.int32]) -> Candidate:
         """Return the candidate for a frame at these distances (K,)."""
         self._distances = distances
-        return self.matcher.push(comparison_at(NOWHERE, np.zeros(1, np.int16), distances))
+        return self.matcher.update(comparison_at(NOWHERE, np.zeros(1, np.int16), distances))
 
-    def push_missing(self) -> Candidate:
+    def update_missing(self) -> Candidate:
         """Return the candidate for a missing observation."""
-        return self.matcher.push(None)
+        return self.matcher.update(None)
 
     def push_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Candidate]:
         """Return the candidates for frames at these distances (K,), None for a missing one."""
-        return [self.push_missing() if each is None else self.push(each) for each in frames]
+        return [self.update_missing() if each is None else self.update(each) for each in frames]
 
-    def settle_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Settled]:
-        """Return what is settled of a whole stream."""
-        settled = []
+    def settle_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[SmoothedCandidate]:
+        """Return what is smoothed of a whole stream."""
+        smoothed = []
         for frame in frames:
             self.push_all([frame])
-            settled += self.matcher.settled()
-        settled += self.finish()
+            smoothed += self.matcher.smoothed()
+        smoothed += self.finish()
         return [
             each._replace(lag=min(each.lag, len(frames) - 1 - number))
-            for number, each in enumerate(settled[: len(frames)])
+            for number, each in enumerate(smoothed[: len(frames)])
         ]
 
-    def finish(self) -> list[Settled]:
-        """Return what is settled at the end of a stream."""
-        settled = []
+    def finish(self) -> list[SmoothedCandidate]:
+        """Return what is smoothed at the end of a stream."""
+        smoothed = []
         for _ in range(self.matcher.tail):
-            self.push_missing()
-            settled += self.matcher.settled()
-        return settled + self.matcher.finish()
+            self.update_missing()
+            smoothed += self.matcher.smoothed()
+        return smoothed + self.matcher.finish()

@@ -202,7 +202,7 @@ def test_a_map_of_a_network_recognises_without_the_networks_files(
     network.unlink()
     network.with_suffix(".toml").unlink()
     recognizer = Recognizer(open_map(path))
-    places = [recognizer.push(file.read_bytes()).place for file in sorted(query_dir.iterdir())]
+    places = [recognizer.update(file.read_bytes()).place for file in sorted(query_dir.iterdir())]
     assert np.mean(np.abs(np.array(places) - range(60)) <= 2) > 0.95
 
 

@@ -131,7 +131,7 @@ def received(sequence: int, size: int = 1) -> Received:
 
 
 def sequences(newest: Newest) -> list[int]:
-    return [message.header.sequence for message in newest.take_all()]
+    return [message.header.sequence for message in newest.get_batch()]
 
 
 def test_what_was_received_is_taken_once_and_in_order() -> None:

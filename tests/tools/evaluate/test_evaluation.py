@@ -67,7 +67,7 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
             config,
             [config.lag],
         )
-    assert matches.causal == [recognizer.push(file.read_bytes()) for file in files]
+    assert matches.causal == [recognizer.update(file.read_bytes()) for file in files]
     assert matches.smoothed == {config.lag: recognizer.finish()}
 
 

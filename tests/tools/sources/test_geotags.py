@@ -209,7 +209,7 @@ def test_of_a_few_times_the_names_are_the_order_and_this_is_logged(
     assert "2 of 4 photographs say when" in caplog.text
 
 
-def test_times_settle_a_counter_that_wraps(
+def test_times_smooth_a_counter_that_wraps(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     names = [f"DSC_{number % 10_000:04}.jpg" for number in range(9990, 10_010)]

@@ -58,7 +58,7 @@ def test_each_part_is_left_out_of_the_map_and_all_else_stays(trial: Trial, learn
     for result in results:
         placemap = replace(learned.placemap, channels=tuple(variants[result.left_out]))
         recognizer = Recognizer(placemap, Config(matching=learned.matching(result.rule)))
-        matches = [recognizer.push_raw(raw) for raw in learned.query.raws]
+        matches = [recognizer.update_raw(raw) for raw in learned.query.raws]
         smoothed = recognizer.finish()
         if result.lag:
             matches = [each.match for each in smoothed]

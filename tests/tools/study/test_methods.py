@@ -47,7 +47,7 @@ def test_ours_are_the_recognizers_matches(
 ) -> None:
     recognizer = Recognizer(trial.placemap, Config(matching=trial.matching(rule)))
     name = "AMS, published rule" if rule == "ams" else f"Placefield, {rule}"
-    assert_matches(results[name], [recognizer.push_raw(raw) for raw in trial.query.raws])
+    assert_matches(results[name], [recognizer.update_raw(raw) for raw in trial.query.raws])
     assert results[name].ours == (rule != "ams")
 
 
@@ -57,7 +57,7 @@ def test_with_a_lag_they_are_its_smoothed_ones(
 ) -> None:
     recognizer = Recognizer(trial.placemap, Config(matching=trial.matching(rule)))
     for raw in trial.query.raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     smoothed = recognizer.finish()
     name = "AMS, published rule" if rule == "ams" else f"Placefield, {rule}"
     result = results[f"{name}, lag 20"]
@@ -104,7 +104,7 @@ def test_windows_by_evidence_are_our_windows_of_one_length(
     whole = ShardPlaces(len(metric.places), every, every)
     matcher = EvidenceMatcher([8], whole, metric.unit, MeanDistance(metric), lag=0)
     config = trial.matching("evidence")
-    matches = [fuse([matcher.push(frame)], config) for frame in frames]
+    matches = [fuse([matcher.update(frame)], config) for frame in frames]
     assert_matches(results["window of 8, evidence"], matches)
 
 
@@ -144,7 +144,7 @@ def published_matches(trial: Trial, built: Map) -> list[Match]:
     """The smoothed matches of a recognizer by the preset, by windows of any length."""
     recognizer = Recognizer(built, load_config(None, {"preset": "paper"}))
     for raw in trial.query.raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     return [each.match for each in recognizer.finish()]
 
 

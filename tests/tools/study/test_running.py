@@ -52,7 +52,7 @@ def test_a_protocol_puts_what_every_method_needs_in_the_same_order(
         raw = route.raws[number]
         assert raw is not None
         assert vector is not None
-        assert np.array_equal(vector, stream.push(raw))
+        assert np.array_equal(vector, stream.update(raw))
     assert driven.jumps.tolist() == drive.jumps.tolist()
     assert driven.truth.on_route.tolist() == (~drive.foreign).tolist()
 

@@ -13,7 +13,7 @@ from placefield.maps.metrics import learned_metric
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.sharding import ChannelShard
-from placefield_tools.study.matching import settled_candidates
+from placefield_tools.study.matching import smoothed_candidates
 from placefield_tools.study.trial import Trial
 
 
@@ -28,13 +28,13 @@ def channels(trial: Trial) -> list[MapChannel]:
 
 
 @pytest.mark.parametrize("rule", get_args(Rule))
-def test_a_channel_among_others_settles_on_the_candidates_of_its_own_comparisons(
+def test_a_channel_among_others_smooth_on_the_candidates_of_its_own_comparisons(
     trial: Trial, channels: list[MapChannel], rule: Rule
 ) -> None:
     descriptors = [None if frame in (0, 30) else d for frame, d in enumerate(trial.descriptors)]
-    together = settled_candidates(channels, descriptors, trial.metres, trial.matching(rule))
+    together = smoothed_candidates(channels, descriptors, trial.metres, trial.matching(rule))
     for channel, candidates in zip(channels, together, strict=True):
-        expected = settled_alone(channel, descriptors, trial.matching(rule))
+        expected = smoothed_alone(channel, descriptors, trial.matching(rule))
         assert len(candidates) == len(descriptors)
         for candidate, other in zip(candidates, expected, strict=False):
             assert (candidate.place, candidate.score) == (other.place, other.score)
@@ -42,17 +42,17 @@ def test_a_channel_among_others_settles_on_the_candidates_of_its_own_comparisons
             np.testing.assert_array_equal(candidate.evidence, other.evidence)
 
 
-def settled_alone(
+def smoothed_alone(
     channel: MapChannel, descriptors: list[NDArray[np.float32] | None], matching: MatchingConfig
 ) -> list[Candidate]:
-    """What a channel by itself has settled, tail included."""
+    """What a channel by itself has smoothed, tail included."""
     matcher = ChannelShard(channel, matching).new_matcher()
     places = MetricPlaces(channel.metric, exact=True)
-    settled = []
+    smoothed = []
     for descriptor in [*descriptors, *[None] * matcher.tail]:
-        matcher.push(None if descriptor is None else next(places.compare(descriptor[None])))
-        settled += matcher.settled()
-    return [each.candidate for each in settled + matcher.finish()]
+        matcher.update(None if descriptor is None else next(places.compare(descriptor[None])))
+        smoothed += matcher.smoothed()
+    return [each.candidate for each in smoothed + matcher.finish()]
 
 
 def test_a_frame_is_compared_once_for_all_channels_that_share_a_metric(
@@ -67,6 +67,6 @@ def test_a_frame_is_compared_once_for_all_channels_that_share_a_metric(
             yield comparison
 
     monkeypatch.setattr(MetricPlaces, "compare", counting)
-    settled_candidates(channels, trial.descriptors, trial.metres, trial.matching("filter"))
+    smoothed_candidates(channels, trial.descriptors, trial.metres, trial.matching("filter"))
     frames = len(trial.descriptors)
     assert compared == {channels[0].metric: frames, channels[1].metric: frames}

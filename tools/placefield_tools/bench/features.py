@@ -56,7 +56,7 @@ def _descriptor_figures(jpegs: list[bytes]) -> list[Figure]:
     feature, stream = feature_of("gist"), DescriptorStream(_model())
     times = Timings.of(
         [
-            lambda: [stream.push(feature.describe(jpeg)) for jpeg in jpegs],
+            lambda: [stream.update(feature.describe(jpeg)) for jpeg in jpegs],
             lambda: [cv2.imdecode(_as_array(jpeg), cv2.IMREAD_COLOR) for jpeg in jpegs],
         ],
         rounds=_ROUNDS,

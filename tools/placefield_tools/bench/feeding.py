@@ -56,7 +56,7 @@ class Feeder:
         """
         start = time.perf_counter()
         for sequence, descriptor in enumerate(descriptors):
-            if not self._credits.take(_LONGEST_S):
+            if not self._credits.acquire(_LONGEST_S):
                 raise BusError(f"no match for {_LONGEST_S:g} s")
             message = FeatureMessage(model=self._model, descriptor=descriptor)
             self._publisher.put(self._header(sequence), message)

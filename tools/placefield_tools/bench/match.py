@@ -74,7 +74,7 @@ def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames
 
     def match(descriptors: Array) -> list[Match]:
         compared = stage.compare(list(descriptors))
-        return [fusion.fuse(stream.push(of_frame)) for of_frame in compared]
+        return [fusion.fuse(stream.update(of_frame)) for of_frame in compared]
 
     return match
 

@@ -137,7 +137,7 @@ class _Soak:
 
 
 def _next_of(matches: MatchQueue) -> MatchMessage:
-    taken = matches.take(_LAST_MATCH_S)
+    taken = matches.get(_LAST_MATCH_S)
     if taken is None or taken[1] is None:
         raise BusError(f"no match for {_LAST_MATCH_S:g} s; see above")
     return taken[1]

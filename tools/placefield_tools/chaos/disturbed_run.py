@@ -58,7 +58,7 @@ def disturbed_replay(
     placemap = open_map(map_path)
     recognizer = Recognizer(placemap, config)
     undisturbed = [
-        recognizer.push(frame.image, frame.odometry_m) for frame in looped(source, frames)
+        recognizer.update(frame.image, frame.odometry_m) for frame in looped(source, frames)
     ]
     bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
     config = config.model_copy(update={"bus": bus_config})
@@ -86,7 +86,7 @@ def _listening(bus: Bus, config: Config, clock: Clock) -> Iterator[dict[int, Ans
         while left > 0:
             taken = None
             with suppress(MessageError):
-                taken = matches.take(_POLL_S)
+                taken = matches.get(_POLL_S)
             if taken is None:
                 left -= _POLL_S * patience.is_set()
                 continue

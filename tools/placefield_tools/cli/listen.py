@@ -54,7 +54,7 @@ def _listen(
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():
             try:
-                taken = matches.take(0.1)
+                taken = matches.get(0.1)
             except MessageError as error:
                 count_refused(matches.counts, error)
                 bus.log_dropped("match", error)

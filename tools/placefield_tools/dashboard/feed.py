@@ -41,7 +41,7 @@ class Newest:
                 self._bytes -= len(self._waiting.popleft().payload)
                 self.dropped += 1
 
-    def take_all(self) -> list[Received]:
+    def get_batch(self) -> list[Received]:
         """Take what waits, oldest first."""
         with self._lock:
             taken = list(self._waiting)
@@ -83,7 +83,7 @@ class Feed:
         of may come after it.
         """
         matches, self._matches = self._matches, []
-        for received in self._newest.take_all():
+        for received in self._newest.get_batch():
             if received.key == self._match_key:
                 self._matches.append(received)
             else:

@@ -106,7 +106,7 @@ class MatchPanel:
         self._missing.text = f"channels {channels}" if channels else "no channel"
 
     def show_smoothed(self, header: Header, match: SmoothedMessage) -> None:
-        """Show the newest frame that has been settled."""
+        """Show the newest frame that has been smoothed."""
         place = "no place" if match.place < 0 else f"place {match.place}"
         parts = [f"frame {header.sequence + 1}: {place}"]
         if match.probability is not None:

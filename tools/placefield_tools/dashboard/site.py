@@ -77,13 +77,13 @@ def _colour_button() -> None:
         dark.value = app.storage.tab["dark"] = _COLOURS[dark.value][2]
         show()
 
-    def recall() -> None:
+    def fetch() -> None:
         dark.value = app.storage.tab.get("dark")
         show()
 
     button.on_click(change)
     show()
-    ui.timer(0, recall, once=True)
+    ui.timer(0, fetch, once=True)
 
 
 @contextmanager

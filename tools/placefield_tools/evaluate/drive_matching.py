@@ -69,7 +69,7 @@ def match_drive(
     causal = []
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):
         frame = None if descriptor is None else next(compared)
-        matches = [stream.push(frame, reading) for stream in streams.values()]
+        matches = [stream.update(frame, reading) for stream in streams.values()]
         causal.append(matches[0])  # of all of them the same
         for lag in lags:
             smoothed[lag] += streams[lag].smoothed()

@@ -223,7 +223,7 @@ def match_here(
 ) -> Matches:
     """Match a query's frames in this process, and smooth with these lags; see ``match_drive``."""
     images = DescriptorStage(placemap.model).new_stream()
-    descriptors = [None if raw is None else images.push_raw(raw) for raw in raws]
+    descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
     metres = Metres(placemap.places, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
 

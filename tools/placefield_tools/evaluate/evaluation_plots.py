@@ -63,7 +63,7 @@ def _draw_matrix(
 def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
     """Distances under the first channel's metric, (Q, K); infinite for frames not seen."""
     stream = DescriptorStream(placemap.model)
-    descriptors = [None if raw is None else stream.push(raw) for raw in raws]
+    descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
 
 

@@ -106,7 +106,7 @@ class RecordSession:
 
     def take(self, timeout: float) -> bool:
         """Write what has come or comes in time; False if nothing did."""
-        frames = self._frames.take_all(0, _AT_ONCE)
+        frames = self._frames.get_batch(0, _AT_ONCE)
         for received in frames:
             self._write_frame(received)
         has_match = self._take_match(0 if frames else timeout)
@@ -116,7 +116,7 @@ class RecordSession:
 
     def _take_match(self, timeout: float) -> bool:
         try:
-            taken = self._matches.take(timeout)
+            taken = self._matches.get(timeout)
         except MessageError as error:
             count_refused(self._matches.counts, error)
             self._bus.log_dropped(self._keys.match, error)

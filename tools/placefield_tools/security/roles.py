@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from placefield.bus.keys import ROOT, Keys
 
 _ANY = Keys("*")
-_HISTORY = _ANY.all_history
+_CACHES = _ANY.all_caches
 _MAPS = f"{ROOT}/maps/**"
 
 EVERYTHING = f"{ROOT}/**"
@@ -37,8 +37,8 @@ def _service(name: str, *, publishes: tuple[str, ...], reads: tuple[str, ...]) -
         publishes=(*publishes, _ANY.stats(name, "*")),
         reads=reads,
         is_alive_as=(_ANY.all_alive(name),),
-        asks=(_HISTORY, _MAPS),
-        answers=(_HISTORY,),
+        asks=(_CACHES, _MAPS),
+        answers=(_CACHES,),
     )
 
 
@@ -61,7 +61,7 @@ ROLES = {
         reads=(_ANY.match, _ANY.ack, _ANY.unobserved, _ANY.odometry),
         is_alive_as=(_ANY.all_alive("replay"),),
     ),
-    "dashboard": Role(reads=(EVERYTHING,), asks=(_HISTORY,)),
+    "dashboard": Role(reads=(EVERYTHING,), asks=(_CACHES,)),
     "mapserver": Role(
         publishes=(_ANY.stats("mapserver", "*"),),
         is_alive_as=(_ANY.all_alive("mapserver"),),

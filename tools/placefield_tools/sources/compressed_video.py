@@ -28,7 +28,7 @@ class VideoDecoder:
         self._av: Any = av
         self._codec: Any = None
 
-    def push(self, form: str, data: bytes) -> NDArray[np.uint8] | None:
+    def update(self, form: str, data: bytes) -> NDArray[np.uint8] | None:
         """Return the picture (H, W, 3) BGR of the next message; None before the first key frame.
 
         Args:

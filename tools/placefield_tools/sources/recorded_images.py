@@ -76,7 +76,7 @@ def _video(name: str, messages: Iterator[Read]) -> Iterator[Callable[[], Stamped
         stamp_ns, message = read()
         picture: NDArray[np.uint8] | FrameError | None
         try:
-            picture = decoder.push(message.format, _data_of(message))
+            picture = decoder.update(message.format, _data_of(message))
         except FrameError as error:
             picture = error
         if not has_begun and not isinstance(picture, np.ndarray):

@@ -24,7 +24,7 @@ def match_channels(
     return match_drive(channels, descriptors, metres, config).causal
 
 
-def settled_candidates(
+def smoothed_candidates(
     channels: Sequence[MapChannel],
     descriptors: Descriptors,
     metres: Metres,
@@ -38,11 +38,11 @@ def settled_candidates(
     stream = stage.new_stream()
     compared = stage.compare([one for one in descriptors if one is not None])
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):
-        stream.push(None if descriptor is None else next(compared), reading)
+        stream.update(None if descriptor is None else next(compared), reading)
     for _ in range(stream.end()):
-        stream.push(None)
-    settled = stream.finish()
-    return [[each.candidate for _, each in settled[number]] for number in range(len(channels))]
+        stream.update(None)
+    smoothed = stream.finish()
+    return [[each.candidate for _, each in smoothed[number]] for number in range(len(channels))]
 
 
 def fuse_channels(candidates: Sequence[Sequence[Candidate]], fusion: FusionStage) -> list[Match]:

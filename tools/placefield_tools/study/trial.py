@@ -154,4 +154,4 @@ def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tup
 def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[Array | None]:
     """Return the descriptors (N,) of a stream of frames, None where a frame was not seen."""
     stream = DescriptorStream(model)
-    return [None if raw is None else stream.push(raw) for raw in raws]
+    return [None if raw is None else stream.update(raw) for raw in raws]

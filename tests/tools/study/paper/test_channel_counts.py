@@ -39,7 +39,7 @@ def published_curve(trial: Trial, placemap: Map) -> tuple[float, float]:
     """AUC and recall of a recognizer's smoothed matches."""
     recognizer = Recognizer(placemap, trial.config)
     for raw in trial.query.raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     curve = judge([each.match for each in recognizer.finish()], trial.truth).curve
     return curve.auc, curve.recall_at_100_precision
 

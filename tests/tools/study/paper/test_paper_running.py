@@ -19,7 +19,7 @@ def auc(trial: Trial, channels: tuple[MapChannel, ...]) -> float:
     """Of a recognizer's smoothed matches."""
     recognizer = Recognizer(replace(trial.placemap, channels=channels), trial.config)
     for raw in trial.query.raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     return judge([each.match for each in recognizer.finish()], trial.truth).curve.auc
 
 

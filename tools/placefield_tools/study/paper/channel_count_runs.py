@@ -9,7 +9,7 @@ from placefield.fusion.fusion_stage import FusionStage
 from placefield.matching.candidate import Candidate
 from placefield_tools.common.progress import tracked
 from placefield_tools.evaluate.evaluation import judge
-from placefield_tools.study.matching import fuse_channels, settled_candidates
+from placefield_tools.study.matching import fuse_channels, smoothed_candidates
 from placefield_tools.study.paper.paper_results import CountResult
 from placefield_tools.study.trial import Trial
 
@@ -32,7 +32,7 @@ def count_channels(trial: Trial) -> tuple[CountResult, ...]:
     scales = trial.config.scales.model_copy(update={"channels": CHANNELS})
     placemap = trial.build(trial.config.model_copy(update={"scales": scales}))
     matching = trial.matching("ams")
-    candidates = settled_candidates(placemap.channels, trial.descriptors, trial.metres, matching)
+    candidates = smoothed_candidates(placemap.channels, trial.descriptors, trial.metres, matching)
     fusion = FusionStage(placemap.places.same, matching)
     numbers = range(1, CHANNELS + 1)
     with tracked(numbers, "combining channels", CHANNELS) as in_turn:

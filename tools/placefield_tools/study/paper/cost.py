@@ -61,7 +61,7 @@ def _stream_bytes(trial: Trial, channels: Sequence[MapChannel]) -> int:
     stage = ChannelStage(dict(enumerate(channels)), trial.matching("ams"))
     tracemalloc.start()
     stream = stage.new_stream()
-    stream.push(None)
+    stream.update(None)
     held, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     return held

@@ -25,7 +25,7 @@ class NotYet(Exception):  # noqa: N818  # no error
         self.wait_s = wait_s
 
 
-class Asking(Generic[Question, Answer]):
+class BackgroundQuery(Generic[Question, Answer]):
     """Asks of one stream at a time, in a thread of its own."""
 
     def __init__(self, ask: Callable[Concatenate[str, Question], Answer]) -> None:

@@ -8,20 +8,20 @@ one of these is left, nothing is forgotten.
 from collections import Counter
 from functools import partial
 
-from placefield.bus.history import MOMENTS, History, Memory, remembering
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import MomentsMessage
+from placefield.bus.replay_cache import MOMENTS, ReplayCache, ReplicatedCache, replicated_cache
 from placefield.bus.session import Bus
 
 
-def remembered_moments(bus: Bus, keys: Keys, counts: Counter[str]) -> Memory:
+def cache_moments(bus: Bus, keys: Keys, counts: Counter[str]) -> ReplicatedCache:
     """Remember the moments that a run's featurizer publishes, and share them."""
-    moments = remembering(bus, keys.history(keys.moments), MOMENTS)
-    bus.subscribe(keys.moments, partial(_remember, moments.history), counts)
+    moments = replicated_cache(bus, keys.cache(keys.moments), MOMENTS)
+    bus.subscribe(keys.moments, partial(_remember, moments.cache), counts)
     return moments
 
 
-def _remember(history: History, received: Received) -> None:
+def _remember(cache: ReplayCache, received: Received) -> None:
     MomentsMessage.decode(received.payload)
-    history.remember(received.header, received.payload)
+    cache.store(received.header, received.payload)

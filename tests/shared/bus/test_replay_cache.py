@@ -5,24 +5,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield.bus.history import History, recalling, share
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
-from placefield.bus.messages import HistoryQuery
+from placefield.bus.messages import CacheQuery
+from placefield.bus.replay_cache import ReplayCache, fetcher, serve_cache
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import MessageError
 
-KEY = Keys("test").history(Keys("test").feature)
+KEY = Keys("test").cache(Keys("test").feature)
 
 
 def header(sequence: int, stream: str = "s") -> Header:
     return Header(stream=stream, sequence=sequence, stamp_ns=0)
 
 
-def told(history: History, stream: str, first: int, end: int) -> dict[int, bytes]:
-    query = HistoryQuery(stream=stream, first=first, end=end).encode()
-    replies = history.reply(query)
+def told(cache: ReplayCache, stream: str, first: int, end: int) -> dict[int, bytes]:
+    query = CacheQuery(stream=stream, first=first, end=end).encode()
+    replies = cache.reply(query)
     return {Header.decode(attachment).sequence: payload for payload, attachment in replies}
 
 
@@ -34,34 +34,34 @@ def told(history: History, stream: str, first: int, end: int) -> dict[int, bytes
 def test_the_newest_messages_of_the_last_stream_are_told(
     remembered: list[tuple[str, int]], first: int, end: int
 ) -> None:
-    history = History(4)
+    cache = ReplayCache(4)
     expected: dict[int, bytes] = {}
     last = ""
     for number, (stream, sequence) in enumerate(remembered):
         payload = str(number).encode()
-        history.remember(header(sequence, stream), payload)
+        cache.store(header(sequence, stream), payload)
         if stream != last:
             expected, last = {}, stream
         expected[sequence] = payload
         expected = dict(list(expected.items())[-4:])
-        assert history.find(header(sequence, stream)) == payload
+        assert cache.find(header(sequence, stream)) == payload
     wanted = {s: payload for s, payload in expected.items() if first <= s < end}
-    assert told(history, last or "a", first, end) == wanted
-    assert told(history, "another", 0, 10) == {}
-    assert history.find(header(3, "another")) is None
+    assert told(cache, last or "a", first, end) == wanted
+    assert told(cache, "another", 0, 10) == {}
+    assert cache.find(header(3, "another")) is None
 
 
 def test_the_newest_is_what_came_last_also_where_little_is_kept() -> None:
-    history = History(2)
-    assert history.newest is None
+    cache = ReplayCache(2)
+    assert cache.newest is None
     for newest in (header(7), header(8), header(9), header(0, "next")):
-        history.remember(newest, b"")
-        assert history.newest == newest
+        cache.store(newest, b"")
+        assert cache.newest == newest
 
 
 def test_what_is_no_query_is_refused() -> None:
     with pytest.raises(MessageError):
-        list(History().reply(b"garbage"))
+        list(ReplayCache().reply(b"garbage"))
 
 
 @pytest.fixture
@@ -76,17 +76,17 @@ def test_what_several_remember_is_put_together_in_order(router: Bus, endpoint: s
         open_bus(BusConfig(endpoint=endpoint)) as asker,
     ):
         for bus, sequences in ((router, (2, 3, 4)), (other, (0, 1, 2))):
-            history = History()
+            cache = ReplayCache()
             for sequence in sequences:
-                history.remember(header(sequence), str(sequence).encode())
-            share(bus, KEY, history)
+                cache.store(header(sequence), str(sequence).encode())
+            serve_cache(bus, KEY, cache)
         end = time.monotonic() + 10
-        while len(recalled := recalling(asker, KEY)("s", 1, 4)) < 3:
+        while len(fetched := fetcher(asker, KEY)("s", 1, 4)) < 3:
             assert time.monotonic() < end, "in vain"
-        assert [(s, payload) for s, (_, payload) in recalled.items()] == [
+        assert [(s, payload) for s, (_, payload) in fetched.items()] == [
             (1, b"1"),
             (2, b"2"),
             (3, b"3"),
         ]
-        assert recalling(asker, KEY)("another", 0, 9) == {}
-        assert recalling(asker, "placefield/test/history/nothing")("s", 0, 9) == {}
+        assert fetcher(asker, KEY)("another", 0, 9) == {}
+        assert fetcher(asker, "placefield/test/cache/nothing")("s", 0, 9) == {}

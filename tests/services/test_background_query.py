@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import pytest
 
-from placefield_services.asking import Asking, NotYet
+from placefield_services.background_query import BackgroundQuery, NotYet
 
 
 class Others:
@@ -29,45 +29,45 @@ def others() -> Iterator[Others]:
     others.answering.set()
 
 
-def answer_of(asking: Asking[[int], int], stream: str, first: int) -> int:
+def answer_of(background_query: BackgroundQuery[[int], int], stream: str, first: int) -> int:
     while True:
         with suppress(NotYet):
-            return asking(stream, first)
+            return background_query(stream, first)
 
 
 def test_while_the_answer_is_out_no_one_waits_and_one_question_is_asked(others: Others) -> None:
-    asking = Asking(others.ask)
+    background_query = BackgroundQuery(others.ask)
     for _ in range(10):
         with pytest.raises(NotYet):
-            asking("stream", 3)
+            background_query("stream", 3)
     assert others.asked == [("stream", 3)]
     others.answering.set()
-    assert answer_of(asking, "stream", 3) == 1
+    assert answer_of(background_query, "stream", 3) == 1
 
 
 def test_each_answer_is_given_once(others: Others) -> None:
-    asking = Asking(others.ask)
+    background_query = BackgroundQuery(others.ask)
     others.answering.set()
-    assert [answer_of(asking, "stream", 3) for _ in range(3)] == [1, 2, 3]
+    assert [answer_of(background_query, "stream", 3) for _ in range(3)] == [1, 2, 3]
 
 
 def test_an_answer_serves_a_newer_question_of_its_stream_and_none_of_another(
     others: Others,
 ) -> None:
-    asking = Asking(others.ask)
+    background_query = BackgroundQuery(others.ask)
     with pytest.raises(NotYet):
-        asking("stream", 3)
+        background_query("stream", 3)
     with pytest.raises(NotYet):
-        asking("stream", 4)
+        background_query("stream", 4)
     others.answering.set()
-    assert answer_of(asking, "stream", 5) == 1
+    assert answer_of(background_query, "stream", 5) == 1
     others.answering.clear()
     with pytest.raises(NotYet):
-        asking("stream", 6)
+        background_query("stream", 6)
     with pytest.raises(NotYet):
-        asking("other", 7)
+        background_query("other", 7)
     others.answering.set()
-    assert answer_of(asking, "other", 7) == 3
+    assert answer_of(background_query, "other", 7) == 3
     assert others.asked == [("stream", 3), ("stream", 6), ("other", 7)]
 
 
@@ -76,4 +76,4 @@ def test_what_goes_wrong_goes_wrong_where_the_answer_is_awaited() -> None:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        answer_of(Asking(ask), "stream", 3)
+        answer_of(BackgroundQuery(ask), "stream", 3)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from placefield.bus.message import Header, Message
-from placefield.bus.messages import HistoryQuery
+from placefield.bus.messages import CacheQuery
 from placefield.bus.session import Bus, Publisher
 from placefield.errors import MessageError
 
@@ -24,14 +24,14 @@ _PATIENCE_S = 1.0
 _MOST_REPLIES = 64 * LENGTH
 _MOST_BYTES = 2**30
 
-Recalled = Mapping[int, tuple[Header, bytes]]
+Fetched = Mapping[int, tuple[Header, bytes]]
 """Headers and payloads, by ascending sequence."""
 
-Recall = Callable[[str, int, int], Recalled]
-"""Returns what others remember of frames from one up to another of a stream; see ``recalling``."""
+Fetch = Callable[[str, int, int], Fetched]
+"""Returns what others remember of frames from one up to another of a stream; see ``fetcher``."""
 
 
-class History:
+class ReplayCache:
     """The newest messages of one stream on one key; of a new stream, once there is one.
 
     One thread may remember while another replies.
@@ -43,7 +43,7 @@ class History:
         self._kept: dict[int, tuple[Header, bytes]] = {}
         self._lock = threading.Lock()
 
-    def remember(self, header: Header, payload: bytes) -> None:
+    def store(self, header: Header, payload: bytes) -> None:
         """Keep a message; the first that came makes room for it."""
         with self._lock:
             if header.stream != self._stream:
@@ -77,9 +77,9 @@ class History:
         """Yield payloads and attachments of what a query asks for.
 
         Raises:
-            MessageError: it is no ``HistoryQuery``.
+            MessageError: it is no ``CacheQuery``.
         """
-        query = HistoryQuery.decode(asked)
+        query = CacheQuery.decode(asked)
         with self._lock:
             kept = list(self._kept.values()) if query.stream == self._stream else []
         for header, payload in kept:
@@ -90,73 +90,73 @@ class History:
 class CachedPublisher:
     """Publishes what a service makes of each frame, and remembers it."""
 
-    def __init__(self, publisher: Publisher, history: History) -> None:
+    def __init__(self, publisher: Publisher, cache: ReplayCache) -> None:
         """Take where to publish and what to remember it in."""
         self._publisher = publisher
-        self.history = history
+        self.cache = cache
 
     def put(self, header: Header, message: Message | None = None) -> None:
         """Send a message with its header; no message at the end of a stream."""
         payload = message.encode() if message else b""
-        self.history.remember(header, payload)
+        self.cache.store(header, payload)
         self._publisher.send(header, payload)
 
     def put_again(self, header: Header) -> bool:
         """Send what was sent of this frame; False if it is not remembered."""
-        payload = self.history.find(header)
+        payload = self.cache.find(header)
         if payload is not None:
             self._publisher.send(header, payload)
         return payload is not None
 
 
-def share(bus: Bus, key: str, history: History) -> None:
-    """Answer those who ask for this history at a key."""
-    bus.answer(key, lambda _, asked: history.reply(asked))
+def serve_cache(bus: Bus, key: str, cache: ReplayCache) -> None:
+    """Answer those who ask for this cache at a key."""
+    bus.answer(key, lambda _, asked: cache.reply(asked))
 
 
 @dataclass(frozen=True)
-class Memory:
+class ReplicatedCache:
     """What a service remembers of a key, and what asks the others who do."""
 
-    history: History
-    recall: Recall
+    cache: ReplayCache
+    fetch: Fetch
 
     def fill(self, header: Header) -> None:
         """Remember what others do of the frames before this one."""
         first = max(0, header.sequence - LENGTH)
-        for old, payload in self.recall(header.stream, first, header.sequence).values():
-            self.history.remember(old, payload)
+        for old, payload in self.fetch(header.stream, first, header.sequence).values():
+            self.cache.store(old, payload)
 
 
-def remembering(bus: Bus, key: str, length: int = LENGTH) -> Memory:
+def replicated_cache(bus: Bus, key: str, length: int = LENGTH) -> ReplicatedCache:
     """Return a memory that is shared at a key."""
-    history = History(length)
-    share(bus, key, history)
-    return Memory(history, recalling(bus, key))
+    cache = ReplayCache(length)
+    serve_cache(bus, key, cache)
+    return ReplicatedCache(cache, fetcher(bus, key))
 
 
-def recalling(bus: Bus, key: str) -> Recall:
-    """Return what asks all who share a history of one key."""
+def fetcher(bus: Bus, key: str) -> Fetch:
+    """Return what asks all who share a cache of one key."""
 
-    def recall(stream: str, first: int, end: int) -> Recalled:
+    def fetch(stream: str, first: int, end: int) -> Fetched:
         told = {
             header.sequence: (header, payload)
-            for header, payload in recall_all(bus, key, stream, first, end)
+            for header, payload in fetch_all(bus, key, stream, first, end)
         }
         return dict(sorted(told.items()))
 
-    return recall
+    return fetch
 
 
-def recall_all(
+def fetch_all(
     bus: Bus,
     key: str,
     stream: str,
     first: int,
     end: int,
 ) -> Iterator[tuple[Header, bytes]]:
-    """Yield what each who shares a history remembers of frames ``first`` to ``end`` - 1."""
-    query = HistoryQuery(stream=stream, first=first, end=end)
+    """Yield what each who shares a cache remembers of frames ``first`` to ``end`` - 1."""
+    query = CacheQuery(stream=stream, first=first, end=end)
     replies = bus.ask(key, query.encode(), timeout_s=_PATIENCE_S)
     held = 0
     for payload, attachment in itertools.islice(replies, _MOST_REPLIES):
