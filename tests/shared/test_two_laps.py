@@ -9,7 +9,7 @@ import pytest
 from placefield.config import Config, MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.shards import join_shards
+from placefield.fusion.shard_joiner import join_shards
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield.matching.channel_stage import ChannelStage

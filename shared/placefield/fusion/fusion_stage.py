@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.fusion.shards import ShardJoiner
+from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.matching.best_window import twins_in
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.pose import Pose

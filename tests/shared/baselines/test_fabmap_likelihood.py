@@ -49,11 +49,11 @@ def literal_likelihood(
 
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_is_the_printed_equation(tree: ChowLiuTree, detector: tuple[float, float]) -> None:
-    literal = [
+    reference = [
         [literal_likelihood(z, mapped, tree, detector) for mapped in CASES.astype(int).tolist()]
         for z in CASES.astype(int).tolist()
     ]
-    np.testing.assert_allclose(np.exp(log_likelihoods(CASES, CASES, tree, detector)), literal)
+    np.testing.assert_allclose(np.exp(log_likelihoods(CASES, CASES, tree, detector)), reference)
 
 
 @pytest.mark.parametrize("detector", DETECTORS)

@@ -69,7 +69,7 @@ def literal_contrast(row: list[float], window: int) -> list[float]:
     return out
 
 
-def literal_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> Match:
+def reference_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> Match:
     places = len(D[0])
     sums = [math.inf] * places
     later = min(lag, settings.length // 2)
@@ -110,7 +110,7 @@ def test_is_its_definition_written_out(settings: SeqSlam, lag: int) -> None:
     matches = seqslam(reference, query, settings, lag)
     assert len(matches) == 16
     for t, match in enumerate(matches):
-        expected = literal_match(D, t, settings, lag)
+        expected = reference_match(D, t, settings, lag)
         assert match.place == expected.place
         assert match.score == pytest.approx(expected.score, rel=1e-5)
 

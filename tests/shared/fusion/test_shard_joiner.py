@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from placefield.fusion.shards import join_shards
+from placefield.fusion.shard_joiner import join_shards
 from placefield.matching.candidate import (
     NO_CANDIDATE,
     NO_EVIDENCE,

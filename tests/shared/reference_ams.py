@@ -249,23 +249,23 @@ def distance(v: Array, x_i: Array, x_j: Array) -> float:
 # Matching: Eqs. 11 to 16.
 
 
-def match(literal: LiteralMap, raws: Array, blur: float = 0) -> list[list[Option]]:
+def match(reference: LiteralMap, raws: Array, blur: float = 0) -> list[list[Option]]:
     """Return what may be the match of each frame of a query (Q, D): F(Y) and Y.
 
     That is one, unless scores are so near each other that a blur of so much in their square roots
     decides. It is none where no channel has an answer.
     """
-    descriptors = (raws - literal.mean) @ literal.axes.T
+    descriptors = (raws - reference.mean) @ reference.axes.T
     D_M = [
-        np.array([[distance(c.v, x, r) for r in literal.places] for x in descriptors])
-        for c in literal.channels
+        np.array([[distance(c.v, x, r) for r in reference.places] for x in descriptors])
+        for c in reference.channels
     ]
     answers = []
     for frame in range(len(descriptors)):
         hypotheses = [
-            hypothesis(D[frame:], literal.smallest, coarse, blur)
-            for D, channel in zip(D_M, literal.channels, strict=True)
-            for coarse in coarse_scales(channel.scales, literal.smallest)
+            hypothesis(D[frame:], reference.smallest, coarse, blur)
+            for D, channel in zip(D_M, reference.channels, strict=True)
+            for coarse in coarse_scales(channel.scales, reference.smallest)
             if coarse <= min(D[frame:].shape)
         ]
         answers.append(lowest_hypotheses(hypotheses, blur))
