@@ -93,7 +93,7 @@ def test_of_a_gap_of_any_length_only_as_many_frames_are_processed_as_make_a_diff
 ) -> None:
     channel = small_map.channels[0]
     matching = MatchingConfig(rule=rule)
-    memory = ChannelShard(channel, matching).new_matcher().memory
+    memory = ChannelShard(channel, matching).new_matcher().horizon
     stage = ChannelStage({0: channel}, matching)
     stream, (first, last) = stage.new_stream(), stage.compare(query[:2])
     stream.update(first)

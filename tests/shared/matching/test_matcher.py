@@ -90,7 +90,7 @@ def test_what_came_before_the_longest_window_changes_not_one_bit(
     )
     old, new = (window_matcher(metric, scales, rule) for _ in range(2))
     candidates = candidates_of(old, frames)
-    begin = max(len(frames) - old.memory, 0)
+    begin = max(len(frames) - old.horizon, 0)
     while begin > 0 and frames[begin] is None:
         begin -= 1
     assert bits(candidates_of(new, frames[begin:])[-1]) == bits(candidates[-1])
@@ -115,7 +115,7 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
     if rule == "ams":
         scales = sorted({channel.smallest, *scales})
     by_hand = window_matcher(channel.metric, scales, rule)
-    assert made.memory == channel.scales.max()
+    assert made.horizon == channel.scales.max()
     for frame in compared(channel.metric, descriptors_of(channel.metric)):
         assert bits(made.update(frame)) == bits(by_hand.update(frame))
 
@@ -160,7 +160,7 @@ def test_after_its_memory_the_filter_is_found_by_what_it_sees_next_alone() -> No
     places = random_walk(300, 1)
     metric = identity_metric(places)
     found = []
-    for unobserved in (FilterMatcher.memory, 4 * FilterMatcher.memory):
+    for unobserved in (FilterMatcher.horizon, 4 * FilterMatcher.horizon):
         query = [*places[:60], *[None] * unobserved, *places[30:40]]
         candidate = candidates_of(filter_of(metric), compared(metric, query))[-1]
         beliefs = np.zeros(300)
@@ -198,7 +198,7 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
     back = replace(forth, metric=identity_metric(places[::-1]))
     last = count - 1
     reverse, reversed = matcher_of(forth, rule, reverse=True), matcher_of(back, rule)
-    assert reverse.memory == reversed.memory
+    assert reverse.horizon == reversed.horizon
     query = [None, *places[::-1][:10], None, *places[::-1][11:]]
     rtol = 1e-4 if rule == "filter" else 0
     for there, here in zip(
