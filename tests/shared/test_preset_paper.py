@@ -12,7 +12,7 @@ import reference_ams
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from reference_ams import LiteralMap
+from reference_ams import ReferenceMap
 
 from placefield.config import Config
 from placefield.features.extract import feature_of
@@ -50,37 +50,37 @@ def images(seed: int, *, night: bool = False) -> list[Image]:
             wall += math.sqrt(grain) * cv2.resize(colours, size, interpolation=cv2.INTER_CUBIC)
         for frame in range(count):
             left = step * frame + night
-            shown = 128 + (18 if night else 25) * wall[:, left : left + width]
-            noisy = shown + own.normal(scale=4, size=shown.shape)
+            view = 128 + (18 if night else 25) * wall[:, left : left + width]
+            noisy = view + own.normal(scale=4, size=view.shape)
             rendered.append(np.clip(noisy, 0, 255).astype(np.uint8))
     return rendered[:FRAMES]
 
 
-def driven(seed: int) -> list[int]:
-    """Say which place each frame of the query shows: now and then it waits, or skips one."""
+def positions_of(seed: int) -> list[int]:
+    """Return the place of each query frame: now and then the vehicle waits, or skips one."""
     steps = np.random.default_rng([seed, 2]).choice([0, 1, 2], FRAMES - 1, p=[0.15, 0.7, 0.15])
     return np.clip(np.r_[0, np.cumsum(steps)], 0, FRAMES - 1).tolist()
 
 
-def raw_features(shown: Sequence[Image], kind: str) -> NDArray[np.float64]:
+def raw_features(frames: Sequence[Image], kind: str) -> NDArray[np.float64]:
     feature = feature_of(kind)
-    return np.array([feature.describe(image) for image in shown], np.float64)
+    return np.array([feature.describe(image) for image in frames], np.float64)
 
 
 @dataclass(frozen=True)
 class PaperDrive:
-    """A route by day, and what is made of it by night."""
+    """A route by day, its map, and the smoothed matches of a query by night."""
 
     config: Config
     placemap: Map
     smoothed: list[SmoothedMatch]
-    reference: LiteralMap
+    reference: ReferenceMap
     query: NDArray[np.float64]
     places: list[int]
 
     @property
     def unit(self) -> float:
-        """What the map's descriptors are in, which the reference ones are not."""
+        """The unit of the map's descriptors; those of the reference have none."""
         return float(self.placemap.model.deviation[0])
 
     @property
@@ -94,7 +94,7 @@ class PaperDrive:
 
     @property
     def signs(self) -> NDArray[np.float64]:
-        """Of the map's axes, beside the reference ones: nobody says which way an axis points."""
+        """Of the map's axes, beside the reference ones: the sign of an axis is arbitrary."""
         return np.sign((self.reference.axes * self.placemap.model.components).sum(axis=1))
 
 
@@ -108,8 +108,8 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Pa
     if dimensions is not None:
         flags["features"]["dimensions"] = dimensions
     config = load_config(None, flags)
-    day, shown, places = images(seed), images(seed, night=True), driven(seed)
-    night = [shown[place] for place in places]
+    day, query, places = images(seed), images(seed, night=True), positions_of(seed)
+    night = [query[place] for place in places]
     placemap = build_map(day, config=config)
     recognizer = Recognizer(placemap, config)
     for image in night:

@@ -60,12 +60,12 @@ def test_every_channel_is_matched_under_its_own_metric(
     matchers = [ChannelShard(channel, config).new_matcher() for channel in channels]
     places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
     for frame, descriptor in enumerate(small_map.model.of_reference(make_traverse(noise=0.3).raw)):
-        seen = frame not in (0, 30, 31)
+        observed = frame not in (0, 30, 31)
         candidates = [
-            matcher.update(next(its.compare(descriptor[None])) if seen else None)
+            matcher.update(next(its.compare(descriptor[None])) if observed else None)
             for matcher, its in zip(matchers, places, strict=True)
         ]
-        match = recognizer.update_descriptor(descriptor if seen else None)
+        match = recognizer.update_descriptor(descriptor if observed else None)
         assert match == fuse(candidates, config)
 
 

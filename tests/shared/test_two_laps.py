@@ -86,8 +86,8 @@ def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
         for shard, shards in ((0, 1), (0, 2), (1, 2))
     )
     alone, *streams = (stage.new_stream() for stage in (whole, *parts))
-    seen = (metric.unit * metric.places[PLACES:]).astype(np.float32)
-    for descriptor in seen / np.linalg.norm(seen, axis=1, keepdims=True):
+    observed = (metric.unit * metric.places[PLACES:]).astype(np.float32)
+    for descriptor in observed / np.linalg.norm(observed, axis=1, keepdims=True):
         alone.update(next(whole.compare([descriptor])))
         partials = [
             stream.local(next(stage.compare([descriptor])), stream.next)[0]

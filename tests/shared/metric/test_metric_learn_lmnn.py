@@ -82,15 +82,15 @@ def test_it_learns_the_same_metrics_and_so_gives_the_same_matches() -> None:
 
 
 Fit = tuple[Array, NDArray[np.float64], int]
-"""The projection, the objective, and how often a step was told of."""
+"""The projection, the objective, and how many steps were reported."""
 
 
 def fits(points: Array, labels: Labels, *, by_metric_learn: bool, steps: int = 8) -> Fit:
-    told: list[int] = []
+    reported: list[int] = []
 
     def on_step(number: int, projection: Array) -> bool:
         assert projection.dtype == np.float32
-        told.append(number)
+        reported.append(number)
         return False
 
     fit = (fit_lmnn_by_metric_learn if by_metric_learn else fit_lmnn)(
@@ -102,8 +102,8 @@ def fits(points: Array, labels: Labels, *, by_metric_learn: bool, steps: int = 8
         start=np.eye(points.shape[1], dtype=np.float32),
         on_step=on_step,
     )
-    assert told == list(range(1, len(fit.objective)))
-    return fit.projection, fit.objective, len(told)
+    assert reported == list(range(1, len(fit.objective)))
+    return fit.projection, fit.objective, len(reported)
 
 
 def points_of(sizes: Sequence[int]) -> tuple[Array, Labels]:
