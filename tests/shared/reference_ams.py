@@ -154,8 +154,8 @@ def held_back(count: int, seed: int) -> Mask:
 def cross_validated(x: Array, labels: Labels, seed: int) -> float:
     """Return the λ of the fewest errors, and of several the smallest.
 
-    Blocks of 3 frames are partitioned into 5 parts, each of which is held back once. An error is one of
-    its frames whose nearest one in the others is of another label.
+    Blocks of 3 frames are partitioned into 5 parts. Each part is held back once. An error is one of
+    its frames whose nearest frame in the other parts has another label.
     """
     part_of_block = np.random.default_rng(seed).permutation(math.ceil(len(x) / 3))
     part_of = np.array([part_of_block[frame // 3] % 5 for frame in range(len(x))])

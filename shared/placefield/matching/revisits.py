@@ -51,7 +51,7 @@ class _Recognised(NamedTuple):
     posteriors: list[tuple[Same, Array]]
 
 
-class _Run(NamedTuple):
+class _Revisit(NamedTuple):
     """Consecutive frames, from ``first`` on, and the place that each is the same as, (n,) int32."""
 
     first: int
@@ -71,7 +71,7 @@ def same_places(descriptors: Array) -> Same:
     every = -(-len(descriptors) // MOST)
     searched = descriptors[::every]
     recognised = _recognised(searched)
-    runs: list[_Run] = []
+    runs: list[_Revisit] = []
     while True:  # once two laps share their places, a third lap can be recognised
         more = _runs(recognised, _joined(searched, runs))
         if sum(len(run.twins) for run in more) <= sum(len(run.twins) for run in runs):
@@ -122,7 +122,7 @@ def _among_earlier(
         yield replace(frame, distances=distances)
 
 
-def _runs(recognised: _Recognised, same: Same) -> list[_Run]:
+def _runs(recognised: _Recognised, same: Same) -> list[_Revisit]:
     """Return the runs of frames that are surely the same as earlier places.
 
     Args:
@@ -141,11 +141,11 @@ def _runs(recognised: _Recognised, same: Same) -> list[_Run]:
     for run in np.split(np.arange(len(same)), np.flatnonzero(~follows) + 1):
         certain = np.count_nonzero(likely[run] & (probabilities[run] >= _CERTAIN))
         if certain >= _LEAST and resembles[run].mean() >= _NEAREST:
-            runs.append(_Run(int(run[0]), twins[run]))
+            runs.append(_Revisit(int(run[0]), twins[run]))
     return runs
 
 
-def _joined(descriptors: Array, runs: Sequence[_Run], every: int = 1) -> Same:
+def _joined(descriptors: Array, runs: Sequence[_Revisit], every: int = 1) -> Same:
     """Return which place each is the same as, (K,), given runs of every n-th place."""
     same = np.arange(len(descriptors), dtype=np.int32)
     for first, twins in runs:

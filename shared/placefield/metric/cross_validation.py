@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.config import MetricConfig
-from placefield.metric.distances import squared_distances
 from placefield.metric.learn import BLOCK_FRAMES, learn_projection
+from placefield.metric.squared_distances import squared_distances
 
 LAMBDAS = (0.25, 0.5, 0.75, 1.0)
 """The values of the paper's λ, from 0 to 1, that are tried; see ``push_of``."""

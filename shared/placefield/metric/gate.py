@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 TOLERANCE = 4
 """Greatest distance of a right place from the truth, frames: traverses are aligned so well."""

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from placefield.blocks import blocks
-from placefield.metric.distances import Floats, squared_distances
 from placefield.metric.impostors import mark_invasions, sum_hinges
+from placefield.metric.squared_distances import Floats, squared_distances
 
 Labels = NDArray[np.integer[Any]]
 

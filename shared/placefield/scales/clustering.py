@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.errors import ConfigError, MapError
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 _TOLERANCE = 1e-3  # furthest move of a centre, in mean distances of frames to their nearest one
 _MAX_SWEEPS = 100

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 
 @dataclass(frozen=True)
