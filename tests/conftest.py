@@ -85,7 +85,7 @@ def given_routes(monkeypatch: pytest.MonkeyPatch) -> list[RouteCells | None]:
     begin: Callable[..., None] = FilterMatcher.__init__
 
     def recording(*arguments: Any, **more: Any) -> None:
-        given.append(signature(begin).bind(*arguments, **more).arguments.get("route"))
+        given.append(signature(begin).bind(*arguments, **more).arguments["whole"].route)
         begin(*arguments, **more)
 
     monkeypatch.setattr(FilterMatcher, "__init__", recording)

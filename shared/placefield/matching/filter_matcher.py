@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,23 @@ _RANDOM_PAIRS = 250  # how many random pairs are sampled
 _REPEATED = 1e-3  # distance in descriptor space up to which two frames are the same image
 
 
+@dataclass(frozen=True)
+class WholeMap:
+    """What a filter needs of the whole map, whichever shard it has.
+
+    Attributes:
+        lengths: of steps.
+        route: cells of the places; None if their metres are not known.
+        spread: of all places; None for a whole channel, whose comparisons have the deviation.
+        sampled: a sample of the places; None if comparisons have all places, exactly.
+    """
+
+    lengths: StepLengths
+    route: RouteCells | None
+    spread: Spread | None
+    sampled: SampledPlaces | None
+
+
 class FilterMatcher(Matcher):
     """Filters and smooths the posterior of the places of a shard, at any speed.
 
@@ -59,34 +77,21 @@ class FilterMatcher(Matcher):
     horizon = 50  # after so many missing observations, the vehicle may be anywhere
     tail = 0
 
-    def __init__(
-        self,
-        lengths: StepLengths,
-        own: slice,
-        number: int,
-        smoother: Smoother,
-        spread: Spread | None = None,
-        route: RouteCells | None = None,
-        sampled: SampledPlaces | None = None,
-    ) -> None:
+    def __init__(self, whole: WholeMap, own: slice, number: int, smoother: Smoother) -> None:
         """Begin a stream.
 
         Args:
-            lengths: of steps on the whole map.
+            whole: the data of the whole map.
             own: the shard's places in the map.
             number: index of the shard.
             smoother: of a new stream.
-            spread: of all places of the map; None for a whole channel, whose comparisons have the
-                deviation.
-            route: cells of the whole map; None if its metres are not known.
-            sampled: a sample of the map's places; None if comparisons have all places, exactly.
         """
-        self._filter = PlaceFilter(lengths, own, route)
-        self._route, self._odometer = route, Odometer()
+        self._filter = PlaceFilter(whole.lengths, own, whole.route)
+        self._route, self._odometer = whole.route, Odometer()
         self._smoother = smoother
-        self._lengths, self._own, self._number = lengths, own, number
-        self._spread, self._sampled = spread, sampled
-        before, after = own.start > 0, own.stop < lengths.apart.shape[1]
+        self._lengths, self._own, self._number = whole.lengths, own, number
+        self._spread, self._sampled = whole.spread, whole.sampled
+        before, after = own.start > 0, own.stop < whole.lengths.apart.shape[1]
         self._halo = HALO * before, HALO * after
         self._likely = NO_PLACES
         self._last: Quantized | None = None

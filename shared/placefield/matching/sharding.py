@@ -17,6 +17,7 @@ from placefield.matching.filter_matcher import (
     LEAST_PLACES,
     SAMPLED,
     FilterMatcher,
+    WholeMap,
     step_lengths_of,
 )
 from placefield.matching.matcher import Matcher, ReverseMatcher
@@ -118,11 +119,13 @@ class ChannelShard:
         self._observed = self._in_order
         self._same = self._reordered_twins(same)
         if matching.rule == "filter":
-            self._lengths = step_lengths_of(metric, reverse=matching.reverse)
-            self._spread = shared.spread(metric) if shards > 1 else None
             has_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
-            self._sampled = None if has_all else shared.sampled(metric, reverse=matching.reverse)
-            self._route = self._route_cells(travelled)
+            self._whole = WholeMap(
+                step_lengths_of(metric, reverse=matching.reverse),
+                self._route_cells(travelled),
+                shared.spread(metric) if shards > 1 else None,
+                None if has_all else shared.sampled(metric, reverse=matching.reverse),
+            )
             first, last = self._in_order.start - HALO, self._in_order.stop + HALO
             self._observed = slice(max(first, 0), min(last, self._places))
         else:
@@ -164,16 +167,9 @@ class ChannelShard:
 
     def _filter(self, lag: int) -> Matcher:
         tolerance = self._matching.tolerance
-        smoother = Smoother(self._lengths, lag, tolerance, self._route, self._same)
-        return FilterMatcher(
-            self._lengths,
-            self._in_order,
-            self._number,
-            smoother,
-            self._spread,
-            self._route,
-            self._sampled,
-        )
+        whole = self._whole
+        smoother = Smoother(whole.lengths, lag, tolerance, whole.route, self._same)
+        return FilterMatcher(whole, self._in_order, self._number, smoother)
 
     def _windows(self, lag: int) -> Matcher:
         places = ShardPlaces(self._places, self._in_order, self._observed)
