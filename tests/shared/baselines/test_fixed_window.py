@@ -67,16 +67,16 @@ def test_nothing_after_a_frame_and_its_lag_changes_its_match(
 
 
 def test_a_centred_window_answers_in_the_middle_of_the_stream() -> None:
-    looks = np.random.default_rng(1).normal(size=(30, 8))
-    D = np.linalg.norm(looks[:, None] - looks, axis=2).astype(np.float32)
+    views = np.random.default_rng(1).normal(size=(30, 8))
+    D = np.linalg.norm(views[:, None] - views, axis=2).astype(np.float32)
     places = [match.place for match in fixed_window(D, 9, lag=20)]
     assert places == [-1] * 4 + list(range(4, 26)) + [-1] * 4
 
 
 @pytest.mark.parametrize("length", [1, 5])
 def test_a_traverse_is_recognised_in_itself_from_the_first_complete_window(length: int) -> None:
-    looks = np.random.default_rng(1).normal(size=(30, 8))
-    D = np.linalg.norm(looks[10:, None] - looks, axis=2).astype(np.float32)
+    views = np.random.default_rng(1).normal(size=(30, 8))
+    D = np.linalg.norm(views[10:, None] - views, axis=2).astype(np.float32)
     matches = fixed_window(D, length)
     assert [match.place for match in matches[length - 1 :]] == list(range(9 + length, 30))
     assert {match.place for match in matches[: length - 1]} <= {-1}

@@ -22,11 +22,11 @@ def made_route(seed: int, traverses: int = 1, apart: float = 1.0) -> tuple[Array
     rng = np.random.default_rng(seed)
     places = np.tile(np.arange(54), traverses)
     labels = places // 6
-    looks = apart * rng.normal(size=(9, 8))[labels]
-    looks += (0.3 * np.cumsum(rng.normal(size=(54, 8)), axis=0))[places]
-    looks += rng.normal(scale=0.7 / math.sqrt(traverses), size=looks.shape)
+    views = apart * rng.normal(size=(9, 8))[labels]
+    views += (0.3 * np.cumsum(rng.normal(size=(54, 8)), axis=0))[places]
+    views += rng.normal(scale=0.7 / math.sqrt(traverses), size=views.shape)
     order = rng.permutation(len(places))
-    centred = (looks - looks.mean(axis=0)).astype(np.float32)
+    centred = (views - views.mean(axis=0)).astype(np.float32)
     return centred[order], labels[order], places[order]
 
 

@@ -13,11 +13,11 @@ from placefield.scales.clustering import cluster, with_route_position
 
 
 def route(frames: int = 90, dimensions: int = 12, scale: float = 1.0) -> NDArray[np.float32]:
-    """Three stretches of looks, each drifting a little."""
+    """Three stretches of views, each drifting a little."""
     rng = np.random.default_rng(5)
-    looks = np.repeat(rng.normal(size=(3, dimensions)), frames // 3, axis=0)
+    views = np.repeat(rng.normal(size=(3, dimensions)), frames // 3, axis=0)
     drift = np.cumsum(rng.normal(scale=0.1, size=(frames, dimensions)), axis=0)
-    return (scale * (looks + drift)).astype(np.float32)
+    return (scale * (views + drift)).astype(np.float32)
 
 
 def powers_in_log_space(

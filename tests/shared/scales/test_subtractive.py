@@ -64,8 +64,8 @@ def test_finds_as_many_clusters_as_there_are_blobs(count: int) -> None:
 
 def changing_at_once(frames: int) -> NDArray[np.float32]:
     rng = np.random.default_rng(0)
-    looks = np.repeat(rng.normal(size=(frames // 10, 100)), 10, axis=0)
-    return (looks + rng.normal(size=(frames, 100))).astype(np.float32)
+    views = np.repeat(rng.normal(size=(frames // 10, 100)), 10, axis=0)
+    return (views + rng.normal(size=(frames, 100))).astype(np.float32)
 
 
 @pytest.mark.parametrize("frames", [200, 1200])
