@@ -21,7 +21,7 @@ from placefield.maps.store import save_map
 from placefield.matching.comparing import Comparison
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
-from placefield.matching.odometry import Road
+from placefield.matching.odometry import RouteCells
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.common.host_process import free_endpoint
 
@@ -63,33 +63,33 @@ def models_dir() -> Path:
 
 
 @pytest.fixture
-def told_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
-    """What the filters of this process are told of the odometry, frame by frame, from now on."""
-    told: list[float | None] = []
+def given_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
+    """The odometry readings that all filters are given from now on, frame by frame."""
+    given: list[float | None] = []
     local = FilterMatcher.local
 
-    def listening(
+    def recording(
         self: FilterMatcher, frame: Comparison | None, odometry_m: float | None = None
     ) -> Partial:
-        told.append(odometry_m)
+        given.append(odometry_m)
         return local(self, frame, odometry_m)
 
-    monkeypatch.setattr(FilterMatcher, "local", listening)
-    return told
+    monkeypatch.setattr(FilterMatcher, "local", recording)
+    return given
 
 
 @pytest.fixture
-def told_roads(monkeypatch: pytest.MonkeyPatch) -> list[Road | None]:
-    """What the filters that begin from now on are told of the way along the places."""
-    told: list[Road | None] = []
+def given_routes(monkeypatch: pytest.MonkeyPatch) -> list[RouteCells | None]:
+    """The route cells that the filters which begin from now on are given."""
+    given: list[RouteCells | None] = []
     begin: Callable[..., None] = FilterMatcher.__init__
 
-    def listening(*arguments: Any, **more: Any) -> None:
-        told.append(signature(begin).bind(*arguments, **more).arguments.get("road"))
+    def recording(*arguments: Any, **more: Any) -> None:
+        given.append(signature(begin).bind(*arguments, **more).arguments["whole"].route)
         begin(*arguments, **more)
 
-    monkeypatch.setattr(FilterMatcher, "__init__", listening)
-    return told
+    monkeypatch.setattr(FilterMatcher, "__init__", recording)
+    return given
 
 
 FRAMES = 60

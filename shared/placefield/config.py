@@ -19,10 +19,10 @@ from placefield.errors import ConfigError
 from placefield.presets import Preset
 
 ONNX = "onnx:"
-"""What stands before the file of a network in a feature's kind."""
+"""Prefix of a network's file in a feature's kind."""
 
 CROSS_VALIDATION = "cross-validation"
-"""In place of a number that is to be chosen by it."""
+"""Stands for a number that cross-validation chooses."""
 
 
 FEATURES = ("grayscale", "gist")
@@ -42,7 +42,7 @@ FeatureKind = Annotated[str, AfterValidator(_check_kind)]
 
 
 def _split(names: object) -> object:
-    """Take names in one text, as a flag or the environment has them, apart."""
+    """Split names that a flag or the environment gives as one text."""
     return tuple(names.split(",")) if isinstance(names, str) else names
 
 
@@ -56,12 +56,12 @@ def _check_push(push: float | str) -> float | str:
     if push == CROSS_VALIDATION:
         return push
     try:
-        share = float(push)
+        fraction = float(push)
     except ValueError:
-        share = -1
-    if not 0 <= share <= 1:
-        raise PydanticCustomError("push", f"give a share from 0 to 1, or {CROSS_VALIDATION}")
-    return share
+        fraction = -1
+    if not 0 <= fraction <= 1:
+        raise PydanticCustomError("push", f"give a fraction from 0 to 1, or {CROSS_VALIDATION}")
+    return fraction
 
 
 RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
@@ -84,50 +84,52 @@ class _Section(BaseModel):
 
 
 class BusConfig(_Section):
-    """Where the bus is."""
+    """The connection to the bus."""
 
     endpoint: str = Field("tcp/127.0.0.1:7557", description="the router: PROTOCOL/HOST:PORT")
     credentials: str | None = Field(
-        None, description="folder of one role's, for tls/HOST:PORT; see 'placefield security init'"
+        None,
+        description="folder of one role's files, for tls/HOST:PORT; see 'placefield security init'",
     )
     connect: Endpoints = Field(
-        (), description="routers of other hosts that this host's connects to, commas between them"
+        (),
+        description="routers of other hosts that this host's router connects to, comma-separated",
     )
-    connect_timeout_s: float = Field(10.0, gt=0, description="how long a service waits for it")
+    connect_timeout_s: float = Field(10.0, gt=0, description="seconds that a service waits for it")
 
 
 class FeatureConfig(_Section):
     """How a frame becomes a descriptor."""
 
     kind: FeatureKind = Field(
-        "gist", description="grayscale, gist, onnx:FILE, a network, or another package's"
+        "gist",
+        description="grayscale, gist, onnx:FILE (a network), or a feature of another package",
     )
     dimensions: int | None = Field(
         None,
         ge=1,
-        description="of the descriptor, after PCA; 300 where not given, 500 for grayscale",
+        description="dimensions of the descriptor, after PCA; default 300, 500 for grayscale",
     )
     standardise: bool = Field(
-        True, description="take the query's running mean and deviation out of its features"
+        True, description="standardise features by the query's running mean and deviation"
     )
     plain_pca: bool = Field(
         False,
-        description="PCA of the features as they are, neither standardised nor of unit length; "
-        "true: the paper",
+        description="PCA of raw features, not standardised, not of unit length; true: the paper",
     )
 
     def serve(self, rule: Rule) -> bool:
-        """Tell whether a rule follows such descriptors.
+        """Return whether a rule can use such descriptors.
 
-        The constants of ``filter`` are of descriptors of unit length, not of those of plain PCA.
+        The constants of ``filter`` are for descriptors of unit length, not for those of plain PCA.
         """
         return rule != "filter" or not self.plain_pca
 
     def check_rule(self, rule: Rule) -> None:
-        """Refuse a rule that does not follow such descriptors.
+        """Refuse a rule that cannot use such descriptors.
 
         Raises:
-            ConfigError: it does not.
+            ConfigError: the rule cannot use them.
         """
         if not self.serve(rule):
             raise ConfigError(
@@ -140,23 +142,25 @@ class ScaleConfig(_Section):
     """How the reference traverse is cut into segments."""
 
     channels: int = Field(4, ge=1, le=64, description="clusterings, each with its own fuzzifier")
-    clusters: int | None = Field(None, ge=2, description="per channel; estimated where not given")
+    clusters: int | None = Field(
+        None, ge=2, description="clusters per channel; estimated by default"
+    )
     position_weight: float = Field(
         1.0, ge=0, description="weight of the position in the route when clustering; 0: the paper"
     )
     fuzzifiers: Fuzzifiers = Field(
-        (1.02, 1.4), description="of the first channel and of the last; the others lie between"
+        (1.02, 1.4),
+        description="fuzzifiers of the first and of the last channel; the others lie between",
     )
     same_start: bool = Field(
         False,
-        description="all channels begin to cluster alike and differ by fuzzifier only; true: the "
-        "paper",
+        description="all channels start clustering from the same stretches; true: the paper",
     )
     min_scale: int = Field(
         4, ge=2, description="shortest active segment, frames; ams: its smallest scale"
     )
     min_scale_metres: float = Field(
-        0.0, ge=0, description="the same in metres, where the reference has poses; 0: in frames"
+        0.0, ge=0, description="the same in metres, if the reference has poses; 0: in frames"
     )
 
 
@@ -165,31 +169,32 @@ class MetricConfig(_Section):
 
     kind: MetricKind = Field("lmnn", description="lmnn, rca, lfda, nca or identity")
     neighbours: int = Field(
-        3, ge=1, description="target neighbours of a frame (k), of lmnn; of lfda, its k"
+        3, ge=1, description="lmnn: target neighbours of a frame (k); lfda: its k"
     )
     push: Annotated[float | str, AfterValidator(_check_push)] = Field(
         0.5,
-        description="share of lmnn's push term; the paper's λ: push / (1 - push); cross-validation "
-        "chooses it",
+        description="fraction of lmnn's push term; the paper's λ: push / (1 - push); "
+        "cross-validation chooses it",
     )
-    steps: int = Field(30, ge=1, description="of lmnn or nca, at most")
+    steps: int = Field(30, ge=1, description="most steps of lmnn or nca")
     solver: Solver = Field(
-        "placefield", description="whose lmnn: placefield's, or metric-learn's, which is slower"
+        "placefield",
+        description="whose lmnn: placefield's, or metric-learn's, which is slower",
     )
     gate: bool = Field(
         True,
-        description="keep it only where it recognises another traverse better; false: the paper",
+        description="keep a metric only if it recognises another traverse better; false: the paper",
     )
 
     @property
     def push_share(self) -> float:
-        """The push as a number, which cross-validation has been done for, if it was to choose it.
+        """The push as a number, also if cross-validation was to choose it and has done so.
 
         Raises:
-            ConfigError: it has not.
+            ConfigError: cross-validation has not chosen it yet.
         """
         if isinstance(self.push, str):
-            raise ConfigError(f"metric.push: {self.push} has not been done; give a share")
+            raise ConfigError(f"metric.push: {self.push} has not been done; give a fraction")
         return self.push
 
 
@@ -201,54 +206,59 @@ class MatchingConfig(_Section):
         3,
         ge=0,
         le=10**12,
-        description="a match is right within so many places; filter: its score is of that",
+        description="places within which a match is right; filter: its probability is of that",
     )
     precision: float = Field(
-        0.99, gt=0, lt=1, description="filter: a match this likely to be right is known"
+        0.99, gt=0, lt=1, description="filter: a match of at least this probability is known"
     )
-    lag: int = Field(
-        20, ge=0, le=1000, description="frames that a smoothed match waits for at most"
-    )
+    lag: int = Field(20, ge=0, le=1000, description="most frames that a smoothed match waits for")
     neighbourhood: int = Field(
-        10, ge=0, description="evidence: places on either side that a margin disregards"
+        10, ge=0, description="evidence: places on either side that the margin ignores"
     )
-    reverse: bool = Field(False, description="the route is driven the other way")
+    reverse: bool = Field(False, description="the vehicle travels the route in reverse")
     coarse_from: int = Field(
         200_000,
         ge=1,
-        description="a map of so many places is built for a coarse look at all of them first",
+        description="a map of at least so many places is built for coarse search and re-ranking",
     )
     exact: bool = Field(
-        False, description="filter: compare exactly with every place, whatever the map is built for"
+        False,
+        description="filter: compare exactly with every place, even if the map has a coarse index",
     )
 
     @property
     def compares_exactly(self) -> bool:
-        """Whether no coarse look may choose the places that are compared with."""
+        """Whether frames are compared exactly with every place, without a coarse search."""
         return self.exact or self.rule != "filter"
 
 
 class FusionConfig(_Section):
-    """How long the fuser waits."""
+    """The fuser's deadline."""
 
-    deadline_s: float = Field(2.0, gt=0, description="for the candidates of one frame")
+    deadline_s: float = Field(
+        2.0, gt=0, description="how long the fuser waits for the candidates of one frame"
+    )
 
 
 class MonitoringConfig(_Section):
-    """Where a service answers Prometheus."""
+    """The address at which a service answers Prometheus."""
 
-    port: int | None = Field(None, ge=1, le=65535, description="none where not given")
-    host: str = Field("127.0.0.1", description="0.0.0.0: to all that reach this host")
+    port: int | None = Field(
+        None, ge=1, le=65535, description="port of the metrics; none by default"
+    )
+    host: str = Field(
+        "127.0.0.1", description="address of the metrics; 0.0.0.0: all of this host's networks"
+    )
 
 
 class Config(_Section):
-    """All that describes a run, or several on one map."""
+    """The configuration of a run, or of several runs on one map."""
 
-    runs: RunNames = Field(("default",), description="their names, with commas between them")
+    runs: RunNames = Field(("default",), description="names of the runs, separated by commas")
     preset: Preset | None = Field(
-        None, description="many settings in one word, where no other is given; paper: as published"
+        None, description="defaults for many settings at once; paper: as published"
     )
-    seed: int = Field(0, ge=0, description="of everything random")
+    seed: int = Field(0, ge=0, description="seed of everything random")
     bus: BusConfig = BusConfig()
     features: FeatureConfig = FeatureConfig()
     scales: ScaleConfig = ScaleConfig()
@@ -259,7 +269,7 @@ class Config(_Section):
 
     @property
     def run(self) -> str:
-        """The run, for what is about one.
+        """The name of the only run.
 
         Raises:
             ConfigError: there are several.

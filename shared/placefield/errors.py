@@ -1,7 +1,7 @@
-"""The errors that Placefield knows.
+"""The known errors of Placefield.
 
 A known error is one line for a person: it names the file, key or flag and what to do. The command
-line prints it on stderr and exits with 1; anything else is a defect and keeps its traceback.
+line prints it on stderr and exits with 1. Any other exception is a defect and keeps its traceback.
 """
 
 
@@ -34,7 +34,7 @@ class MessageError(PlacefieldError):
 
 
 class OtherMapError(MessageError):
-    """A message on the bus is about another map than the one that is in use here."""
+    """A message on the bus is about another map than this process uses."""
 
 
 class BusError(PlacefieldError):

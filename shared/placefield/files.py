@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: what cannot be written leaves what was there."""
+"""Files that appear completely or not at all: a failed write leaves the old file."""
 
 import os
 import uuid
@@ -9,12 +9,12 @@ from pathlib import Path
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a path beside a file, to be written inside the block; it takes its place at the end.
+    """Yield a temporary path beside a file, to be written inside the block; it replaces the file.
 
-    It is with the disk by then. A device or a pipe is written to as it is.
+    It is synced to the disk before that. A device or a pipe is written to directly.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     real = Path(os.path.realpath(path))
     if real.exists() and not real.is_file():
@@ -35,14 +35,14 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file; text as UTF-8.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with written_whole(path) as beside:
         beside.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def sync(file: Path) -> None:
-    """Wait until a file is with the disk.
+    """Wait until a file is on the disk.
 
     Raises:
         OSError: the disk refuses it.
@@ -52,5 +52,5 @@ def sync(file: Path) -> None:
 
 
 def named(error: OSError, path: Path) -> OSError:
-    """Return an error that names a file; that of a disk that is full does not."""
+    """Return the error with the path of the file, which the error of a full disk lacks."""
     return OSError(error.errno, error.strerror or str(error), str(path))

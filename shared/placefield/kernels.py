@@ -1,4 +1,4 @@
-"""Compiled loops: what numpy can only do in many passes over memory."""
+"""Compiled loops, for what numpy can only do in many passes over memory."""
 
 import hashlib
 from collections.abc import Callable
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-_SUMS = 64  # that a compiler adds to side by side
+_SUMS = 64  # interleaved sums, so that the compiler can vectorise
 
 
 class _Cache(FunctionCache):
-    """Keeps machine code where there is room for it, for the sources that it was made of.
+    """Caches machine code, keyed by the sources that it was compiled from.
 
-    numba looks at a function's own file alone. What it calls is compiled into it, too, and so are
-    the constants that it names, wherever they come from.
+    numba checks only a function's own file. But the functions that it calls are compiled into it,
+    too, and so are the constants that it uses, whatever file they are in.
     """
 
     def __init__(self, function: FunctionType) -> None:
@@ -42,7 +42,7 @@ class _Cache(FunctionCache):
         return (*key, tuple(sorted(self.sources)))
 
     def save_overload(self, sig: object, data: object) -> None:
-        """Keep what was compiled; on a full disk it is compiled again next time."""
+        """Cache the compiled code; on a full disk it is compiled again next time."""
         with suppress(OSError):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
@@ -53,20 +53,20 @@ def _digest(file: str) -> str:
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function of arrays and numbers; the machine code is kept for the next process.
+    """Compile a function of arrays and numbers; the machine code is cached for the next process.
 
-    Arithmetic is as written, with no liberties taken for speed: with them, bits would depend on
-    what else is compiled into the same process. A division by zero gives infinity.
+    Arithmetic is as written, without unsafe optimisations: with those, the bits would depend on the
+    other code in the process. A division by zero gives infinity.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
-    with suppress(RuntimeError):  # there is no folder that it could be kept in
+    with suppress(RuntimeError):  # there is no folder for the machine code
         compiled._cache = _Cache(cast(FunctionType, function))
     return cast(Function, compiled)
 
 
 @kernel
 def sum_of(values: NDArray[np.floating[Any]]) -> float:
-    """Sum values (n,) in float64, in interleaved sums that are added up at the end."""
+    """Sum values (n,) in float64, as interleaved sums that are added up at the end."""
     sums = np.zeros(_SUMS)
     even = len(values) - len(values) % _SUMS
     for i in range(0, even, _SUMS):

@@ -1,4 +1,4 @@
-"""Maps of frames that a program has at hand: what ``from placefield import build_map`` gives."""
+"""Builds maps from frames of a program: what ``from placefield import build_map`` gives."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -20,19 +20,19 @@ _DEFAULTS = Config()
 
 
 def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -> Map:
-    """Build a map from the frames of one or more traverses of a route, in the order of the drive.
+    """Build a map from the frames of one or more traverses of a route, in the order of travel.
 
     Args:
-        traverses: the first gives the places; others of the same length, aligned by index, are the
-            route in other light, from which metrics are learned. A ``Frame`` has its own stamp,
-            pose and odometry; an image alone is a second after the one before.
+        traverses: the first gives the places; the others, of the same length and aligned by index,
+            show the route in other light, and metrics are learned from them. A ``Frame`` has its
+            own stamp, pose and odometry; an image alone is stamped one second after the one before.
         config: of features, scales, metric and seed.
 
     Raises:
         SourceError: a file cannot be read, or is something else.
         FrameError: an image does not decode, or pixels are of another shape or dtype.
-        MapError: the frames do not make a map: too few, traverses that differ in length or
-            in their route, a pose that is not finite, or odometry that goes back.
+        MapError: the frames do not make a map: too few, traverses that differ in length or in their
+            route, a pose that is not finite, or odometry that goes back.
         ConfigError: the features' network cannot be read.
     """
     if not traverses:
@@ -42,7 +42,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         _described(f"traverse {number}", traverse, feature)
         for number, traverse in enumerate(traverses)
     ]
-    with threadpool_limits(1):  # how many there are shows in the bits
+    with threadpool_limits(1):  # the number of threads changes the last bits
         check_same_route(described, config.features.kind)
         return build.build_map(described, config, network=feature.network)
 

@@ -1,4 +1,4 @@
-"""Reading the configuration: from defaults, a preset, TOML, environment and flags."""
+"""Reads the configuration from defaults, a preset, TOML, environment and flags."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -22,11 +22,11 @@ from placefield.toml import parse_toml
 
 ENV_PREFIX = "PLACEFIELD_"
 
-_SHOWN = 60  # characters of a value that is refused
+_SHOWN = 60  # most characters of a refused value in an error
 
 
 def _check_sections(environment: Iterable[str]) -> None:
-    """Refuse a misspelt section, which pydantic-settings would not look at."""
+    """Refuse a misspelt section, which pydantic-settings would ignore."""
     for name in environment:
         section, nested, _ = name.lower().removeprefix(ENV_PREFIX.lower()).partition("__")
         is_ours = nested and name.lower().startswith(ENV_PREFIX.lower())
@@ -37,7 +37,7 @@ def _check_sections(environment: Iterable[str]) -> None:
 def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
     """Read the configuration: flags over the environment over the file over the defaults.
 
-    A preset, wherever it is named, takes the place of the defaults.
+    A preset, wherever it is named, replaces the defaults.
 
     Args:
         file: TOML, one table per section.
@@ -46,8 +46,8 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
     The environment is read as ``PLACEFIELD_SCALES__CHANNELS=8``.
 
     Raises:
-        ConfigError: a key is unknown, a value malformed, or the file missing, unreadable or no
-            TOML.
+        ConfigError: a key is unknown, a value is malformed, or the file is missing, unreadable or
+            not TOML.
     """
     of_file = {} if file is None else _read(file)
     _check_sections(os.environ)
@@ -67,7 +67,7 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
             toml_settings = InitSettingsSource(settings_cls, init_kwargs=of_file)
             given = init_settings, env_settings, toml_settings
             named = next((name for source in given if (name := source().get("preset"))), None)
-            # An unknown one is refused where all is validated.
+            # An unknown preset is refused by the validation below.
             preset = PRESETS[named] if isinstance(named, str) and named in PRESETS else {}
             return *given, InitSettingsSource(settings_cls, init_kwargs=dict(preset))
 

@@ -1,4 +1,4 @@
-"""Locks of files: of two processes that take one, the second is told so, and does not wait."""
+"""File locks between processes: the second process that locks a file fails at once."""
 
 from typing import IO
 
@@ -6,10 +6,10 @@ from placefield.errors import ConfigError
 
 
 def take_lock(file: IO[bytes]) -> bool:
-    """Lock an open file until it is closed, however the process ends; False if another has it.
+    """Lock an open file until it is closed, however the process ends; False if it is locked.
 
     Raises:
-        ConfigError: the system has no such locks, as Windows.
+        ConfigError: the system has no such locks, for example Windows.
     """
     try:
         import fcntl

@@ -1,4 +1,4 @@
-"""What a notebook shows of a map and of a match: HTML that stands alone."""
+"""HTML of maps and of matches, for notebooks."""
 
 import base64
 from collections.abc import Iterable
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from placefield.maps.map import Map, Places
 
 _PICTURES = 8
-"""Of a map, in a strip."""
+"""Number of places in a map's strip."""
 
 
 def html_of_map(placemap: "Map") -> str:
-    """Return a table of what a map is, and a strip of its places."""
+    """Return a table of a map's facts, and a strip of its places."""
     places, channels = placemap.places, placemap.channels
     rows = {
         "map": placemap.digest if placemap.is_saved else "not saved",
@@ -36,7 +36,7 @@ def html_of_map(placemap: "Map") -> str:
 
 
 def html_of_match(match: "Match") -> str:
-    """Return a table of what a match says; what it does not say is left out."""
+    """Return a table of a match; fields without a value are left out."""
     rows = {"place": str(match.place) if match.place >= 0 else "unanswered"}
     if match.pose is not None:
         rows["pose"] = f"{match.pose.x:.2f} m, {match.pose.y:.2f} m, {match.pose.yaw:.3f} rad"
@@ -47,14 +47,14 @@ def html_of_match(match: "Match") -> str:
         rows["known"] = "yes" if match.known else "no"
     if match.missing:
         rows["missing channels"] = ", ".join(map(str, match.missing))
-    said = (("too fast", match.too_fast), ("forgotten", match.forgotten))
-    rows |= {name: "yes" for name, is_so in said if is_so}
+    flags = (("too fast", match.too_fast), ("forgotten", match.forgotten))
+    rows |= {name: "yes" for name, is_so in flags if is_so}
     return _table(rows)
 
 
 def _table(rows: dict[str, str]) -> str:
     cells = (
-        f"<tr><th>{escape(name)}</th><td>{escape(told)}</td></tr>" for name, told in rows.items()
+        f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows.items()
     )
     return f"<table>{''.join(cells)}</table>"
 

@@ -1,6 +1,6 @@
-"""Parts that other installed packages bring, by their entry points; docs/extending.md has how.
+"""Plugins: parts that other installed packages provide by entry points, see docs/extending.md.
 
-None is looked for, or loaded, unless it is asked for by a name that Placefield does not have.
+They are searched and loaded only for a name that is not built in.
 """
 
 from importlib.metadata import EntryPoint, entry_points
@@ -12,15 +12,15 @@ Group = Literal["placefield.features", "placefield.sources", "placefield.recorde
 
 
 def has_plugin(group: Group, name: str) -> bool:
-    """Return whether an installed package brings a part of this name; it is not loaded."""
+    """Return whether an installed package provides a part of this name; it is not loaded."""
     return bool(_found(group, name))
 
 
 def load_plugin(group: Group, name: str) -> Any:
-    """Load the part of this name that an installed package brings.
+    """Load the part of this name that an installed package provides.
 
     Raises:
-        ConfigError: no package brings it, several do, or it cannot be loaded.
+        ConfigError: no package provides it, several do, or it cannot be loaded.
     """
     found, part = _found(group, name), f"{group.removeprefix('placefield.')[:-1]} {name!r}"
     if not found:

@@ -1,10 +1,10 @@
-"""Where something is: a point and a heading in the plane."""
+"""A pose in the plane: a point and a heading."""
 
 from typing import NamedTuple
 
 
 class Pose(NamedTuple):
-    """Where a frame was taken: x and y in metres, yaw in radians, in the user's own map frame."""
+    """The pose of a frame: x and y in metres, yaw in radians, in the user's own map frame."""
 
     x: float
     y: float

@@ -1,4 +1,4 @@
-"""Many settings in one word."""
+"""Presets: names for many settings at once."""
 
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -14,8 +14,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "matching": {"rule": "ams", "lag": 1000},
     },
 }
-"""What each preset sets, by section; everything else stays as it is by default.
+"""The settings of each preset, by section; all others keep their defaults.
 
-``paper``: AMS as it is published. See the method's page for what the paper leaves open, and for
-what even so is done otherwise.
+``paper``: AMS as published. The page on the method lists what the paper leaves open, and what still
+differs from it.
 """

@@ -1,4 +1,4 @@
-"""All of recognition in one object, with no bus: frame in, match out."""
+"""Place recognition in one object, without a bus: frames in, matches out."""
 
 import math
 
@@ -21,9 +21,8 @@ _DEFAULTS = Config()
 class Recognizer:
     """Recognises the places of a map in one stream of frames.
 
-    It does what featurizer, channels and fuser do together, of the same three stages, and gives,
-    frame for frame, what they give on the same frames: a match at once, and a smoothed one when
-    frames after it have told enough.
+    It runs the same three stages as featurizer, channels and fuser together, and returns the same
+    matches for the same frames: one at once, and a smoothed one after some later frames.
     """
 
     def __init__(self, placemap: Map, config: Config = _DEFAULTS) -> None:
@@ -31,10 +30,10 @@ class Recognizer:
 
         Args:
             placemap: whose places are recognised.
-            config: of which the section ``matching`` says how; the map has the rest.
+            config: only the section ``matching`` counts; the map has the rest.
 
         Raises:
-            ConfigError: the rule does not follow the map's descriptors.
+            ConfigError: the rule cannot use the map's descriptors.
         """
         placemap.features.check_rule(config.matching.rule)
         matching = config.matching
@@ -56,10 +55,10 @@ class Recognizer:
         """Match the next frame.
 
         Args:
-            image: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file. One that does
-                not decode is matched as a missing observation.
-            odometry_m: the vehicle's odometry, metres travelled since any fixed start; None:
-                nobody has said since the frame before.
+            image: an encoded image, pixels (H, W) or (H, W, 3) BGR uint8, or a file. An image that
+                does not decode is matched as a missing observation.
+            odometry_m: the vehicle's odometry, metres travelled since any fixed start; None: no
+                reading since the frame before.
 
         Raises:
             SourceError: the file cannot be read, or this is no image at all; nothing was matched.
@@ -67,11 +66,11 @@ class Recognizer:
                 finite; nothing was matched.
         """
         _check_odometry(odometry_m)
-        shown = load(image)
-        if not isinstance(shown, bytes):
-            check_pixels(shown)
+        loaded = load(image)
+        if not isinstance(loaded, bytes):
+            check_pixels(loaded)
         try:
-            descriptor = self._images.update(shown)
+            descriptor = self._images.update(loaded)
         except FrameError:
             descriptor = None
         return self.update_descriptor(descriptor, odometry_m)
@@ -93,8 +92,8 @@ class Recognizer:
         """Match the next frame by its descriptor (N,); None is a missing observation.
 
         Raises:
-            FrameError: the descriptor is of another shape, or its length neither 1 nor 0, where
-                there was nothing to see; or the odometry is below 0 or not finite; no frame was
+            FrameError: the descriptor is of another shape, or its length is neither 1 nor 0 (which
+                is a missing observation), or the odometry is below 0 or not finite; no frame was
                 matched.
         """
         _check_odometry(odometry_m)
@@ -103,19 +102,19 @@ class Recognizer:
         return self._stream.update(compared, odometry_m)
 
     def smoothed(self) -> list[SmoothedMatch]:
-        """Return the smoothed matches that have been made since they were last asked for.
+        """Return the smoothed matches that are new since the last call.
 
         Every frame has one, in order, at most ``lag`` frames later, or when the stream is finished.
         """
         return self._stream.smoothed()
 
     def finish(self) -> list[SmoothedMatch]:
-        """Return the smoothed matches that are left: no frame will come any more."""
+        """Return the remaining smoothed matches: the stream is over."""
         return self._stream.finish()
 
 
 def _check_odometry(metres: float | None) -> None:
-    """Refuse what no service takes from the bus.
+    """Refuse a reading that services would refuse from the bus.
 
     Raises:
         FrameError: it is below 0 or not finite.

@@ -1,4 +1,4 @@
-"""TOML that somebody else wrote."""
+"""Reads TOML from files and messages."""
 
 import tomllib
 from typing import Any
@@ -7,10 +7,10 @@ from placefield.errors import ConfigError
 
 
 def parse_toml(written: bytes, source: str) -> dict[str, Any]:
-    """Read TOML; ``source`` says whose it is, should it be refused.
+    """Parse TOML; ``source`` names its origin in errors.
 
     Raises:
-        ConfigError: it is none, is nested too deeply, or has a number of thousands of digits.
+        ConfigError: it is not TOML, is nested too deeply, or has a number of thousands of digits.
     """
     try:
         return tomllib.loads(written.decode())

@@ -17,7 +17,7 @@ from placefield.maps.map import Map
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
-from placefield.matching.odometry import Road
+from placefield.matching.odometry import RouteCells
 from placefield_services.channel import run_channels
 
 
@@ -257,10 +257,10 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
 
 
 def test_matchers_are_told_the_odometry_of_frames_and_none_of_those_that_did_not_come(
-    route_map: Map, descriptors: list[Descriptor], told_odometry: list[float | None]
+    route_map: Map, descriptors: list[Descriptor], given_odometry: list[float | None]
 ) -> None:
     stage = Stage(route_map, "filter")
-    told_odometry.clear()  # of the rehearsal
+    given_odometry.clear()  # of the rehearsal
     readings = {0: 3.5, 1: None, 4: 7.0, 5: 7.0}
     stage.handle(
         *(
@@ -268,31 +268,31 @@ def test_matchers_are_told_the_odometry_of_frames_and_none_of_those_that_did_not
             for s, reading in readings.items()
         )
     )
-    assert told_odometry == [3.5, None, None, None, 7.0, 7.0]
+    assert given_odometry == [3.5, None, None, None, 7.0, 7.0]
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_matchers_are_told_the_metres_travelled_if_the_map_has_them(
     route_map: Map,
     descriptors: list[Descriptor],
-    told_roads: list[Road | None],
+    given_routes: list[RouteCells | None],
     known: bool,
 ) -> None:
     travelled = np.arange(60.0) if known else np.empty(0)
     places = replace(route_map.places, travelled=travelled)
     stage = Stage(replace(route_map, places=places), "filter")
     stage.send(header(0), descriptors[0])
-    assert (told_roads[-1] is not None) == known
+    assert (given_routes[-1] is not None) == known
 
 
 def test_odometry_comes_back_with_the_frames_that_others_remember(
-    route_map: Map, descriptors: list[Descriptor], told_odometry: list[float | None]
+    route_map: Map, descriptors: list[Descriptor], given_odometry: list[float | None]
 ) -> None:
     stage = Stage(route_map, "filter")
-    told_odometry.clear()
+    given_odometry.clear()
     stage.remember_elsewhere(descriptors[:6], odometry_m=[0.0, 1.0, 2.0, None, 4.0, 5.0])
     stage.handle(stage.feature(header(6), descriptors[6], odometry_m=6.0))
-    assert told_odometry == [0.0, 1.0, 2.0, None, 4.0, 5.0, 6.0]
+    assert given_odometry == [0.0, 1.0, 2.0, None, 4.0, 5.0, 6.0]
 
 
 def test_a_channel_that_the_map_has_not_is_refused(route_map: Map) -> None:

@@ -23,7 +23,7 @@ from placefield.bus.message import Header
 from placefield.bus.messages import CacheQuery, FeatureMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import MatchingConfig, Rule
-from placefield.fusion.shards import ShardJoiner
+from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import MetricPlaces

@@ -17,7 +17,7 @@ from placefield.maps.traverse import Traverse
 
 @pytest.fixture(scope="session")
 def make_traverse() -> Callable[..., Traverse]:
-    """Traverses of a route whose looks change gradually and, every so often, at once."""
+    """Traverses of a route whose views change gradually and, every so often, at once."""
 
     def make(
         frames: int = 90,
@@ -29,12 +29,12 @@ def make_traverse() -> Callable[..., Traverse]:
         rng = np.random.default_rng(8)
         steps = rng.normal(scale=0.3, size=(frames, 30))
         steps[rng.choice(frames, frames // 12, replace=False)] *= 6
-        looks = 5 + np.cumsum(steps, axis=0) + rng.normal(scale=noise, size=steps.shape)
+        views = 5 + np.cumsum(steps, axis=0) + rng.normal(scale=noise, size=steps.shape)
         poses = np.zeros((0 if spacing is None else frames, 3))
         poses[:, 0] = np.arange(len(poses)) * (spacing or 0)
         return Traverse(
             name,
-            looks.astype(np.float32),
+            views.astype(np.float32),
             np.arange(frames, dtype=np.int64) * 100_000_000,
             poses,
             poses[:, 0],

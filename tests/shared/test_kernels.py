@@ -54,7 +54,7 @@ def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cac
     ],
     ids=["function", "number", "array"],
 )
-def test_machine_code_is_made_anew_where_what_it_names_has_changed(
+def test_machine_code_is_compiled_again_where_a_constant_or_function_of_it_has_changed(
     tmp_path: Path, outer: str, inner: str
 ) -> None:
     (tmp_path / "outer.py").write_text(

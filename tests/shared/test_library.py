@@ -103,7 +103,9 @@ def test_frames_bring_their_stamps_and_poses(files: list[Path]) -> None:
     assert places.poses[:, 0].tolist() == list(range(len(files)))
 
 
-def test_what_cannot_be_a_map_is_refused_in_one_line(files: list[Path], tmp_path: Path) -> None:
+def test_frames_that_do_not_make_a_map_are_refused_in_one_line(
+    files: list[Path], tmp_path: Path
+) -> None:
     with pytest.raises(SourceError, match=r"nothing\.jpg: cannot be read"):
         build_map([*files, tmp_path / "nothing.jpg"])
     with pytest.raises(FrameError, match="traverse 0, frame 1"):

@@ -171,13 +171,13 @@ def test_several_runs_are_given_as_a_list_or_with_commas(
     assert load_config(file, flags.get(given_as)).runs == ("day", "night")
 
 
-def test_what_is_about_one_run_is_refused_several() -> None:
+def test_a_command_for_one_run_refuses_several() -> None:
     assert Config().run == "default"
     with pytest.raises(ConfigError, match="runs day, night: give one of them with --run"):
         _ = Config(runs=("day", "night")).run
 
 
-def test_a_preset_takes_the_place_of_the_defaults_and_what_is_given_wins(tmp_path: Path) -> None:
+def test_a_preset_replaces_the_defaults_and_given_settings_win(tmp_path: Path) -> None:
     file = tmp_path / "settings.toml"
     file.write_text('preset = "paper"\n[metric]\npush = 0.25\n')
     config = load_config(file, {"scales": {"channels": 8}})
@@ -202,7 +202,7 @@ def test_a_preset_is_known_by_its_name_wherever_it_is_given(
         load_config(None, {"preset": "papers"})
 
 
-def test_what_a_preset_makes_is_read_back_as_it_is(tmp_path: Path) -> None:
+def test_the_configuration_of_a_preset_is_read_back_unchanged(tmp_path: Path) -> None:
     config = load_config(None, {"preset": "paper"})
     file = tmp_path / "settings.toml"
     file.write_text(config.to_toml())
@@ -211,7 +211,7 @@ def test_what_a_preset_makes_is_read_back_as_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("push", [-0.1, 1.1, "half", "nan"])
 def test_push_is_a_share_or_is_to_be_chosen_by_cross_validation(push: object) -> None:
-    with pytest.raises(ConfigError, match=r"metric\.push: give a share from 0 to 1, or cross-val"):
+    with pytest.raises(ConfigError, match=r"metric\.push: give a fraction from 0 to 1, or cross"):
         load_config(None, {"metric": {"push": push}})
     assert load_config(None, {"metric": {"push": "0.25"}}).metric.push == 0.25
     chosen = load_config(None, {"metric": {"push": "cross-validation"}})
@@ -221,7 +221,7 @@ def test_push_is_a_share_or_is_to_be_chosen_by_cross_validation(push: object) ->
 
 
 @pytest.mark.parametrize("value", ["[" * 5000, "9" * 5000, '{"a":' * 5000])
-def test_what_nobody_can_read_is_one_short_line_wherever_it_is_given(
+def test_an_unreadable_value_is_one_short_line_wherever_it_is_given(
     value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "settings.toml"

@@ -46,14 +46,16 @@ class Page(HTMLParser):
             self.cells[-1] += data
 
 
-def test_a_map_shows_what_it_is_and_its_places(route_map: Map) -> None:
+def test_a_map_shows_its_facts_and_its_places(route_map: Map) -> None:
     page = Page(route_map._repr_html_())
     assert page.rows["map"] == route_map.digest
     assert page.rows["places"] == str(route_map.places.count)
     assert page.rows["feature"] == route_map.features.kind
     for number, channel in enumerate(route_map.channels):
-        told = page.rows[f"channel {number}"]
-        assert told.startswith(f"{len(channel.segments)} segments of {channel.scales.min()} to ")
+        reported = page.rows[f"channel {number}"]
+        assert reported.startswith(
+            f"{len(channel.segments)} segments of {channel.scales.min()} to "
+        )
     last = route_map.places.count - 1
     assert page.images[0] == route_map.places.thumbnail(0)
     assert page.images[-1] == route_map.places.thumbnail(last)
@@ -76,7 +78,7 @@ def test_names_cannot_be_markup(route_map: Map) -> None:
 
 
 @pytest.mark.parametrize("probability", [None, 0.875])
-def test_a_match_shows_what_it_says_and_no_more(probability: float | None) -> None:
+def test_a_match_shows_the_fields_that_it_has_and_no_more(probability: float | None) -> None:
     known = None if probability is None else False
     match = Match(7, 1.25, (2, 3), probability, known, True, pose=Pose(1.0, -2.5, np.pi))
     rows = Page(match._repr_html_()).rows
@@ -89,6 +91,6 @@ def test_a_match_shows_what_it_says_and_no_more(probability: float | None) -> No
     assert "forgotten" not in rows
 
 
-def test_no_match_is_told_as_unanswered() -> None:
+def test_no_match_is_shown_as_unanswered() -> None:
     rows = Page(Match(UNANSWERED, 0.0)._repr_html_()).rows
     assert rows == {"place": "unanswered", "score": "0"}

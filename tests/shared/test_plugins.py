@@ -46,7 +46,7 @@ def test_a_map_of_a_brought_feature_is_built_kept_and_recognised(
     assert [recognizer.update(view).place for view in views] == list(range(20))
 
 
-def test_a_map_whose_feature_is_gone_opens_and_is_recognised_by_nobody(
+def test_a_map_whose_feature_is_gone_opens_and_cannot_be_recognised(
     rows: Path, views: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = Config.model_validate({"features": {"kind": "rows"}, "scales": {"channels": 1}})
@@ -58,7 +58,7 @@ def test_a_map_whose_feature_is_gone_opens_and_is_recognised_by_nobody(
         Recognizer(placemap)
 
 
-def test_it_is_loaded_only_when_it_is_asked_for(install: Install) -> None:
+def test_it_is_loaded_only_when_it_is_used(install: Install) -> None:
     install(
         "lazypack", "raise RuntimeError('loaded')", {"placefield.features": {"lazy": "lazypack:it"}}
     )
@@ -84,19 +84,21 @@ def test_a_broken_one_is_one_line_that_names_its_package(
     install: Install, code: str, value: str, reason: str
 ) -> None:
     install("badpack", code, {"placefield.features": {"bad": value}})
-    with pytest.raises(ConfigError, match=f"feature 'bad': badpack brings it.*{reason}") as told:
+    with pytest.raises(
+        ConfigError, match=f"feature 'bad': badpack brings it.*{reason}"
+    ) as reported:
         load_plugin("placefield.features", "bad")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
-def test_what_two_packages_bring_is_refused(install: Install) -> None:
+def test_a_part_of_two_packages_is_refused(install: Install) -> None:
     for name in ("onepack", "otherpack"):
         install(name, "it = 1", {"placefield.features": {"both": f"{name}:it"}})
     with pytest.raises(ConfigError, match="several packages bring it: onepack, otherpack"):
         load_plugin("placefield.features", "both")
 
 
-def test_a_name_that_nobody_brings_is_refused_where_it_is_given() -> None:
+def test_a_name_that_no_package_provides_is_refused_where_it_is_given() -> None:
     with pytest.raises(ConfigError, match=r"setting features\.kind: 'rows': give grayscale, gist"):
         load_config(None, {"features": {"kind": "rows"}})
     with pytest.raises(ConfigError, match="feature 'rows': no installed package"):

@@ -1,4 +1,4 @@
-"""The preset ``paper`` against AMS written out, see ``literal_ams``, from images to matches."""
+"""The preset ``paper`` against AMS written out, see ``reference_ams``, from images to matches."""
 
 import math
 from collections.abc import Sequence
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
-import literal_ams
 import numpy as np
 import pytest
+import reference_ams
 from hypothesis import given
 from hypothesis import strategies as st
-from literal_ams import LiteralMap
 from numpy.typing import NDArray
+from reference_ams import ReferenceMap
 
 from placefield.config import Config
 from placefield.features.extract import feature_of
@@ -50,37 +50,37 @@ def images(seed: int, *, night: bool = False) -> list[Image]:
             wall += math.sqrt(grain) * cv2.resize(colours, size, interpolation=cv2.INTER_CUBIC)
         for frame in range(count):
             left = step * frame + night
-            shown = 128 + (18 if night else 25) * wall[:, left : left + width]
-            noisy = shown + own.normal(scale=4, size=shown.shape)
+            view = 128 + (18 if night else 25) * wall[:, left : left + width]
+            noisy = view + own.normal(scale=4, size=view.shape)
             rendered.append(np.clip(noisy, 0, 255).astype(np.uint8))
     return rendered[:FRAMES]
 
 
-def driven(seed: int) -> list[int]:
-    """Say which place each frame of the query shows: now and then it waits, or skips one."""
+def positions_of(seed: int) -> list[int]:
+    """Return the place of each query frame: now and then the vehicle waits, or skips one."""
     steps = np.random.default_rng([seed, 2]).choice([0, 1, 2], FRAMES - 1, p=[0.15, 0.7, 0.15])
     return np.clip(np.r_[0, np.cumsum(steps)], 0, FRAMES - 1).tolist()
 
 
-def raw_features(shown: Sequence[Image], kind: str) -> NDArray[np.float64]:
+def raw_features(frames: Sequence[Image], kind: str) -> NDArray[np.float64]:
     feature = feature_of(kind)
-    return np.array([feature.describe(image) for image in shown], np.float64)
+    return np.array([feature.describe(image) for image in frames], np.float64)
 
 
 @dataclass(frozen=True)
-class Drive:
-    """A route by day, and what is made of it by night."""
+class PaperDrive:
+    """A route by day, its map, and the smoothed matches of a query by night."""
 
     config: Config
     placemap: Map
     smoothed: list[SmoothedMatch]
-    literal: LiteralMap
+    reference: ReferenceMap
     query: NDArray[np.float64]
     places: list[int]
 
     @property
     def unit(self) -> float:
-        """What the map's descriptors are in, which the literal ones are not."""
+        """The unit of the map's descriptors; those of the reference have none."""
         return float(self.placemap.model.deviation[0])
 
     @property
@@ -94,11 +94,11 @@ class Drive:
 
     @property
     def signs(self) -> NDArray[np.float64]:
-        """Of the map's axes, beside the literal ones: nobody says which way an axis points."""
-        return np.sign((self.literal.axes * self.placemap.model.components).sum(axis=1))
+        """Of the map's axes, beside the reference ones: the sign of an axis is arbitrary."""
+        return np.sign((self.reference.axes * self.placemap.model.components).sum(axis=1))
 
 
-def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Drive:
+def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> PaperDrive:
     flags: dict[str, Any] = {
         "preset": "paper",
         "seed": seed,
@@ -108,18 +108,18 @@ def drive_of(kind: str, seed: int, min_scale: int, dimensions: int | None) -> Dr
     if dimensions is not None:
         flags["features"]["dimensions"] = dimensions
     config = load_config(None, flags)
-    day, shown, places = images(seed), images(seed, night=True), driven(seed)
-    night = [shown[place] for place in places]
+    day, query, places = images(seed), images(seed, night=True), positions_of(seed)
+    night = [query[place] for place in places]
     placemap = build_map(day, config=config)
     recognizer = Recognizer(placemap, config)
     for image in night:
         recognizer.update(image)
     fuzzifiers = np.linspace(1.02, 1.4, CHANNELS)
-    literal = literal_ams.build(
+    reference = reference_ams.build(
         raw_features(day, kind), dimensions or FRAMES, fuzzifiers, min_scale, seed
     )
     smoothed = recognizer.smoothed() + recognizer.finish()
-    return Drive(config, placemap, smoothed, literal, raw_features(night, kind), places)
+    return PaperDrive(config, placemap, smoothed, reference, raw_features(night, kind), places)
 
 
 ROUTES = {
@@ -131,83 +131,85 @@ ROUTES = {
 
 
 @pytest.fixture(scope="module", params=ROUTES)
-def drive(request: pytest.FixtureRequest) -> Drive:
+def drive(request: pytest.FixtureRequest) -> PaperDrive:
     drive = drive_of(*ROUTES[request.param])
     scales = [channel.scales.tolist() for channel in drive.placemap.channels]
     name: str = request.param
     assert ("segments differ" in name) == (len({shortest for shortest, *_ in scales}) > 1)
     assert ("one scale" in name) == any(
-        len(own) == 1 and own[0] > drive.literal.smallest for own in scales
+        len(own) == 1 and own[0] > drive.reference.smallest for own in scales
     )
-    assert ("smallest scale alone" in name) == ([drive.literal.smallest] in scales)
+    assert ("smallest scale alone" in name) == ([drive.reference.smallest] in scales)
     return drive
 
 
-def test_descriptors_are_by_pca_of_the_features_as_they_are(drive: Drive) -> None:
-    model, literal = drive.placemap.model, drive.literal
-    np.testing.assert_allclose(model.mean, literal.mean, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(drive.signs[:, None] * model.components, literal.axes, atol=1e-3)
-    longest = np.linalg.norm(literal.places, axis=1).max()
+def test_descriptors_are_by_pca_of_the_features_as_they_are(drive: PaperDrive) -> None:
+    model, reference = drive.placemap.model, drive.reference
+    np.testing.assert_allclose(model.mean, reference.mean, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(drive.signs[:, None] * model.components, reference.axes, atol=1e-3)
+    longest = np.linalg.norm(reference.places, axis=1).max()
     np.testing.assert_allclose(model.deviation, 4 * longest, rtol=1e-5)
 
 
-def test_every_channel_has_the_labels_and_scales_that_clustering_gives(drive: Drive) -> None:
+def test_every_channel_has_the_labels_and_scales_that_clustering_gives(drive: PaperDrive) -> None:
     assert len(drive.placemap.channels) == CHANNELS
-    for channel, literal in zip(drive.placemap.channels, drive.literal.channels, strict=True):
-        np.testing.assert_array_equal(channel.labels, literal.labels)
-        assert channel.scales.tolist() == literal.scales
+    for channel, reference in zip(drive.placemap.channels, drive.reference.channels, strict=True):
+        np.testing.assert_array_equal(channel.labels, reference.labels)
+        assert channel.scales.tolist() == reference.scales
 
 
-def test_the_smallest_scale_is_one_and_set_beforehand(drive: Drive) -> None:
+def test_the_smallest_scale_is_one_and_set_beforehand(drive: PaperDrive) -> None:
     assert {c.smallest for c in drive.placemap.channels} == {drive.config.scales.min_scale}
 
 
-def test_the_weight_is_chosen_by_cross_validation(drive: Drive) -> None:
-    weight = drive.literal.weight
+def test_the_weight_is_chosen_by_cross_validation(drive: PaperDrive) -> None:
+    weight = drive.reference.weight
     assert drive.placemap.metric.push == pytest.approx(weight / (1 + weight))
 
 
-def test_projections_are_learned_by_equation_8(drive: Drive) -> None:
-    for channel, literal in zip(drive.placemap.channels, drive.literal.channels, strict=True):
+def test_projections_are_learned_by_equation_8(drive: PaperDrive) -> None:
+    for channel, reference in zip(drive.placemap.channels, drive.reference.channels, strict=True):
         v = drive.signs[:, None] * drive.signs * channel.metric.projection
-        np.testing.assert_allclose(v, literal.v, atol=2e-5)
+        np.testing.assert_allclose(v, reference.v, atol=2e-5)
 
 
-def test_every_smoothed_match_is_that_of_the_equations(drive: Drive) -> None:
-    exact = literal_ams.match(drive.literal, drive.query)
-    rounded = literal_ams.match(drive.literal, drive.query, blur=drive.blur * drive.unit)
+def test_every_smoothed_match_is_that_of_the_equations(drive: PaperDrive) -> None:
+    exact = reference_ams.match(drive.reference, drive.query)
+    rounded = reference_ams.match(drive.reference, drive.query, blur=drive.blur * drive.unit)
     assert [each.frame for each in drive.smoothed] == list(range(FRAMES))
     others, moved = 0, []
-    for each, literal, options in zip(drive.smoothed, exact, rounded, strict=True):
+    for each, reference, options in zip(drive.smoothed, exact, rounded, strict=True):
         place, score = each.match.place, each.match.score
         if not options:
             assert (place, score) == (UNANSWERED, 0)
             continue
-        others += place not in {Y for _, Y in literal}
-        of_place = [math.sqrt(F) / drive.unit for F, at in options if at == place]
-        assert of_place, f"frame {each.frame}: {place} is not among {options}"
-        moved.append(min((math.sqrt(-score) - root for root in of_place), key=abs))
+        others += place not in {Y for _, Y in reference}
+        by_place = [math.sqrt(F) / drive.unit for F, at in options if at == place]
+        assert by_place, f"frame {each.frame}: {place} is not among {options}"
+        moved.append(min((math.sqrt(-score) - root for root in by_place), key=abs))
     assert np.abs(moved).max() <= drive.blur
     assert abs(np.mean(moved)) <= drive.blur / 8  # rounding has no side
     assert others <= FRAMES / 20  # where rounding decides
 
 
-def test_frames_whose_windows_the_query_ends_in_have_no_match(drive: Drive) -> None:
+def test_frames_whose_windows_the_query_ends_in_have_no_match(drive: PaperDrive) -> None:
     shortest = min(
-        literal_ams.coarse_scales(channel.scales, drive.literal.smallest)[0]
-        for channel in drive.literal.channels
+        reference_ams.coarse_scales(channel.scales, drive.reference.smallest)[0]
+        for channel in drive.reference.channels
     )
     unanswered = [each.frame for each in drive.smoothed if each.match.place == UNANSWERED]
     assert unanswered == list(range(FRAMES - shortest + 1, FRAMES))
 
 
-def test_a_smoothed_match_comes_with_the_last_frame_of_the_longest_window(drive: Drive) -> None:
+def test_a_smoothed_match_comes_with_the_last_frame_of_the_longest_window(
+    drive: PaperDrive,
+) -> None:
     longest = max(int(channel.scales[-1]) for channel in drive.placemap.channels)
     lags = [min(longest - 1, FRAMES - 1 - frame) for frame in range(FRAMES)]
     assert [each.lag for each in drive.smoothed] == lags
 
 
-def test_the_route_is_recognised(drive: Drive) -> None:
+def test_the_route_is_recognised(drive: PaperDrive) -> None:
     pairs = zip(drive.smoothed, drive.places, strict=True)
     assert np.mean([abs(each.match.place - place) <= 3 for each, place in pairs]) > 0.8
 

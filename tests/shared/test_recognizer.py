@@ -21,7 +21,7 @@ from placefield.maps.metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.comparing import MetricPlaces
-from placefield.matching.odometry import Road
+from placefield.matching.odometry import RouteCells
 from placefield.matching.sharding import ChannelShard
 from placefield.recognizer import Recognizer
 
@@ -60,12 +60,12 @@ def test_every_channel_is_matched_under_its_own_metric(
     matchers = [ChannelShard(channel, config).new_matcher() for channel in channels]
     places = [MetricPlaces(channel.metric, exact=True) for channel in channels]
     for frame, descriptor in enumerate(small_map.model.of_reference(make_traverse(noise=0.3).raw)):
-        seen = frame not in (0, 30, 31)
+        observed = frame not in (0, 30, 31)
         candidates = [
-            matcher.update(next(its.compare(descriptor[None])) if seen else None)
+            matcher.update(next(its.compare(descriptor[None])) if observed else None)
             for matcher, its in zip(matchers, places, strict=True)
         ]
-        match = recognizer.update_descriptor(descriptor if seen else None)
+        match = recognizer.update_descriptor(descriptor if observed else None)
         assert match == fuse(candidates, config)
 
 
@@ -117,7 +117,7 @@ def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
 
 
 def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
-    small_map: Map, make_traverse: Callable[..., Traverse], told_odometry: list[float | None]
+    small_map: Map, make_traverse: Callable[..., Traverse], given_odometry: list[float | None]
 ) -> None:
     recognizer = Recognizer(small_map)
     (raw, *_), nothing = make_traverse().raw, np.full((48, 64), 9, np.uint8)
@@ -127,26 +127,26 @@ def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
     recognizer.update_raw(None, 3.0)
     recognizer.update_descriptor(None, 0.0)
     recognizer.update_raw(raw)
-    assert told_odometry == [1, 2, 3, 3, 0, None]
+    assert given_odometry == [1, 2, 3, 3, 0, None]
 
 
 def test_matchers_are_told_the_metres_travelled_that_the_map_has(
     make_map: Callable[[Traverse], Map],
     make_traverse: Callable[..., Traverse],
-    told_roads: list[Road | None],
+    given_routes: list[RouteCells | None],
 ) -> None:
     placemap = make_map(make_traverse(spacing=0.5))
     Recognizer(placemap)
-    told = told_roads[-1]
-    assert told is not None
-    assert np.diff(told.middles).tolist() == [0.5] * (placemap.places.count - 1)
+    given = given_routes[-1]
+    assert given is not None
+    assert np.diff(given.middles).tolist() == [0.5] * (placemap.places.count - 1)
 
 
 @pytest.mark.parametrize("wrong", [-1.0, -np.inf, np.inf, np.nan])
 def test_odometry_that_is_no_distance_is_refused_and_no_frame_is_matched(
     small_map: Map,
     make_traverse: Callable[..., Traverse],
-    told_odometry: list[float | None],
+    given_odometry: list[float | None],
     wrong: float,
 ) -> None:
     query = make_traverse(noise=0.3).raw[:10]
@@ -159,7 +159,7 @@ def test_odometry_that_is_no_distance_is_refused_and_no_frame_is_matched(
         with pytest.raises(FrameError, match="odometry"):
             recognizer.update(b"no image", wrong)
         matches.append(recognizer.update_raw(raw))
-    assert len(told_odometry) == len(query)
+    assert len(given_odometry) == len(query)
     assert matches == recognise(small_map, "filter", [*query])
 
 

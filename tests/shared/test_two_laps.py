@@ -9,7 +9,7 @@ import pytest
 from placefield.config import Config, MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
-from placefield.fusion.shards import join_shards
+from placefield.fusion.shard_joiner import join_shards
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield.matching.channel_stage import ChannelStage
@@ -86,8 +86,8 @@ def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
         for shard, shards in ((0, 1), (0, 2), (1, 2))
     )
     alone, *streams = (stage.new_stream() for stage in (whole, *parts))
-    seen = (metric.unit * metric.places[PLACES:]).astype(np.float32)
-    for descriptor in seen / np.linalg.norm(seen, axis=1, keepdims=True):
+    observed = (metric.unit * metric.places[PLACES:]).astype(np.float32)
+    for descriptor in observed / np.linalg.norm(observed, axis=1, keepdims=True):
         alone.update(next(whole.compare([descriptor])))
         partials = [
             stream.local(next(stage.compare([descriptor])), stream.next)[0]

@@ -1,1 +1,1 @@
-"""What else there is, to compare with."""
+"""Other methods, for comparison."""

@@ -10,15 +10,14 @@ from placefield.matching.candidate import UNANSWERED
 def fixed_window(distances: NDArray[np.float32], length: int, lag: int = 0) -> list[Match]:
     """Match each query frame to the place of the lowest sum of distances over its window.
 
-    The window compares ``length`` query frames with as many places, at one speed: the last ones, or
-    those around the frame as far as the lag allows, see ``window_sums``. With a length of 1 this is
-    matching by the frame alone. Nothing is said where the window is not complete, before the first
-    and after the last one that is.
+    The window compares ``length`` query frames with as many places, at one speed: the last frames,
+    or those around the frame as far as the lag allows, see ``window_sums``. With a length of 1 this
+    is matching by single frames. Frames without a complete window are not answered.
 
     Args:
         distances: (Q, K) float32, of query frames to places.
         length: of the window, at least 1, frames.
-        lag: how many frames after the matched one the window may look at, at least 0.
+        lag: how many frames after the matched one the window may use, at least 0.
 
     Returns:
         Q matches; the score is the negated sum.
@@ -34,7 +33,7 @@ def window_sums(
     S(t, j) = sum over i = -a .. length - 1 - a of D(t - i, j - round(speed i)),
 
     where a = min(lag, length // 2) frames of the window come after t: none without a lag, and half
-    of them, so that the window is centred, where the lag allows.
+    of them if the lag allows, so that the window is centred.
 
     Args:
         distances: D, (Q, K) float.
@@ -50,15 +49,15 @@ def window_sums(
     after = min(lag, length // 2)
     offsets = np.arange(-after, length - after)
     steps = np.rint(speed * offsets).astype(int)
-    ahead, behind = -steps[0], steps[-1]
+    beyond, behind = -steps[0], steps[-1]
     sums = np.full((queries, places), np.inf)
-    if length <= queries and ahead + behind < places:
-        complete = sums[length - 1 - after : queries - after, behind : places - ahead]
+    if length <= queries and beyond + behind < places:
+        complete = sums[length - 1 - after : queries - after, behind : places - beyond]
         complete[:] = 0
         for i, step in zip(offsets, steps, strict=True):
             first = length - 1 - after - i
             of_frames = distances[first : first + len(complete)]
-            complete += of_frames[:, behind - step : places - ahead - step]
+            complete += of_frames[:, behind - step : places - beyond - step]
     return sums
 
 

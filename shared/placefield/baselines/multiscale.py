@@ -1,10 +1,10 @@
 """MS: many scales, each fixed beforehand.
 
 A reconstruction of Z. Chen, S. Lowry, A. Jacobson, M. E. Hasselmo and M. Milford, "Bio-inspired
-homogeneous multi-scale place recognition", Neural Networks 72, 2015, from what the AMS paper says
-of it: there is one metric for each of several fixed scales; its segments are all of that one
-length, whatever the route looks like, and overlap those of the others by an offset in time;
-matching is as in AMS, under the rule ``ams``. Which scales and offsets is our choice.
+homogeneous multi-scale place recognition", Neural Networks 72, 2015, from its description in the
+AMS paper: there is one metric for each of several fixed scales; its segments all have that one
+length, whatever the route is like, and overlap those of the others by an offset in time; matching
+is as in AMS, under the rule ``ams``. The scales and offsets are our choice.
 """
 
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ from placefield.scales.encoding import encode
 SCALES = (6, 12, 24, 48)
 
 _CRISP = 1.0  # the fuzzifier at which a frame belongs to one cluster only
-_MIN_SEGMENTS = 2  # with fewer there is nothing to tell a place apart from
+_MIN_SEGMENTS = 2  # with fewer, no place can be told from another
 
 
 def fixed_scale_channels(places: int, scales: Sequence[int] = SCALES) -> tuple[Channel, ...]:
     """Cut a reference traverse twice per scale, the second time half a segment later.
 
-    What is left over at either end is inactive. Each channel matches at its own scale and, within
-    that field, at the smallest of all, which the map is told as its shortest segment.
+    Frames left over at either end are inactive. Each channel matches at its own scale and, within
+    that field, at the smallest scale of all, which is the map's shortest segment.
 
     Args:
         places: frames of the reference traverse.

@@ -1,10 +1,10 @@
 """SeqSLAM: patch-normalised images, local contrast, straight trajectories.
 
 M. Milford and G. Wyeth, "SeqSLAM: Visual route-based navigation for sunny summer days and stormy
-winter nights", ICRA 2012; parameters and the measure of certainty as in OpenSeqSLAM2 (B. Talbot,
-S. Garg, M. Milford, IROS 2018). There, as in OpenSeqSLAM before it, trajectories are centred on the
-query frame that is matched, and so look at half their length of later frames. Here they do so as
-far as a lag allows; without one they end at the newest query frame.
+winter nights", ICRA 2012; parameters and the measure of certainty as in OpenSeqSLAM2 (B. Talbot, S.
+Garg, M. Milford, IROS 2018). In OpenSeqSLAM and OpenSeqSLAM2, trajectories are centred on the
+matched query frame, so they use later frames for half of their length. Here they do so as far as a
+lag allows; without a lag they end at the newest query frame.
 """
 
 import math
@@ -155,8 +155,8 @@ def _enhance_contrast(differences: NDArray[np.float32], window: int) -> NDArray[
 def _lowest_z_score(samples: int) -> float:
     """Return how far below 0 a z-score among so many samples can be, (n - 1) / sqrt(n).
 
-    OpenSeqSLAM2 adds what is missing to make the lowest z-score of the whole query 0. That would
-    look ahead; this bound does not, and a good match comes close to it.
+    OpenSeqSLAM2 adds a constant that makes the lowest z-score of the whole query 0. That would need
+    later frames; this bound does not, and a good match comes close to it.
     """
     return (samples - 1) / math.sqrt(samples)
 

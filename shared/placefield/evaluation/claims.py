@@ -1,4 +1,4 @@
-"""How often the matches that are called known are right, and how many there are."""
+"""The number, the precision and the recall of the known matches."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """The matches that are called known.
+    """Statistics of the known matches.
 
     Attributes:
-        count: how many.
-        precision: share of them that is right; 1 where there is none.
-        recall: right ones over query frames on the route; 0 where there is no such frame.
-
+        count: number of known matches.
+        precision: fraction of them that are right; 1 if there are none.
+        recall: right ones over query frames on the route; 0 if no frame is on the route.
     """
 
     count: int
@@ -25,7 +24,7 @@ class Claims:
 def claims(
     known: NDArray[np.bool_], correct: NDArray[np.bool_], on_route: NDArray[np.bool_]
 ) -> Claims:
-    """Judge the matches that are called known; all arguments (Q,) bool."""
+    """Judge the known matches; all arguments are (Q,) bool."""
     count = int(np.count_nonzero(known))
     right = int(np.count_nonzero(known & correct))
     return Claims(

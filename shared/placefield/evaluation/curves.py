@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 class PrecisionRecall:
     """Precision and recall at every threshold, from the strictest to the most lenient.
 
-    Point t keeps the answers whose score is at least `thresholds[t]`. Precision is the share of the
-    kept answers that are correct; recall is the number of correct ones among them over the number
-    of query frames on the route, kept or not. The first point keeps nothing: threshold infinity,
-    precision 1, recall 0.
+    Point t keeps the answers whose score is at least `thresholds[t]`. Precision is the fraction of
+    the kept answers that are correct. Recall is the number of correct answers among them over the
+    number of query frames on the route, kept or not. The first point keeps nothing: threshold
+    infinity, precision 1, recall 0.
 
-    Two conventions of recall are in use. The attributes are over the route: a place that was missed
-    costs recall. The properties `…_of_correct` are over the correct matches.
+    Two conventions of recall are in use. The attributes are over the route: a missed place costs
+    recall. The properties `…_of_correct` are over the correct matches.
 
     Attributes:
         thresholds: (T + 1,) float64, descending, one for each of the T distinct scores.
@@ -27,7 +27,6 @@ class PrecisionRecall:
         recall_at_1: correct answers over query frames on the route, the highest recall.
         queries: number of query frames.
         on_route: number of query frames on the route, the denominator of recall.
-
     """
 
     thresholds: NDArray[np.float64]
@@ -43,8 +42,8 @@ class PrecisionRecall:
     def auc_of_correct(self) -> float:
         """The AUC with recall over the correct matches, as VPR-Bench and scikit-learn compute it.
 
-        Recall then always reaches 1, so this only ranks the answers and never falls for a place
-        that was missed. Not to be compared with `auc`, whose recall is over the route.
+        Recall then always reaches 1. So this only ranks the answers, and does not fall with missed
+        places. It must not be compared with `auc`, whose recall is over the route.
         """
         return self.auc / self.recall_at_1 if self.recall_at_1 else 0.0
 
@@ -52,8 +51,8 @@ class PrecisionRecall:
     def recall_at_100_precision_of_correct(self) -> float:
         """The highest recall over the correct matches at precision exactly 1, or 0.
 
-        The share of the correct matches that score above every wrong one. Not to be compared with
-        `recall_at_100_precision`, whose recall is over the route.
+        It is the fraction of the correct matches that score above every wrong one. It must not be
+        compared with `recall_at_100_precision`, whose recall is over the route.
         """
         return self.recall_at_100_precision / self.recall_at_1 if self.recall_at_1 else 0.0
 
@@ -67,18 +66,17 @@ def precision_recall(
     """Sweep the threshold exactly over all distinct scores; equal scores enter together.
 
     An answer to a query frame off the route is a false positive. An unanswered query frame is never
-    kept, whatever its score. With no query frame on the route, recall and all figures are 0.
+    kept, whatever its score. If no query frame is on the route, recall and all figures are 0.
 
     Args:
-        correct: the query frame's match is right, (Q,) bool.
-        answered: the query frame has a match, (Q,) bool.
-        on_route: the query frame has a right place, (Q,) bool.
+        correct: whether the query frame's match is right, (Q,) bool.
+        answered: whether the query frame has a match, (Q,) bool.
+        on_route: whether the query frame has a right place, (Q,) bool.
         score: higher is more confident, (Q,) float.
 
     Raises:
-        ValueError: the shapes differ, a match off the route is called correct, or an answered query
-            frame's score is NaN: it has no rank, and to guess one would change the curve.
-
+        ValueError: the shapes differ, a match off the route is called correct, or the score of an
+            answered query frame is NaN, which has no rank.
     """
     if not correct.shape == answered.shape == on_route.shape == score.shape == (len(score),):
         raise ValueError("correct, answered, on_route and score must have one and the same length")

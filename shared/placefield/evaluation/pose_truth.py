@@ -1,4 +1,4 @@
-"""Which places are right for each query frame, by where both were taken."""
+"""The right places of each query frame, by the positions of frames and places."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from placefield.evaluation.truth import Truth
 OFF_ROUTE_M = 25.0
 """A frame further than this from every place is off the route: the field's usual radius."""
 
-_ROUNDED_M = 1e-6  # by as much sums of distances may be off
+_ROUNDED_M = 1e-6  # greatest rounding error of a sum of distances
 
 
 def pose_truth(
@@ -18,20 +18,21 @@ def pose_truth(
     tolerance: int,
     metres: float | None = None,
 ) -> Truth:
-    """Take as right what is near enough.
+    """Return the truth by distance: places near enough to the query frame are right.
 
-    In metres, every place that is at most so far off is right. In places, the nearest one is, and
-    what is at most further than it by as far as the place so many on is from it; a frame further
-    than ``OFF_ROUTE_M`` from all is off the route.
+    With `metres`, every place within that distance is right. Without it, the nearest place is
+    right. So is every place whose distance from the frame exceeds that of the nearest place by at
+    most the reach of `tolerance` places around the nearest place. A frame further than
+    ``OFF_ROUTE_M`` from all places is off the route.
 
-    A frame is not judged where nobody knows where it was, or where the nearest place is beside
-    places of which nobody knows where they are: one of these may be nearer.
+    A frame is not judged if its position is unknown, or if the nearest place is beside places of
+    unknown position, because one of these may be nearer.
 
     Args:
-        query: x and y of the frames, metres, (Q, 2); NaN where nobody knows.
-        places: of the places, in the same frame, (K, 2); likewise.
-        tolerance: places, 0 or more; of no effect where metres are given.
-        metres: how far off a right place is at most.
+        query: x and y of the frames, metres, (Q, 2); NaN where unknown.
+        places: x and y of the places, in the same coordinate frame, (K, 2); NaN where unknown.
+        tolerance: places, 0 or more; of no effect if metres are given.
+        metres: greatest distance of a right place.
     """
     known = _known(places)
     beside_unknown = _beside(~known)
@@ -68,7 +69,7 @@ def _beside(unknown: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _reach(places: NDArray[np.float64], nearest: int, tolerance: int) -> float:
-    """Return how far the places are that are at most so many before or after this one, metres."""
+    """Return the greatest distance of the places at most so many before or after this one."""
     around = places[max(nearest - tolerance, 0) : nearest + tolerance + 1] - places[nearest]
     return float(np.nanmax(np.hypot(*around.T)))
 

@@ -1,16 +1,16 @@
-"""Protocols that put a query's frames in the order that another drive would have taken them in.
+"""Protocols that resample a query, as if the vehicle had driven in another way.
 
 Routes recorded frame by frame at the same places flatter a matcher that expects the reference's
-speed. The protocols say how matching fares when the vehicle drives unevenly or at another frame
-rate, is carried elsewhere, leaves the route or drives it the other way.
+speed. The protocols measure matching when the vehicle drives unevenly or at another frame rate, is
+kidnapped, leaves the route, or drives it in reverse.
 
-A camera that drives slowly gives new frames in between; it never gives one frame twice. So a drive
-that is slower than the reference needs a reference with fewer places than the query has frames:
-`speed` and `dense` thin the reference to every n-th frame. Only a vehicle that stands still sees
-the same again, and even then not the same picture: the frames of a stop are marked as repeated, for
-whoever gives them to add the sensor's noise.
+A camera that moves slowly gives new frames in between; it never gives one frame twice. So a
+traverse that is slower than the reference needs a reference with fewer places than the query has
+frames: `speed` and `dense` thin the reference to every n-th frame. Only a stationary vehicle
+observes the same view again, and even then the image differs: the frames of a stop are marked as
+repeated, so that a source can add the sensor's noise.
 
-`odometry` drives as `speed` does, and gives each frame an odometer's reading, a little off.
+`odometry` is the same traverse as `speed`, and gives each frame the reading of an inexact odometer.
 """
 
 from dataclasses import dataclass, replace
@@ -24,33 +24,32 @@ Protocol = Literal[
 ]
 
 TAKES_EVERY: tuple[Protocol, ...] = ("speed", "odometry", "dense", "sparse")
-"""Protocols that take every n-th frame of the reference or of the query."""
+"""Protocols that use only every n-th frame of the reference or of the query."""
 
 THINS_REFERENCE: tuple[Protocol, ...] = ("speed", "odometry", "dense")
-"""Those that do so of the reference."""
+"""Protocols that use only every n-th frame of the reference."""
 
 DEFAULT_EVERY = 3
 SPEED_EVERY = 4
 SHORT_SPEED_EVERY = 2
 SHORT_REFERENCE = 400
-"""A reference with fewer frames is thinned to every ``SHORT_SPEED_EVERY``-th for `speed`."""
+"""For `speed`, a reference with fewer frames is thinned to every ``SHORT_SPEED_EVERY``-th."""
 
 ODOMETRY_ERROR = 0.05
-"""Deviation of the simulated odometer's scale, and of each of its steps, as a share of the way."""
+"""Relative deviation of the simulated odometer's scale, and of each of its steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
-    """The frames that a drive takes, in order.
+class Resampling:
+    """The frames of a resampled traverse, in order.
 
     Attributes:
         frames: (D,) int64, each a frame of the query, or of the other route where `foreign`.
-        foreign: (D,) bool, the frame is one of another route.
-        repeated: (D,) bool, the vehicle stands still: the frame is the one before, taken again.
-        every: of the reference's frames, every so many is a place; 1 is all of them.
-        jumps: (J,) int64, ascending; the positions in the drive of the first frame after a jump.
+        foreign: (D,) bool, whether the frame is one of another route.
+        repeated: (D,) bool, whether the vehicle is stationary: the frame repeats the one before.
+        every: only every so many-th frame of the reference is a place; 1 is all of them.
+        jumps: (J,) int64, ascending; the positions in the traverse of the first frame after a jump.
         odometry: (D,) float64, metres by a simulated odometer, not descending; None: there is none.
-
     """
 
     frames: NDArray[np.int64]
@@ -62,7 +61,7 @@ class Drive:
 
 
 def default_every(protocol: Protocol, references: int) -> int:
-    """Return the n of a protocol that takes every n-th frame, where nobody asks for another.
+    """Return the default n of a protocol that uses every n-th frame.
 
     Args:
         protocol: one of ``TAKES_EVERY``.
@@ -75,20 +74,19 @@ def default_every(protocol: Protocol, references: int) -> int:
 
 def drive_of(
     protocol: Protocol, count: int, *, foreign_count: int, seed: int, every: int = DEFAULT_EVERY
-) -> Drive:
-    """Drive a query by a protocol.
+) -> Resampling:
+    """Resample a query by a protocol.
 
     Args:
-        protocol: how to drive.
+        protocol: the protocol.
         count: number of the query's frames, 1 or more.
-        foreign_count: number of the other route's frames; only `off-route` takes any.
-        seed: of the protocol's random choices: the same seed, the same drive.
-        every: n of the protocols of ``TAKES_EVERY``, 1 or more; the others do without.
+        foreign_count: number of the other route's frames; only `off-route` uses any.
+        seed: of the protocol's random choices: the same seed gives the same traverse.
+        every: n of the protocols of ``TAKES_EVERY``, 1 or more; the others ignore it.
 
     Raises:
-        ValueError: the query has no frames, n is below 1, or `off-route` is to take frames of a
-            route that has none.
-
+        ValueError: the query has no frames, n is below 1, or `off-route` has no frames of another
+            route.
     """
     if count < 1:
         raise ValueError("the query has no frames to drive along")
@@ -113,19 +111,19 @@ def drive_of(
             return reverse(count)
 
 
-def aligned(count: int) -> Drive:
-    """Take each of the query's `count` frames once, in order."""
+def aligned(count: int) -> Resampling:
+    """Use each of the query's `count` frames once, in order."""
     return _on_route(np.arange(count, dtype=np.int64))
 
 
-def speed(count: int, every: int, seed: int) -> Drive:
+def speed(count: int, every: int, seed: int) -> Resampling:
     """Drive at a speed that changes, with stops, along every n-th frame of the reference.
 
-    Every 10 to 40 frames of the drive the step is drawn anew, log-uniformly from 1 to 2 n frames of
-    the query: from 1 / n of a place to 2 places, where query and reference were recorded alike.
-    Steps add up as real numbers, and the drive takes the frame of the query that is nearest, which
-    is a new one at every step. Before three in ten of these stretches the vehicle stops for 1 to 8
-    frames, which repeat the one before. The drive ends with the query.
+    Every 10 to 40 frames the step is drawn anew, log-uniformly from 1 to 2 n frames of the query:
+    from 1 / n of a place to 2 places, if query and reference were recorded alike. Steps add up as
+    real numbers, and each frame is the nearest one of the query, which is a new one at every step.
+    Before three in ten of these stretches the vehicle stops for 1 to 8 frames, which repeat the
+    frame before. The traverse ends with the query.
     """
     rng = np.random.default_rng(seed)
     stretches = [np.zeros(1)]
@@ -138,18 +136,20 @@ def speed(count: int, every: int, seed: int) -> Drive:
         stretches += [np.zeros(stop), steps]
         stops += [np.ones(stop, np.bool_), np.zeros(len(steps), np.bool_)]
         position += steps.sum()
-    # Halves round up: to the even number, 1.5 and 2.5 would be one frame.
+    # Halves round up: rounded to the even number, 1.5 and 2.5 would be one frame.
     nearest = np.floor(np.cumsum(np.concatenate(stretches)) + 0.5).astype(np.int64)
-    taken = nearest < count
-    return replace(_on_route(nearest[taken]), repeated=np.concatenate(stops)[taken], every=every)
+    in_query = nearest < count
+    return replace(
+        _on_route(nearest[in_query]), repeated=np.concatenate(stops)[in_query], every=every
+    )
 
 
-def odometry(count: int, every: int, seed: int) -> Drive:
+def odometry(count: int, every: int, seed: int) -> Resampling:
     """Drive exactly as `speed` does with the same seed, with the readings of an odometer.
 
-    From place to place of the reference it is 1 m. The odometer is off by a scale, which is drawn
-    once, and each step by an error of its own, both from a normal distribution with a deviation of
-    ``ODOMETRY_ERROR`` of the way. It never goes down.
+    From place to place of the reference it is 1 m. The odometer has an error of scale, which is
+    drawn once, and an error of each step. Both are normally distributed with a relative deviation
+    of ``ODOMETRY_ERROR``. The readings never descend.
     """
     drive = speed(count, every, seed)
     rng = np.random.default_rng([seed, 1])  # not the draws of the drive itself
@@ -159,23 +159,23 @@ def odometry(count: int, every: int, seed: int) -> Drive:
     return replace(drive, odometry=np.cumsum(np.maximum(scale * of_steps * steps, 0)))
 
 
-def dense(count: int, every: int) -> Drive:
-    """Take all of the query's `count` frames along every n-th frame of the reference."""
+def dense(count: int, every: int) -> Resampling:
+    """Use all of the query's `count` frames along every n-th frame of the reference."""
     return replace(aligned(count), every=every)
 
 
-def sparse(count: int, every: int) -> Drive:
-    """Take every n-th of the query's `count` frames, along all of the reference's."""
+def sparse(count: int, every: int) -> Resampling:
+    """Use every n-th of the query's `count` frames, along all of the reference's."""
     return _on_route(np.arange(0, count, every, dtype=np.int64))
 
 
-def kidnap(count: int, seed: int) -> Drive:
+def kidnap(count: int, seed: int) -> Resampling:
     """Drive 60 to 120 frames, jump to a place drawn uniformly from the route, and so on.
 
-    A leg also ends with the route. No jump goes to the route's last 29 frames, and the drive ends
-    when fewer than 30 frames are left of the query's number, so that at least 30 follow each jump.
-    For a query below 180 frames these lengths shrink in proportion, so that one jump at least is
-    made from 3 frames on.
+    A leg also ends at the end of the route. No jump goes to the route's last 29 frames, and the
+    traverse ends when fewer than 30 frames are left of the query's number, so that at least 30
+    follow each jump. For a query below 180 frames these lengths shrink in proportion, so that there
+    is at least one jump from 3 frames on.
     """
     rng = np.random.default_rng(seed)
     shortest, longest, reserve = (
@@ -192,22 +192,22 @@ def kidnap(count: int, seed: int) -> Drive:
     return _on_route(np.concatenate(legs), jumps)
 
 
-def off_route(count: int, foreign_count: int, seed: int) -> Drive:
-    """Leave the route for stretches of another one, a third of the drive in all.
+def off_route(count: int, foreign_count: int, seed: int) -> Resampling:
+    """Leave the route for stretches of another one, a third of the traverse in all.
 
-    Each stretch has 30 to 90 frames, or is the only one, and goes on in the other route where the
-    one before it ended, from a frame drawn uniformly; the end wraps around to the beginning. After
-    a stretch, the query goes on with the frame it was left at.
+    Each stretch has 30 to 90 frames, unless there is only one. The first begins at a frame of the
+    other route that is drawn uniformly; each later one goes on where the one before it ended; the
+    end of the other route wraps around to its beginning. After a stretch, the query goes on with
+    the frame at which it was left.
 
     Raises:
         ValueError: the other route has no frames.
-
     """
     if foreign_count < 1:
         raise ValueError("the other route has no frames to leave the route for")
     rng = np.random.default_rng(seed)
     lengths = _stretches(count // 2, rng)
-    # One stretch per equal part of the query, near the part's middle: some route between any two.
+    # One stretch per equal part of the query, near its middle, so that stretches do not touch.
     leaves = (np.arange(len(lengths)) + rng.uniform(0.25, 0.75, len(lengths))) * count
     at = np.rint(leaves / len(lengths)).astype(np.int64)
 
@@ -219,32 +219,31 @@ def off_route(count: int, foreign_count: int, seed: int) -> Drive:
     return replace(_on_route(frames), foreign=foreign)
 
 
-def reverse(count: int) -> Drive:
-    """Take each of the query's `count` frames once, the last one first."""
+def reverse(count: int) -> Resampling:
+    """Use each of the query's `count` frames once, the last one first."""
     return _on_route(np.arange(count, dtype=np.int64)[::-1])
 
 
 def frames_to_recover(jumps: NDArray[np.int64], correct: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Count the frames from each jump to the first right match after it.
 
-    0 where the very first frame after the jump is matched right; where no match is right before the
-    next jump or the drive's end, the number of frames until then.
+    It is 0 if the first frame after the jump is matched right. If no match is right before the next
+    jump or the end, it is the number of frames until then.
 
     Args:
-        jumps: see `Drive`, (J,) int64.
-        correct: the drive's frame is matched right, (D,) bool.
+        jumps: see `Resampling`, (J,) int64.
+        correct: whether each frame of the traverse is matched right, (D,) bool.
 
     Returns:
         (J,) int64.
-
     """
     legs = np.split(correct, jumps)[1:]
     return np.array([int(leg.argmax()) if leg.any() else len(leg) for leg in legs], np.int64)
 
 
-def _on_route(frames: NDArray[np.int64], jumps: NDArray[np.int64] | None = None) -> Drive:
+def _on_route(frames: NDArray[np.int64], jumps: NDArray[np.int64] | None = None) -> Resampling:
     none = np.zeros(len(frames), np.bool_)
-    return Drive(frames, none, none, np.empty(0, np.int64) if jumps is None else jumps)
+    return Resampling(frames, none, none, np.empty(0, np.int64) if jumps is None else jumps)
 
 
 def _stretches(total: int, rng: np.random.Generator) -> list[int]:

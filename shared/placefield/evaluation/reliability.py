@@ -1,4 +1,4 @@
-"""Whether matches are right as often as their probabilities say."""
+"""Compares the probabilities of matches with how often the matches are right."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reliability:
-    """Matches, binned by the probability of being right that they came with.
+    """Matches, binned by their probability of being right.
 
-    Bin b of B holds the matches whose probability is at least b / B and below (b + 1) / B; the last
+    Bin b of B holds the matches of a probability of at least b / B and below (b + 1) / B; the last
     one also holds those of probability 1.
 
     Attributes:
         count: matches in each bin, (B,) int64.
         mean_probability: of each bin's matches, (B,) float64; NaN in an empty bin.
-        share_correct: of each bin's matches, (B,) float64; NaN in an empty bin.
-        expected_calibration_error: mean over all matches of their bin's |share correct - mean
-            probability| (Naeini et al. 2015, Guo et al. 2017); 0 where there are no matches.
-
+        share_correct: fraction of each bin's matches that are right, (B,) float64; NaN in an empty
+            bin.
+        expected_calibration_error: mean over all matches of their bin's |share_correct -
+            mean_probability| (Naeini et al. 2015, Guo et al. 2017); 0 if there are no matches.
     """
 
     count: NDArray[np.int64]
@@ -35,12 +35,11 @@ def reliability(
 
     Args:
         probability: that the match is right, (Q,) float64.
-        correct: the match is right, (Q,) bool.
+        correct: whether the match is right, (Q,) bool.
         bins: number of bins of equal width over [0, 1], 1 or more.
 
     Raises:
         ValueError: the shapes differ, a probability lies outside [0, 1], or there is no bin.
-
     """
     if not probability.shape == correct.shape == (len(probability),):
         raise ValueError("probability and correct must have one and the same length")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from placefield.errors import TruthError
 
 _COLUMNS = ("query", "first", "last")
-_STEP = 6  # places at most between what consecutive places are the same as, on one stretch
+_STEP = 6  # most places between the twins of consecutive places of one stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,16 +20,15 @@ class Truth:
     """The right places of every query frame, as inclusive ranges of places.
 
     Row r says that query frame `query[r]` is right at places `first[r]` to `last[r]`. A query frame
-    may have several rows; one without a row is off the route: no place is right for it.
+    may have several rows; a frame without a row is off the route: no place is right for it.
 
     Attributes:
         queries: number of query frames, Q.
         query: query frame of each row, (R,) int64, each in [0, Q).
         first: first right place of each row, (R,) int64.
         last: last right place of each row, (R,) int64, `first <= last`.
-        judged: which query frames are judged, (Q,) bool, for of the others nobody knows what is
-            right; None: all.
-
+        judged: (Q,) bool, whether the right places of a query frame are known, so that it is
+            judged; None: all are.
     """
 
     queries: int
@@ -40,11 +39,11 @@ class Truth:
 
     @classmethod
     def within(cls, queries: int, references: int, tolerance: int, every: int = 1) -> Self:
-        """Take frame numbers as places: query frame i is right at places i ± `tolerance`.
+        """Return the truth by frame numbers: query frame i is right at places i ± `tolerance`.
 
-        If only every n-th frame of the reference is a place, it is right at the places j with
-        |i/n - j| ≤ `tolerance`, and at the nearest place in any case. A query frame that is further
-        than `tolerance` places from every frame of the reference is off the route.
+        If only every n-th frame of the reference is a place, query frame i is right at the places j
+        with |i/n - j| ≤ `tolerance`, and at the nearest place in any case. A query frame that is
+        further than `tolerance` places from every frame of the reference is off the route.
 
         Args:
             queries: number of query frames.
@@ -54,7 +53,6 @@ class Truth:
 
         Raises:
             TruthError: the tolerance is negative.
-
         """
         if tolerance < 0:
             raise TruthError(f"tolerance {tolerance} is negative: give 0 or more places")
@@ -73,19 +71,17 @@ class Truth:
         return on_route
 
     def thinned(self, references: int, every: int) -> Self:
-        """Give the truth where only every n-th frame of the reference is a place.
+        """Return the truth if only every n-th frame of the reference is a place.
 
-        Of a row of reference frames those that are places are right, which are those in
-        [first/n, last/n]; where there is none, the place nearest to these frames is, or both that
-        are equally near.
+        The right places of a row are those in [first/n, last/n]. If there is none, the nearest
+        place is right, or both places that are equally near.
 
         Args:
-            references: number of frames of the reference, which this truth has for places.
+            references: number of frames of the reference, which are the places of this truth.
             every: n, 1 or more: reference frame j n becomes place j.
-
         """
         lower, upper = -(-self.first // every), self.last // every
-        # Where no place is in between, upper is the one before the frames, lower the one behind.
+        # If no place is in the range, upper is the place before it, and lower the one after it.
         empty = lower > upper
         before = self.first - upper * every
         behind = lower * every - self.last
@@ -97,10 +93,10 @@ class Truth:
         )
 
     def shared(self, same: NDArray[np.int32]) -> Self:
-        """Give the truth on a map where some places are the same: what is right is so in any lap.
+        """Return the truth on a map with places that are the same: a place is right in every lap.
 
-        A row's consecutive places are right wherever they come again, and so are places between
-        them that only another lap has.
+        The places that are the same as those of a row are right, too, and so are places between
+        them in another lap.
 
         Args:
             same: the place that each place is the same as, (K,) int32, see ``Places``.
@@ -111,9 +107,9 @@ class Truth:
         ascending = same[order]
         rows = []
         for query, first, last in zip(self.query, self.first, self.last, strict=True):
-            shown = same[first : last + 1]
+            twins = same[first : last + 1]
             rows.append((query, first, last))
-            for stretch in np.split(shown, np.flatnonzero(np.abs(np.diff(shown)) > _STEP) + 1):
+            for stretch in np.split(twins, np.flatnonzero(np.abs(np.diff(twins)) > _STEP) + 1):
                 begin = np.searchsorted(ascending, stretch.min())
                 end = np.searchsorted(ascending, stretch.max(), side="right")
                 places = np.sort(order[begin:end])
@@ -123,7 +119,7 @@ class Truth:
         return replace(self, query=query, first=first, last=last)
 
     def correct(self, matches: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Tell which matches are right.
+        """Return which matches are right.
 
         Args:
             matches: place of each query frame, (Q,) int; -1 is unanswered and never right.
@@ -133,7 +129,6 @@ class Truth:
 
         Raises:
             TruthError: there is not one match per query frame.
-
         """
         if matches.shape != (self.queries,):
             raise TruthError(
@@ -147,33 +142,32 @@ class Truth:
         return correct
 
     def along(self, frames: NDArray[np.int64], foreign: NDArray[np.bool_]) -> Self:
-        """Give the truth of a drive that takes the query's frames in another order.
+        """Return the truth of a resampled traverse of the query.
 
-        A driven frame is right where its query frame is; a foreign one is off the route.
+        A frame of the traverse is right where its query frame is; a foreign frame is off the route.
 
         Args:
-            frames: query frame of each driven frame, (D,) int64; not looked at where foreign.
-            foreign: the driven frame is one of another route, (D,) bool.
+            frames: query frame of each frame of the traverse, (D,) int64; ignored where foreign.
+            foreign: whether the frame is one of another route, (D,) bool.
 
         Raises:
-            TruthError: a driven frame that is not foreign is not one of the query.
-
+            TruthError: a frame that is not foreign is not one of the query.
         """
         own = frames[~foreign]
         if np.any((own < 0) | (own >= self.queries)):
             raise TruthError(
                 f"the drive takes frames {own.min()} to {own.max()}, the ground truth is for "
-                f"{self.queries} query frames: give the truth of the query that is driven"
+                f"{self.queries} query frames: give the truth of that query"
             )
         rows: list[list[int]] = [[] for _ in range(self.queries)]
         for row, query in enumerate(self.query):
             rows[query].append(row)
         pairs = [(at, row) for at in np.flatnonzero(~foreign) for row in rows[frames[at]]]
-        driven, row_of = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        position, row_of = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         judged = self.judged
         if judged is not None:
             judged = judged[np.where(foreign, 0, frames)] | foreign
-        return type(self)(len(frames), driven, self.first[row_of], self.last[row_of], judged)
+        return type(self)(len(frames), position, self.first[row_of], self.last[row_of], judged)
 
 
 def read_truth(path: Path, queries: int, places: int) -> Truth:

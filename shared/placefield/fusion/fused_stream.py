@@ -1,4 +1,4 @@
-"""One stream from comparisons to matches, in one process: all channels, fused, and smoothed."""
+"""One stream from comparisons to matches, in one process: all channels, fused and smoothed."""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ from placefield.matching.matcher import SmoothedCandidate
 
 
 class FusedStream:
-    """Matches one stream in all channels of a stage, whole ones.
+    """Matches one stream in all channels of a stage of whole channels.
 
     Streams of one stage may share the comparisons of the same frames.
     """
 
     def __init__(self, channels: ChannelStage, fusion: FusionStage, lag: int) -> None:
-        """Begin a stream, whose frames wait for so many others at most, or ``WHOLE_DRIVE``."""
+        """Begin a stream, whose frames wait for at most ``lag`` later ones, or ``WHOLE_DRIVE``."""
         self._stream = channels.new_stream(lag=lag)
         self._fusion = fusion
         self._joiner = SmoothedJoiner(channels.channels, lag)
@@ -25,11 +25,11 @@ class FusedStream:
 
     @property
     def frames(self) -> int:
-        """How many frames it has had."""
+        """How many frames were matched."""
         return self._stream.next
 
     def update(self, compared: Compared | None, odometry_m: float | None = None) -> Match:
-        """Match the next frame; None is a missing observation, or a reading that is unknown."""
+        """Match the next frame; None is a missing observation, or an unknown reading."""
         frame = self._stream.next
         match = self._fusion.fuse(self._stream.update(compared, odometry_m))
         self._joiner.announce(frame)
@@ -37,7 +37,7 @@ class FusedStream:
         return match
 
     def smoothed(self) -> list[SmoothedMatch]:
-        """Return the smoothed matches that have been made since they were last asked for.
+        """Return the smoothed matches that are new since the last call.
 
         Every frame has one, in order, at most ``lag`` frames later, or when the stream is finished.
         """
@@ -45,7 +45,7 @@ class FusedStream:
         return smoothed
 
     def finish(self) -> list[SmoothedMatch]:
-        """Return the smoothed matches that are left: no frame will come any more."""
+        """Return the remaining smoothed matches: the stream is over."""
         for _ in range(self._stream.end()):
             self._stream.update(None)
         self._smooth(self._stream.finish(), math.inf)

@@ -1,7 +1,7 @@
-"""The stage from candidates to match: shards are joined, candidates checked and fused.
+"""The stage from candidates to a match: it joins shards, checks candidates, and fuses them.
 
-With no bus and no clock: a library and a fuser compose it alike. Which candidates are waited for is
-the ``Joiner``'s.
+It has no bus and no clock: the library and a fuser both use it. The ``Joiner`` decides which
+candidates to wait for.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
-from placefield.fusion.shards import ShardJoiner
+from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.matching.best_window import twins_in
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.pose import Pose
 
 
 def _unposed(place: int) -> None:
-    """Nobody knows where any place is."""
+    """Return None: no place has a known pose."""
 
 
 class FusionStage:
@@ -37,14 +37,14 @@ class FusionStage:
         Args:
             same: (K,) int32, which of its places each is the same as, see ``Places``.
             matching: how candidates are made and fused.
-            pose_of: where a place is, see ``Places.pose``; None where nobody knows.
+            pose_of: returns the pose of a place, see ``Places.pose``, or None if it is unknown.
         """
         self._places, self._same = len(same), twins_in(same)
         self._matching = matching
         self._pose_of = pose_of
 
     def warm_up(self) -> None:
-        """Fuse a candidate of no frame, so that what is made at its first use is made."""
+        """Fuse a candidate of no frame, to compile all that fusion uses."""
         places = np.arange(self._places, dtype=np.int32)
         belief = np.full(self._places, 1 / self._places, np.float32)
         self.fuse([Candidate(0, float(belief[0]), places, belief)])
@@ -53,24 +53,24 @@ class FusionStage:
         """Whether a candidate may be of the map and the rule.
 
         Args:
-            candidate: that comes from elsewhere.
-            shards: of how many it is one's. Of one of several, only how much it holds is looked at:
-                that of the channel, once they are joined, is to be looked at again.
+            candidate: from another process.
+            shards: how many shards the channel has. For one of several, only the size is checked:
+                the joined candidate of the channel must be checked again.
         """
         if shards > 1:
             return len(candidate.evidence) <= self._places
         return _fits(candidate, self._matching.rule, self._places)
 
     def new_joiner(self) -> ShardJoiner:
-        """Return what joins the candidates of the shards of each channel, in a new stream."""
+        """Return a joiner of the shards' candidates, for a new stream."""
         return ShardJoiner(self._matching.rule)
 
     def fuse(self, candidates: Sequence[Candidate], missing: Collection[int] = ()) -> Match:
-        """Make one match of the candidates that there are, in the order of their channels.
+        """Make one match of the candidates, in the order of their channels.
 
         Args:
             candidates: of whole channels for one frame, that fit the map.
-            missing: the channels of which there is none.
+            missing: the channels that have no candidate.
         """
         match = fuse(candidates, self._matching, same=self._same, missing=missing)
         if match.place == UNANSWERED:
@@ -79,7 +79,7 @@ class FusionStage:
 
 
 def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:
-    """Whether place and evidence are what the rule has, of a map of so many places."""
+    """Whether place and evidence have the form of the rule, in a map of so many places."""
     places, evidence = candidate.places, candidate.evidence
     if candidate.place >= count:
         return False

@@ -1,10 +1,10 @@
 """Joins the candidates of a frame by its sequence number, with a deadline.
 
-Pure: it is told the time. Frames are released in the order of their numbers, each exactly once:
-when all awaited channels have answered, or when their deadlines have passed. A channel is awaited
-while it is alive and kept its last deadline; one that has missed a deadline is awaited again when
-it next answers. So a dead or stopped channel holds up the stream for one deadline at most, and one
-that is slow but answers is waited for.
+It has no clock: the caller gives the time. Frames are released in the order of their numbers, each
+exactly once: when all awaited channels have answered, or when their deadlines have passed. A
+channel is awaited while it is alive and met its last deadline; one that missed a deadline is
+awaited again after its next answer. So a dead or stopped channel holds up the stream for at most
+one deadline, and a channel that is slow but answers is waited for.
 """
 
 import heapq
@@ -49,14 +49,15 @@ class Joiner:
         first: int = 0,
         gaps_expected: bool = False,
     ) -> None:
-        """Expect these channels' candidates, each at most ``deadline_s`` after its frame.
+        """Wait for these channels' candidates, for at most ``deadline_s`` after a frame.
 
         Frames before ``first`` have been answered.
 
         The deadline restarts whenever an awaited channel answers any frame.
 
-        A frame is held back until those before it have been heard of: their source sends them
-        again. Not so with ``gaps_expected``, as in a live stream that drops old frames.
+        A frame is held back until all frames before it were announced, because a lossless source
+        sends missing frames again. With ``gaps_expected``, as in a live stream that drops old
+        frames, it is not held back.
         """
         self._channels = frozenset(channels)
         self._deadline_s = deadline_s
@@ -71,23 +72,23 @@ class Joiner:
         """The number of the oldest frame that is not released yet."""
 
     def set_alive(self, channels: Iterable[int]) -> None:
-        """Say which channels have a living worker; the others are not awaited."""
+        """Set the channels that have a living worker; the others are not awaited."""
         self._alive = self._channels & frozenset(channels)
 
     def announce(self, sequence: int, now: float) -> None:
-        """Say that a frame is under way (``now`` in seconds, of any clock that never goes back)."""
+        """Announce a frame under way (``now`` in seconds, of any clock that never goes back)."""
         if sequence >= self.next:
             self._frame(sequence, now)
 
     def _frame(self, sequence: int, now: float) -> _Pending:
-        """Return what is known of a frame; one that is new is of now."""
+        """Return the state of a frame; that of a new frame begins now."""
         if sequence not in self._pending:
             self._pending[sequence] = _Pending(now)
             heapq.heappush(self._in_order, sequence)
         return self._pending[sequence]
 
     def add(self, sequence: int, channel: int, candidate: Candidate, now: float) -> None:
-        """Take a channel's candidate of a frame; a second one and one too late are dropped."""
+        """Add a channel's candidate of a frame; a second one or a late one is dropped."""
         if channel not in self._channels:
             self._counts["unknown_channel"] += 1
             return
@@ -121,9 +122,9 @@ class Joiner:
         return released
 
     def _awaited(self, sequence: int, absent: frozenset[int]) -> frozenset[int]:
-        """Which of the absent channels may still answer a frame.
+        """Return which of the absent channels may still answer a frame.
 
-        One that has dropped the frame in a live stream, and gone on, will not.
+        A channel of a live stream that has answered a later frame will not.
         """
         awaited = (absent & self._alive) - self._tardy
         if not self._gaps_expected:
@@ -138,16 +139,16 @@ class Joiner:
         return Joined(sequence, dict(sorted(candidates.items())), missing)
 
     def skip_to(self, first: int) -> None:
-        """Take the frames before this one as answered, whoever has done it."""
+        """Count the frames before this one as answered by another fuser."""
         self.next = max(self.next, first)
         while self._in_order and self._in_order[0] < self.next:
             del self._pending[heapq.heappop(self._in_order)]
 
     def is_released(self, sequence: int) -> bool:
-        """Whether a frame is over."""
+        """Whether a frame was released."""
         return sequence < self.next
 
     @property
     def pending(self) -> int:
-        """How many frames are not released yet."""
+        """Number of frames that are not released yet."""
         return len(self._pending)

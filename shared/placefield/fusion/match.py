@@ -1,4 +1,4 @@
-"""What the fuser says of one query frame."""
+"""The fuser's match of one query frame."""
 
 from dataclasses import dataclass
 
@@ -6,26 +6,27 @@ from placefield.notebook import html_of_match
 from placefield.pose import Pose
 
 FASTER = "faster than the map resolves"
-"""What is told of a match that is ``too_fast``, everywhere in the same words."""
+"""The words for a match that is ``too_fast``, the same everywhere."""
 
 
 @dataclass(frozen=True)
 class Match:
-    """Where the query frame was taken.
+    """The place of a query frame.
 
     Attributes:
         place: index of the place, or ``UNANSWERED``.
         score: the higher the more certain. Under ``filter`` the log odds that the vehicle is within
-            the tolerance of the place; under ``evidence`` the margin to the best place outside
-            the match's neighbourhood, in deviations; under ``ams`` the negated fine score.
+            the tolerance of the place; under ``evidence`` the margin to the best place outside the
+            match's neighbourhood, in deviations; under ``ams`` the negated fine score.
         missing: channels that did not answer in time.
-        probability: that the vehicle is within the tolerance of the place; only ``filter`` tells.
-        known: whether that is likely enough, by the precision asked for, to act on.
-        too_fast: whether the vehicle most likely moves faster than the map resolves: then the match
-            is not known, for nobody knows where it is; only ``filter`` tells.
-        forgotten: whether services have begun the stream anew in its midst, and nobody remembered
-            enough of it: the match may differ from that of a stream that was never disturbed.
-        pose: of the place, in the map's frame; None where there is no place, or nobody knows it.
+        probability: that the vehicle is within the tolerance of the place; only under ``filter``.
+        known: whether the probability is at least the configured precision, so that one may act on
+            the match; only under ``filter``.
+        too_fast: whether the vehicle most likely moves faster than the map resolves, so that its
+            place is not known; only under ``filter``.
+        forgotten: whether services lost the state of the stream and no other service could restore
+            it: the match may differ from that of an undisturbed stream.
+        pose: of the place, in the map's frame; None if there is no place, or its pose is unknown.
     """
 
     place: int
@@ -43,12 +44,12 @@ class Match:
 
 @dataclass(frozen=True)
 class SmoothedMatch:
-    """Where a query frame was taken, given frames after it.
+    """The place of a query frame, given later frames.
 
     Attributes:
         frame: number of the frame in its stream, from 0.
-        match: where it was taken.
-        lag: how many frames after it are known.
+        match: its place.
+        lag: number of later frames that it uses.
     """
 
     frame: int

@@ -11,7 +11,7 @@ from placefield.matching.best_window import best_window
 from placefield.matching.candidate import UNANSWERED, Candidate
 
 TOO_FAST = 0.5
-"""Mean posterior of the channels at which a vehicle is said to be faster than the map resolves."""
+"""Mean posterior of the channels from which on a vehicle is reported as too fast for the map."""
 
 _SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 
@@ -29,7 +29,7 @@ def fuse(
         candidates: for one frame.
         config: by which they were made.
         same: (K,) int32, which place each is the same as; None: all differ.
-        missing: channels of which there is none.
+        missing: channels that have no candidate.
     """
     answered = [candidate for candidate in candidates if candidate.place != UNANSWERED]
     absent = tuple(sorted(missing))
@@ -55,11 +55,11 @@ def _ams(candidates: Sequence[Candidate]) -> tuple[int, float]:
 def _mean_belief(
     candidates: Sequence[Candidate], tolerance: int, same: NDArray[np.int32] | None
 ) -> tuple[int, float]:
-    """Pick the middle of the places that are most believed in together.
+    """Pick the middle of the window of highest mean belief.
 
-    These are the 2 tolerance + 1 consecutive places of the highest mean belief; the middle is their
-    mean, weighted by belief. With it comes the belief that the vehicle is within the tolerance of
-    the middle. Places that are the same share their belief, see ``best_window``.
+    The window is 2 tolerance + 1 consecutive places; its middle is their mean, weighted by belief.
+    Also return the belief that the vehicle is within the tolerance of the middle. Places that are
+    the same share their belief, see ``best_window``.
     """
     places = np.concatenate([candidate.places for candidate in candidates])
     beliefs = np.concatenate([candidate.evidence for candidate in candidates])
@@ -71,9 +71,9 @@ def _mean_belief(
 def _mean_evidence(
     candidates: Sequence[Candidate], neighbourhood: int, same: NDArray[np.int32] | None
 ) -> tuple[int, float]:
-    """Pick the place of lowest mean evidence; its score is the margin to the best one elsewhere.
+    """Pick the place of lowest mean evidence; its score is the margin to the best place elsewhere.
 
-    What is the same as a place of its neighbourhood is not elsewhere.
+    A place that is the same as a place of the neighbourhood is not elsewhere.
     """
     evidence = _mean(candidates)
     place = int(np.argmin(evidence))
@@ -84,7 +84,7 @@ def _mean_evidence(
     after = evidence[place + neighbourhood + 1 :]
     elsewhere = min(before.min(initial=np.inf), after.min(initial=np.inf))
     if elsewhere == np.inf:
-        return place, 0.0  # the map is one neighbourhood: nothing tells the match from chance
+        return place, 0.0  # the map is one neighbourhood: there is no margin
     return place, float(elsewhere - lowest)
 
 

@@ -1,4 +1,4 @@
-"""Joins what channels have smoothed of a frame in hindsight, and says when none is waited for."""
+"""Joins the channels' smoothed candidates of a frame, and decides when to stop waiting for them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from placefield.matching.matcher import SmoothedCandidate
 
 @dataclass(frozen=True)
 class JoinedSmoothed:
-    """What channels have smoothed of one frame.
+    """The smoothed candidates of one frame.
 
     Attributes:
         sequence: number of the frame.
         candidates: by channel.
-        missing: the channels that have not smoothed it.
-        lag: how many frames after it are known, in the channel that took the most.
+        missing: the channels that have not smoothed the frame.
+        lag: number of later frames that they use, of the channel with the most.
     """
 
     sequence: int
@@ -25,25 +25,25 @@ class JoinedSmoothed:
 
 
 class SmoothedJoiner:
-    """Joins one stream: every frame that is announced is released once, in order."""
+    """Joins one stream: every announced frame is released once, in order."""
 
     def __init__(self, channels: Iterable[int], lag: int) -> None:
-        """Expect these channels to smooth every frame when so many more have been answered."""
+        """Wait for these channels to smooth a frame until ``lag`` more frames were answered."""
         self._channels = frozenset(channels)
         self._lag = lag
         self._pending: dict[int, dict[int, SmoothedCandidate]] = {}
 
     def announce(self, sequence: int) -> None:
-        """Say that a frame was answered; frames are announced in order."""
+        """Announce an answered frame; frames are announced in order."""
         self._pending.setdefault(sequence, {})
 
     def add(self, sequence: int, channel: int, smoothed: SmoothedCandidate) -> None:
-        """Take what a channel has smoothed of a frame that was announced; a second is dropped."""
+        """Add a channel's smoothed candidate of an announced frame; a second one is dropped."""
         if sequence in self._pending and channel in self._channels:
             self._pending[sequence].setdefault(channel, smoothed)
 
     def release(self, newest: float) -> list[JoinedSmoothed]:
-        """Return the frames that all channels have smoothed, or none will any more, in order.
+        """Return, in order, the frames that all channels have smoothed or whose wait is over.
 
         Args:
             newest: number of the newest frame that was answered; infinity at the stream's end.

@@ -1,4 +1,4 @@
-"""How sure a match is of where the vehicle is."""
+"""The uncertainty of a match's pose."""
 
 import math
 from statistics import NormalDist
@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 HIGHEST = 1e6
-"""Variance of what is not known at all."""
+"""Variance of an unknown coordinate."""
 
-_LEAST = 1e-2  # variance; where a map's poses coincide: a filter takes none of nought
-_ROUNDED = 1e-9  # what a probability of 0 or 1 is rounded from, at most
+_LEAST = 1e-2  # least variance, where a map's poses coincide: filters need one above 0
+_ROUNDED = 1e-9  # greatest rounding error of a probability of 0 or 1
 
 
 def pose_variances(
@@ -18,22 +18,23 @@ def pose_variances(
 ) -> tuple[float, float]:
     """Return the variances of a match's pose: of x as of y, square metres, and of yaw, rad².
 
-    A match says: with this probability the vehicle is within so many places of the one named. It
-    says no more, and nothing of where it is otherwise. So this is the Gaussian that says the same:
-    round the place's pose, the same in x and y, with that probability within the reach, which is
-    how far the farthest pose is that the vehicle may be nearest to, and the next one, for it may be
-    between them. The yaw's is made likewise from how much the yaw differs there.
+    A match states that with this probability the vehicle is within so many places of the matched
+    one. It states nothing about the rest. This is the Gaussian that states the same: it is centred
+    at the place's pose, is the same in x and y, and has that probability within the reach. The
+    reach is the distance to the farthest pose that the vehicle may be nearest to, and to the next
+    pose, because the vehicle may be between the two. The variance of the yaw is computed in the
+    same way from the differences in yaw.
 
-    It is not an error that was measured: it does not shrink with a camera's resolution, and what is
-    wrong is not near. Of successive frames it is not independent, either: a filter that takes them
-    for so grows surer than it should.
+    This is not a measured error: it does not shrink with a camera's resolution, and wrong matches
+    are not near the place. Nor are the errors of successive frames independent: a filter that
+    assumes so becomes surer than it should be.
 
     Args:
-        poses: (K, 3) of the map, x and y in metres and yaw in radians; NaN where nobody knows, so
-            that the next ones that are known are looked at; where there is none, all is unknown.
+        poses: (K, 3) of the map, x and y in metres and yaw in radians; NaN where unknown: the next
+            known poses are used instead, and without any the pose is unknown.
         place: that was matched, whose pose is known.
         tolerance: how many places away the vehicle may be.
-        probability: that it is.
+        probability: that the vehicle is within the tolerance.
     """
     first = max(place - tolerance - 1, 0)
     last = min(place + tolerance + 1, len(poses) - 1)

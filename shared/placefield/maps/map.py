@@ -14,8 +14,8 @@ from placefield.maps.manifest import TraverseRecord
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
-from placefield.search.coarse import Coarse
-from placefield.search.quantized import Codes
+from placefield.search.coarse import CoarseIndex
+from placefield.search.quantized import Quantized
 
 Array = NDArray[np.float32]
 
@@ -85,10 +85,10 @@ class MapMetric:
     learned: bool
     projection: Array
     unit: float
-    places: Codes
+    places: Quantized
     squares: NDArray[np.int32]
     steps: Array
-    coarse: Coarse | None = None
+    coarse: CoarseIndex | None = None
 
     def __repr__(self) -> str:
         kind = "learned" if self.learned else "identity"

@@ -5,13 +5,13 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, MapMetric
-from placefield.search.coarse import coarse_look
+from placefield.search.coarse import coarse_index
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
-    CodedProjection,
-    Codes,
-    codes_of,
+    Quantized,
+    QuantizedProjection,
     projected_unit,
+    quantize,
 )
 
 _BLOCK = 1024  # places held as floats at once
@@ -27,22 +27,22 @@ def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     places = np.empty(descriptors.shape, np.int16)
     for block in blocks(len(places), _BLOCK):
-        places[block] = codes_of(descriptors[block], DESCRIPTOR_UNIT)
+        places[block] = quantize(descriptors[block], DESCRIPTOR_UNIT)
     return _metric(False, identity, DESCRIPTOR_UNIT, places, coarse)
 
 
 def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = False) -> MapMetric:
     """Make the metric of a learned projection (M, N), likewise."""
     unit = projected_unit(projection)
-    project = CodedProjection(projection, unit)
+    project = QuantizedProjection(projection, unit)
     places = np.empty((len(descriptors), len(projection)), np.int16)
     for block in blocks(len(places), _BLOCK):
-        places[block] = project(codes_of(descriptors[block], DESCRIPTOR_UNIT))
+        places[block] = project(quantize(descriptors[block], DESCRIPTOR_UNIT))
     return _metric(True, projection, unit, places, coarse)
 
 
 def _metric(
-    learned: bool, projection: Array, unit: float, places: Codes, coarse: bool
+    learned: bool, projection: Array, unit: float, places: Quantized, coarse: bool
 ) -> MapMetric:
     return MapMetric(
         learned,
@@ -51,11 +51,11 @@ def _metric(
         places,
         squares=np.einsum("km,km->k", places, places, dtype=np.int32),
         steps=_steps(places, unit),
-        coarse=coarse_look(places) if coarse else None,
+        coarse=coarse_index(places) if coarse else None,
     )
 
 
-def _steps(places: Codes, unit: float) -> Array:
+def _steps(places: Quantized, unit: float) -> Array:
     steps = np.zeros((STEPS, len(places)), np.float32)
     for step, row in enumerate(steps, 1):
         for start in range(step, len(places), _BLOCK):

@@ -24,7 +24,7 @@ from placefield.maps.layout import (
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
 from placefield.maps.reading import ArrayFile, ArrayHeader, open_inside
-from placefield.search.coarse import Coarse
+from placefield.search.coarse import CoarseIndex
 
 _QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told
 # Of a file; the largest hold some kB of each place.
@@ -210,7 +210,7 @@ class _Channels(Sequence[MapChannel]):
         coarse = None
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
-            coarse = Coarse(axes, codes, spread, record.coarse_unit)
+            coarse = CoarseIndex(axes, codes, spread, record.coarse_unit)
         return MapMetric(record.learned, projection, record.unit, places, squares, steps, coarse)
 
     def _open_channel(self, number: int) -> MapChannel:

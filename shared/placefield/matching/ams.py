@@ -1,7 +1,7 @@
-"""The published rule, to the letter: coarse to fine, lowest fine score (Eqs. 11 to 15).
+"""The published rule: coarse to fine, lowest fine score (Eqs. 11 to 15).
 
-The smoothed answer is by the paper's windows, which begin at the query frame and at the place that
-is its answer. The answer at once is by their mirror image, which end there.
+The smoothed candidate is by the paper's windows, which begin at the query frame and at the
+candidate's place. The immediate candidate is by their mirror images, which end there.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is read off the filter's beliefs, and those of a vehicle that is lost, in compiled loops."""
+"""Compiled loops that read the filter's beliefs, and that predict those of a lost vehicle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,12 @@ from placefield.matching.motion import (
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
 
-_FIND, _LOSE, _SHARES = FIND, LOSE, HYPOTHESES
+_FIND, _LOSE, _HYPOTHESES = FIND, LOSE, HYPOTHESES
 
 
 @kernel
 def pick(values: Array, least: float, picked: Places) -> int:
-    """Write the indices of values (K,) of at least so much, ascending; return how many."""
+    """Write the ascending indices of values (K,) that are at least so great; return how many."""
     count, threshold = 0, np.float32(least)
     for i in range(len(values)):
         if values[i] >= threshold:
@@ -50,29 +50,29 @@ def normalise(belief: Array, total: float) -> Array:
     sums = np.empty(len(belief), np.float32)
     divisor = np.float32(total)
     for i in range(len(belief)):
-        of_place = np.float32(0)
+        total_of_place = np.float32(0)
         for hypothesis in range(belief.shape[1]):
             for speed in range(belief.shape[2]):
-                share = belief[i, hypothesis, speed] / divisor
-                belief[i, hypothesis, speed] = share
-                of_place += share
-        sums[i] = of_place
+                normalised = belief[i, hypothesis, speed] / divisor
+                belief[i, hypothesis, speed] = normalised
+                total_of_place += normalised
+        sums[i] = total_of_place
     return sums
 
 
 @kernel
-def resolve(of_place: Array, too_fast: Array, total: float, posterior: Array) -> int:
-    """Write the posterior of places at speeds that the map resolves; return where it is highest.
+def resolve(by_place: Array, too_fast: Array, total: float, posterior: Array) -> int:
+    """Write the posterior of places at speeds that the map resolves; return the likeliest place.
 
     Args:
-        of_place: (K,) float32, sums of the beliefs over all speeds.
-        too_fast: (n, K) float32, beliefs at those that the map does not resolve.
+        by_place: (K,) float32, sums of the beliefs over all speeds.
+        too_fast: (n, K) float32, beliefs at the speeds that the map does not resolve.
         total: of all beliefs.
         posterior: (K,) float32, receives it.
     """
     divisor = np.float32(total)
     for i in range(len(posterior)):
-        resolved = of_place[i]
+        resolved = by_place[i]
         for speed in range(len(too_fast)):
             resolved -= too_fast[speed, i]
         posterior[i] = max(resolved, np.float32(0)) / divisor
@@ -87,28 +87,28 @@ def resolve(of_place: Array, too_fast: Array, total: float, posterior: Array) ->
 def step_likelihood_when_lost(
     lengths: StepLengths, speeds: Vector, step: float
 ) -> tuple[Vector, float]:
-    """Return how likely a step is of a vehicle that stays lost, (S,), and of one that jumps.
+    """Return the likelihood of a step for a vehicle that stays lost, (S,), and for one that jumps.
 
     Args:
         lengths: of steps on the map.
         speeds: (S,) float64, places per frame.
-        step: its length; ``UNKNOWN`` is as likely as not.
+        step: its length; ``UNKNOWN`` has likelihood 1.
     """
     lost_likelihood, jump = np.ones(len(speeds)), 1.0
     if step < 0:
         return lost_likelihood, jump
-    some = np.empty(lengths.some.shape[1], np.float32)
+    sample = np.empty(lengths.sample.shape[1], np.float32)
     for speed in range(len(speeds)):
-        step_likelihood(lengths.some, 0, lengths.standing, speeds[speed], step, some)
-        lost_likelihood[speed] = sum_of(some) / len(some)
+        step_likelihood(lengths.sample, 0, lengths.stationary, speeds[speed], step, sample)
+        lost_likelihood[speed] = sum_of(sample) / len(sample)
     return lost_likelihood, mean_student(lengths.random_pairs, step)
 
 
 @kernel
-def drift(lost: Vector, change: Array, unlearned: Vector, lost_likelihood: Vector) -> Vector:
-    """Predict the speed, (S,), of a vehicle that was lost, and weigh it by the observed step.
+def predict_lost(lost: Vector, change: Array, unlearned: Vector, lost_likelihood: Vector) -> Vector:
+    """Predict the speed, (S,), of a vehicle that was lost, and weight it by the observed step.
 
-    It keeps its speed for a while, as one on the map does.
+    It keeps its speed for a while, as a vehicle on the map does.
 
     Args:
         lost: (S,) float64, posterior of being lost, at each speed.
@@ -121,19 +121,21 @@ def drift(lost: Vector, change: Array, unlearned: Vector, lost_likelihood: Vecto
 
 
 @kernel
-def find_and_lose(adrift: Vector, jumped: Vector, places: int) -> tuple[Array, Vector]:
-    """Find some of those that are lost, and lose some of those on the map.
+def find_and_lose(still_lost: Vector, jumped: Vector, places: int) -> tuple[Array, Vector]:
+    """Move some belief from lost to the map, and some from the map to lost.
 
     Args:
-        adrift: (S,) float64, who was lost, at each speed.
-        jumped: (S,) float64, who was on the map, times how likely a jump is.
+        still_lost: (S,) float64, belief of a vehicle that was lost, at each speed.
+        jumped: (S,) float64, belief of a vehicle that was on the map, times the likelihood of a
+            jump.
         places: of the map.
 
     Returns:
-        (2, S) float32, who is found, in each place, on the map and its reverse; (S,), who is lost.
+        (2, S) float32, belief that is found in each place, on the map and its reverse; (S,), belief
+        that is lost.
     """
-    found = np.empty((len(_SHARES), len(adrift)), np.float32)
-    for hypothesis in range(len(_SHARES)):
-        for speed in range(len(adrift)):
-            found[hypothesis, speed] = _SHARES[hypothesis] * _FIND * adrift[speed] / places
-    return found, np.asarray((1 - _FIND) * adrift + _LOSE * jumped)
+    found = np.empty((len(_HYPOTHESES), len(still_lost)), np.float32)
+    for hypothesis in range(len(_HYPOTHESES)):
+        for speed in range(len(still_lost)):
+            found[hypothesis, speed] = _HYPOTHESES[hypothesis] * _FIND * still_lost[speed] / places
+    return found, np.asarray((1 - _FIND) * still_lost + _LOSE * jumped)

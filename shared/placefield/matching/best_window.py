@@ -1,4 +1,4 @@
-"""Where a posterior over places has most of its mass."""
+"""The window of places that has most of a posterior."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,22 +10,22 @@ Beliefs = NDArray[np.float32]
 
 
 def twins_in(same: Places) -> Places | None:
-    """Return which place each is the same as, (K,); None where every place is one of its own."""
+    """Return which place each is the same as, (K,); None if all places differ."""
     return None if np.array_equal(same, np.arange(len(same))) else same
 
 
 def best_window(
     places: Places, beliefs: Beliefs, tolerance: int, same: Places | None = None
 ) -> tuple[int, float]:
-    """Find the middle of the window of most belief, and the belief around it.
+    """Return the middle of the window of highest belief, and the belief around the middle.
 
-    A place is near another if it is within the tolerance of it, or if what the one is the same as
-    is within the tolerance of what the other is the same as. So laps of one stretch share their
-    belief; the middle is in the lap that has most of it.
+    Two places are near each other if they, or the places that they are the same as, are within the
+    tolerance. So laps of one stretch share their belief; the middle is in the lap of highest
+    belief.
 
     Args:
-        places: (n,) int32, ascending; they may come several times.
-        beliefs: (n,) float32; they count as 0 to 1, whatever came over the bus.
+        places: (n,) int32, ascending; may contain duplicates.
+        beliefs: (n,) float32; clipped to 0 to 1, because they may come from the bus.
         tolerance: places.
         same: (K,) int32, of the whole map, which place each is the same as; None: all differ.
     """
@@ -43,7 +43,7 @@ def best_window(
 
 @kernel
 def _window(places: Places, beliefs: Beliefs, tolerance: int) -> tuple[int, int]:
-    """Return where the 2 tolerance + 1 consecutive places of most belief begin and end."""
+    """Return where the 2 tolerance + 1 consecutive places of highest belief begin and end."""
     best_first, best_end, best, end, within = 0, 0, -1.0, 0, 0.0
     for first in range(len(places)):
         while end < len(places) and places[end] <= places[first] + 2 * tolerance:
@@ -70,7 +70,7 @@ def _middle(places: Places, beliefs: Beliefs) -> int:
 def _around(
     places: Places, shared: Places, beliefs: Beliefs, middle: tuple[int, int], tolerance: int
 ) -> float:
-    """Sum up the belief near a place, given with what it is the same as, like the others."""
+    """Sum the belief near a place; ``middle`` is the place, and which place it is the same as."""
     around = 0.0
     for i in range(len(places)):
         if abs(places[i] - middle[0]) <= tolerance or abs(shared[i] - middle[1]) <= tolerance:

@@ -1,4 +1,4 @@
-"""What a channel says of one query frame."""
+"""A channel's candidate for one query frame."""
 
 from dataclasses import dataclass, replace
 
@@ -17,11 +17,12 @@ class Candidate:
         place: index of the best place, or ``UNANSWERED``.
         score: of that place; 0 where there is no answer. Under ``filter`` its belief, the higher
             the better; under the other rules the lower the better.
-        places: (n,) int32, ascending, what ``evidence`` is of under ``filter``; else empty.
-        evidence: float32. Under ``filter`` (n,), the belief in these places, the others being next
-            to nothing; under ``evidence`` (K,), of every place; empty under ``ams``.
-        too_fast: posterior, 0 to 1, that the vehicle moves faster than the map resolves; only
-            ``filter`` tells, elsewhere it is 0.
+        places: (n,) int32, ascending, the places that ``evidence`` is for under ``filter``; else
+            empty.
+        evidence: float32. Under ``filter`` (n,), the belief in these places; that in all others is
+            negligible. Under ``evidence`` (K,), of every place; empty under ``ams``.
+        too_fast: posterior, 0 to 1, that the vehicle moves faster than the map resolves; under
+            other rules than ``filter`` it is 0.
     """
 
     place: int
@@ -30,7 +31,7 @@ class Candidate:
     evidence: NDArray[np.float32]
     too_fast: float = 0.0
 
-    def turned(self, count: int) -> "Candidate":
+    def reversed(self, count: int) -> "Candidate":
         """Return the same for a map of so many places in reverse order."""
         if self.place == UNANSWERED:
             return self

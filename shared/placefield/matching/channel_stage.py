@@ -1,6 +1,6 @@
-"""The stage from descriptor to candidates: some channels of a map, whole or one shard of each.
+"""The stage from descriptors to candidates: some channels of a map, whole or one shard of each.
 
-With no bus: a library, a study and a channel worker compose it alike.
+It has no bus: the library, a study and a channel worker all use it.
 """
 
 from collections import deque
@@ -18,16 +18,16 @@ from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.sharding import ChannelShard, MetricShards
 
 Compared = Mapping[MapMetric, Comparison]
-"""How a frame compares with the places under each metric of a stage."""
+"""The comparisons of a frame with the places, under each metric of a stage."""
 
 
 class ChannelStage:
-    """Compares descriptors with the places of some channels; all streams in these share it.
+    """Compares descriptors with the places of some channels; all their streams share it.
 
     Attributes:
         channels: their numbers in the map.
-        shard: which shard of each channel, from 0.
-        shards: of how many; 1 is whole channels.
+        shard: index of the shard of each channel, from 0.
+        shards: how many shards a channel has; 1 is a whole channel.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class ChannelStage:
         travelled: NDArray[np.float64] | None = None,
         same: NDArray[np.int32] | None = None,
     ) -> None:
-        """Prepare channels; of shards, and for rules that compare windows, this reads all places.
+        """Prepare channels. For shards, and for rules that compare windows, this reads all places.
 
         Args:
             channels: of the whole map, by their numbers in it.
             matching: how candidates are made.
-            shard: which of each, from 0.
+            shard: index of the shard of each channel, from 0.
             shards: how many there are.
             travelled: (K,) metres up to each place of the map; None or empty: unknown.
             same: (K,) int32, which place of the map each is the same as; None: all differ.
@@ -75,7 +75,8 @@ class ChannelStage:
         """Compare descriptors (N,) float32 of length 1 with the places, once per metric.
 
         Yields:
-            How each compares, in order. It does not depend on the others, to the last bit.
+            The comparisons of each descriptor, in order. They do not depend on the other
+            descriptors, to the last bit.
         """
         if len(descriptors):
             stacked = np.asarray(descriptors)
@@ -96,7 +97,7 @@ class ChannelStage:
         return StreamMatcher(groups, first)
 
     def _groups(self) -> Iterator[tuple[tuple[int, ...], ChannelShard]]:
-        """Yield channels that answer alike: of the filter, those under one metric."""
+        """Yield channels with equal candidates: under ``filter``, those of one metric."""
         alike: dict[object, list[int]] = {}
         for number, part in self._parts.items():
             alike.setdefault(part.metric if self._rule == "filter" else number, []).append(number)
@@ -106,15 +107,15 @@ class ChannelStage:
 
 @dataclass
 class _Group:
-    """Channels that answer alike, so that one matcher answers for all.
+    """Channels with equal candidates, so that one matcher serves all of them.
 
     Attributes:
         numbers: of the channels.
-        metric: theirs.
+        metric: of the channels.
         matcher: of the stream.
         partial: of the frame whose local step was done.
-        waiting: numbers of the frames that were answered, and not smoothed yet.
-        smoothed: frames that were smoothed, and not asked for yet.
+        waiting: numbers of the frames that have a candidate and are not smoothed yet.
+        smoothed: frames that were smoothed and not fetched yet.
     """
 
     numbers: tuple[int, ...]
@@ -125,23 +126,23 @@ class _Group:
     smoothed: list[tuple[int, SmoothedCandidate]] = field(default_factory=list)
 
     def smooth(self, frames: list[SmoothedCandidate]) -> None:
-        """Number what the matcher has smoothed, and keep it until it is asked for."""
+        """Number the frames that the matcher smoothed, and keep them until they are fetched."""
         self.smoothed += [(self.waiting.popleft(), each) for each in frames]
 
 
 class StreamMatcher:
     """Matches one stream in all channels of a stage, frame by frame.
 
-    Each frame takes a local step and a reduce step in all channels. Frames that were missed take
-    them, too, as missing observations, so that none is left out but those that change nothing.
-    Should a channel fail in a step, the frame costs it its observation, and no other channel but
-    those that answer alike.
+    Each frame takes a local step and a reduce step in all channels. So do frames that were skipped,
+    as missing observations, except for those that would make no difference. If a channel fails in a
+    step, it loses its observation of the frame, together with the channels of its group; the other
+    channels are not affected.
     """
 
     def __init__(self, groups: Sequence[_Group], first: int) -> None:
-        """Take the channels, and the number of the first frame."""
+        """Begin with groups of channels, and the number of the first frame."""
         self._groups = groups
-        self._memory = max(group.matcher.memory for group in groups)
+        self._horizon = max(group.matcher.horizon for group in groups)
         self.next = first
         """The number of the frame whose steps are next."""
         self._end: int | None = None
@@ -149,22 +150,23 @@ class StreamMatcher:
     def local(
         self, compared: Compared | None, sequence: int, odometry_m: float | None = None
     ) -> Mapping[int, Partial]:
-        """Do the local step of a frame, or of the next one before it that was missed.
+        """Do the local step of a frame, or of the next skipped one before it.
 
         Args:
-            compared: how the frame compares with the places; None is a missing observation.
-            sequence: its number, ``next`` or greater. If it is greater, frames in between were
-                missed, and ``next`` is afterwards the number of that whose step was done.
+            compared: the comparisons of the frame; None is a missing observation.
+            sequence: the frame's number, at least ``next``. If it is greater, the frames in between
+                were skipped, and ``next`` is afterwards the number of the frame whose step was
+                done.
             odometry_m: the odometer's reading at the frame, metres since any fixed start; None:
-                unknown, as it is at frames that were missed.
+                unknown. Skipped frames have none.
 
         Returns:
             The partial result of each channel, (n,) float64.
         """
-        self.next = max(self.next, sequence - self._memory)
+        self.next = max(self.next, sequence - self._horizon)
         frame, reading = (compared, odometry_m) if self.next == sequence else (None, None)
         for group in self._groups:
-            if group.partial is None:  # it may be there if another channel failed
+            if group.partial is None:  # it exists if another channel failed in this step
                 observed = None if frame is None else frame[group.metric]
                 group.partial = group.matcher.local(observed, reading)
         return {
@@ -195,12 +197,12 @@ class StreamMatcher:
         return candidates
 
     def fits(self, number: int, partial: Partial) -> bool:
-        """Whether what came from another shard of a channel can be its partial result."""
+        """Whether a partial result of another shard of a channel may be for this frame."""
         (group,) = (group for group in self._groups if number in group.numbers)
         return group.matcher.fits(partial)
 
     def smoothed(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
-        """Return the frames that each channel has smoothed since it was asked, by their numbers."""
+        """Return the frames that each channel smoothed since the last call, with their numbers."""
         smoothed: dict[int, list[tuple[int, SmoothedCandidate]]] = {}
         for group in self._groups:
             smoothed |= dict.fromkeys(group.numbers, self._until_end(group.smoothed))
@@ -210,7 +212,7 @@ class StreamMatcher:
     def _until_end(
         self, smoothed: list[tuple[int, SmoothedCandidate]]
     ) -> list[tuple[int, SmoothedCandidate]]:
-        """Leave out what comes after the end, and do not count it as known."""
+        """Leave out frames after the end of the stream, and do not count them in the lag."""
         end = self._end
         if end is None:
             return smoothed
@@ -221,16 +223,16 @@ class StreamMatcher:
         ]
 
     def end(self) -> int:
-        """Say that no frame will come any more.
+        """Announce the end of the stream.
 
         Returns:
-            How many missing observations are to be taken before ``finish``.
+            How many missing observations to add before ``finish``.
         """
         self._end = self.next
         return max(group.matcher.tail for group in self._groups)
 
     def finish(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
-        """Return the frames that are left, after ``end`` and what it asks for."""
+        """Return the remaining frames, after ``end`` and its missing observations."""
         for group in self._groups:
             group.smooth(group.matcher.finish())
         return self.smoothed()
@@ -239,7 +241,7 @@ class StreamMatcher:
         """Return the candidates for the next frame, of whole channels, by ascending number.
 
         Args:
-            compared: how the frame compares with the places; None is a missing observation.
+            compared: the comparisons of the frame; None is a missing observation.
             odometry_m: see ``local``.
         """
         partials = self.local(compared, self.next, odometry_m)

@@ -12,16 +12,16 @@ from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
-    CodedProjection,
-    Codes,
-    codes_of,
+    Quantized,
+    QuantizedProjection,
     product_of,
     products,
+    quantize,
 )
 
 _AT_ONCE = 2**22  # distances held at once
-_LOOKED_AT = 64  # one of so many places is near enough at the coarse look for an exact one
-_SAMPLE = 2**14  # places that tell how near that is
+_RERANKED = 64  # about one of so many places is re-ranked after the coarse search
+_SAMPLE = 2**14  # size of the sample of places that gives their greatest distance
 
 
 Distances = NDArray[np.int32]
@@ -29,36 +29,36 @@ Distances = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Comparison:
-    """A query frame beside the places.
+    """The distances of a query frame to the places.
 
     Attributes:
-        metric: under which.
-        codes: (M,) int16, the frame's descriptor.
+        metric: that they are under.
+        descriptor: (M,) int16, of the frame, quantized.
         distances: (K,) int32, squared distance to each place, ||v x - v r_j||², in squared units of
             the metric.
         deviation: standard deviation of the exact distances.
-        is_exact: whether they are; else those to the nearest places are.
-        is_turned: whether the places are in reverse order.
+        is_exact: whether all distances are exact; else only those to the nearest places are.
+        is_reversed: whether the places are in reverse order.
     """
 
     metric: MapMetric
-    codes: Codes
+    descriptor: Quantized
     distances: Distances
     deviation: float
     is_exact: bool = True
-    is_turned: bool = False
+    is_reversed: bool = False
 
-    def turned(self) -> "Comparison":
+    def reversed(self) -> "Comparison":
         """Return this comparison with the places in reverse order."""
         distances = np.ascontiguousarray(self.distances[::-1])
-        return replace(self, distances=distances, is_turned=not self.is_turned)
+        return replace(self, distances=distances, is_reversed=not self.is_reversed)
 
-    def made_exact(self, places: NDArray[np.int32]) -> "Comparison":
-        """Return this comparison with the exact distances to some places."""
-        if self.is_turned:
-            return self.turned().made_exact(len(self.distances) - 1 - places).turned()
+    def reranked(self, places: NDArray[np.int32]) -> "Comparison":
+        """Return this comparison with the exact distances to some places, (n,)."""
+        if self.is_reversed:
+            return self.reversed().reranked(len(self.distances) - 1 - places).reversed()
         distances = self.distances.copy()
-        _measure(self.metric.places, self.metric.squares, self.codes, places, distances)
+        _measure(self.metric.places, self.metric.squares, self.descriptor, places, distances)
         return replace(self, distances=distances)
 
 
@@ -69,83 +69,85 @@ class MetricPlaces:
     """
 
     def __init__(self, metric: MapMetric, *, exact: bool) -> None:
-        """Take the metric and its places, which are read where they are mapped.
+        """Prepare for a metric. Its places are read where they are mapped.
 
         Args:
             metric: of a map.
-            exact: whether to compare with every place exactly also if the map has a coarse look.
+            exact: whether to compare with every place exactly, even if the map has a coarse index.
         """
         self._metric = metric
-        self._project = CodedProjection(metric.projection, metric.unit) if metric.learned else None
-        self._look_along: CodedProjection | None = None
+        self._project = (
+            QuantizedProjection(metric.projection, metric.unit) if metric.learned else None
+        )
+        self._project_coarsely: QuantizedProjection | None = None
         if metric.coarse is not None and not exact:
-            self._look_along = CodedProjection(metric.coarse.axes, DESCRIPTOR_UNIT)
+            self._project_coarsely = QuantizedProjection(metric.coarse.axes, DESCRIPTOR_UNIT)
 
     def compare(self, descriptors: NDArray[np.float32]) -> Iterator[Comparison]:
-        """Compare descriptors (B, N), of length 1; one comparison each, in order.
+        """Compare descriptors (B, N), of length 1; yield one comparison each, in order.
 
-        What comes of a descriptor does not depend on the others, to the last bit.
+        A comparison does not depend on the other descriptors, to the last bit.
         """
-        codes = codes_of(descriptors, DESCRIPTOR_UNIT)
+        quantized = quantize(descriptors, DESCRIPTOR_UNIT)
         if self._project is not None:
-            codes = self._project(codes)
+            quantized = self._project(quantized)
         at_once = max(1, _AT_ONCE // len(self._metric.places))
-        compare = self._coarsely if self._look_along else self._exactly
-        for some in blocks(len(codes), at_once):
-            yield from compare(codes[some])
+        compare = self._coarsely if self._project_coarsely else self._exactly
+        for some in blocks(len(quantized), at_once):
+            yield from compare(quantized[some])
 
-    def _exactly(self, codes: Codes) -> Iterator[Comparison]:
+    def _exactly(self, descriptors: Quantized) -> Iterator[Comparison]:
         metric = self._metric
-        distances = products(metric.places, codes)
-        for vector, row in zip(codes, distances, strict=True):
+        distances = products(metric.places, descriptors)
+        for vector, row in zip(descriptors, distances, strict=True):
             _to_distances(row, 1.0, metric.squares, vector)
             yield Comparison(metric, vector, row, _deviation(row))
 
-    def _coarsely(self, codes: Codes) -> Iterator[Comparison]:
-        metric, look, look_along = self._metric, self._metric.coarse, self._look_along
-        assert look is not None
-        assert look_along is not None
-        distances = products(look.codes, look_along(codes))
-        for vector, row in zip(codes, distances, strict=True):
-            _to_distances(row, look.unit, metric.squares, vector)
+    def _coarsely(self, descriptors: Quantized) -> Iterator[Comparison]:
+        metric, coarse, project_coarsely = self._metric, self._metric.coarse, self._project_coarsely
+        assert coarse is not None
+        assert project_coarsely is not None
+        distances = products(coarse.codes, project_coarsely(descriptors))
+        for vector, row in zip(descriptors, distances, strict=True):
+            _to_distances(row, coarse.unit, metric.squares, vector)
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
             _measure(metric.places, metric.squares, vector, near, row)
-            yield Comparison(metric, vector, row, look.deviation(vector), is_exact=False)
+            yield Comparison(metric, vector, row, coarse.deviation(vector), is_exact=False)
 
 
-class SomePlaces:
-    """Compares frames with some of a map's places, that stand for all, and with their neighbours.
+class SampledPlaces:
+    """Compares frames with a sample of a map's places and with the neighbours of these.
 
-    Who has a shard of the map alone, or distances that are not exact, knows all of it by these.
+    The sample represents the whole map in a shard, and where distances are not exact.
     """
 
     def __init__(self, metric: MapMetric, chosen: NDArray[np.int32]) -> None:
-        """Take the chosen places, (n,), of a metric of the whole map."""
+        """Prepare the chosen places, (n,), of a metric of the whole map."""
         last = len(metric.places) - 1
         around = np.clip(np.add.outer(chosen, (-1, 0, 1)), 0, last).ravel()
         self._places = np.ascontiguousarray(metric.places[around])
         self._squares = np.ascontiguousarray(metric.squares[around])
 
-    def distances(self, codes: Codes) -> Distances:
-        """Squared distances of a frame (M,) to each one's neighbour, itself, neighbour, (n, 3)."""
-        (row,) = products(self._places, codes[None])
-        _to_distances(row, 1.0, self._squares, codes)
+    def distances(self, descriptor: Quantized) -> Distances:
+        """Return the squared distances of a frame (M,) to each place and its neighbours, (n, 3)."""
+        (row,) = products(self._places, descriptor[None])
+        _to_distances(row, 1.0, self._squares, descriptor)
         return np.asarray(row.reshape(-1, 3))
 
 
 def _nearness(distances: Distances) -> np.int32:
-    """Return the distance that about one of ``_LOOKED_AT`` places is within."""
+    """Return the distance within which about one of ``_RERANKED`` places is."""
     sample = distances[:: -(-len(distances) // _SAMPLE)]
-    nearest = len(sample) // _LOOKED_AT
+    nearest = len(sample) // _RERANKED
     return np.int32(np.partition(sample, nearest)[nearest])
 
 
 @kernel
 def _to_distances(
-    products: Distances, unit: float, place_squares: NDArray[np.int32], codes: Codes
+    products: Distances, unit: float, place_squares: NDArray[np.int32], descriptor: Quantized
 ) -> None:
-    """Turn products of places with a vector, times a unit, into distances."""
-    square = product_of(codes, codes)
+    """Turn products of places with a vector, times a unit, into squared distances."""
+    square = product_of(descriptor, descriptor)
     for place in range(len(products)):
         product = np.int32(unit * products[place])
         products[place] = np.int32(place_squares[place] + square - 2 * product)
@@ -165,25 +167,25 @@ def _deviation(distances: Distances) -> float:
 
 @kernel
 def _measure(
-    places: Codes,
+    places: Quantized,
     place_squares: NDArray[np.int32],
-    codes: Codes,
+    descriptor: Quantized,
     chosen: NDArray[np.int32],
     distances: Distances,
 ) -> None:
-    """Write the exact distances to the chosen places."""
-    square = product_of(codes, codes)
+    """Write the exact squared distances to the chosen places."""
+    square = product_of(descriptor, descriptor)
     for i in range(len(chosen)):
-        product = product_of(places[chosen[i]], codes)
+        product = product_of(places[chosen[i]], descriptor)
         distances[chosen[i]] = place_squares[chosen[i]] + square - 2 * product
 
 
 def distance_matrix(
     metric: MapMetric, descriptors: Sequence[NDArray[np.float32] | None], unobserved: float
 ) -> NDArray[np.float32]:
-    """Compare a whole query, (N,) each, with the places: (Q, K) float32, of squared descriptors.
+    """Compare a whole query, (N,) each, with the places: (Q, K) float32, squared distances.
 
-    Frames that were not observed, None, have ``unobserved`` for every place.
+    Missing observations, None, have ``unobserved`` for every place.
     """
     matrix = np.full((len(descriptors), len(metric.places)), unobserved, np.float32)
     observed = [number for number, descriptor in enumerate(descriptors) if descriptor is not None]

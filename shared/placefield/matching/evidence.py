@@ -1,10 +1,10 @@
-"""The rule ``evidence``: what all window lengths say of every place, on one scale.
+"""The rule ``evidence``: the evidence of all window lengths for every place, on one scale.
 
-For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean
-distance in the window of place j, and mean and deviation are over all places. The
-evidence of place j is the mean of z_s(j) over s: the lower the better, in deviations below an
-average place. The sums give the same z_s as the means. A window in which all places are alike, as
-after some missing observations, says nothing and is left out.
+For window length s, z_s(j) = (W_s(j) - mean W_s) / deviation W_s, where W_s(j) is the mean distance
+in the window of place j, and mean and deviation are over all places. The evidence of place j is the
+mean of z_s(j) over s: the lower the better, in deviations below an average place. Sums instead of
+mean distances give the same z_s. A window length whose sums are the same at all places, as after
+some missing observations, is not informative and is left out.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ from placefield.matching.windows import Sums, WindowSums
 class EvidenceMatcher(WindowMatcher):
     """Averages the windows' sums, normalised over all places.
 
-    A partial result is how many places the shard has, the sum of each window's sums over them, and
-    the sum of their squared differences from their mean.
+    A partial result is the number of the shard's places, the sum of each window's sums over them,
+    and the sum of their squared differences from their mean.
     """
 
     def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:
@@ -40,7 +40,7 @@ class EvidenceMatcher(WindowMatcher):
     ) -> Candidate:
         """Return the candidate of lowest evidence.
 
-        ``NO_CANDIDATE`` where no window tells places apart, as before the first observation.
+        ``NO_CANDIDATE`` if no window length is informative, as before the first observation.
         """
         means, deviations = _moments(np.array(partials))
         scores = np.zeros(places.count)
@@ -92,21 +92,21 @@ def _sum_up(columns: Sums, first: int, places: int, totals: Sums, squares: Sums)
 def _average_normalised(
     columns: Sums, first: int, means: Sums, deviations: Sums, scores: NDArray[np.float64]
 ) -> int:
-    """Average the normalised sums over the windows that tell places apart; return how many do."""
+    """Average the normalised sums over the informative windows; return how many those are."""
     places, width = len(scores), columns.shape[1]
     before_wrap = min(width - first, places)
-    telling = 0
+    informative = 0
     for row in range(len(columns)):
         if deviations[row] > 0:
-            telling += 1
+            informative += 1
             scale = 1 / deviations[row]
-            ahead = columns[row, first : first + before_wrap]
+            forward = columns[row, first : first + before_wrap]
             around = columns[row, : places - before_wrap]
-            _add_normalised(ahead, means[row], scale, scores[:before_wrap])
+            _add_normalised(forward, means[row], scale, scores[:before_wrap])
             _add_normalised(around, means[row], scale, scores[before_wrap:])
     for place in range(places):
-        scores[place] /= max(telling, 1)
-    return telling
+        scores[place] /= max(informative, 1)
+    return informative
 
 
 @kernel
@@ -118,7 +118,7 @@ def _add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.fl
 
 @kernel
 def _gather(columns: Sums, first: int, sums: Sums) -> None:
-    """Copy sums in the order of the map, from a column on and around: one order to add them in."""
+    """Copy sums in the order of the map, from a column on and around: sums need one order."""
     before_wrap = min(len(columns) - first, len(sums))
     sums[:before_wrap] = columns[first : first + before_wrap]
     sums[before_wrap:] = columns[: len(sums) - before_wrap]

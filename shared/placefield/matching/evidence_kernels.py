@@ -1,4 +1,4 @@
-"""What a frame's distances from the places are evidence of, in compiled loops."""
+"""Compiled loops that turn a frame's distances from the places into evidence."""
 
 import math
 
@@ -10,20 +10,20 @@ from placefield.matching.motion import Array
 
 Distances = NDArray[np.int32]
 
-_BEYOND = 0.02  # share of a place's evidence that counts beyond what it can have
+_BEYOND = 0.02  # weight of a place's evidence beyond the bound
 
 
 @kernel
 def nearness(distances: Distances, first: int, near: Distances) -> None:
     """Write twice the squared distance of places (K,) from a frame.
 
-    It is the mean of a place's own and the least of its own and its two neighbours': from a frame
-    that was taken between two places both are far.
+    It is the mean of the place's own distance and the least distance of the place and its two
+    neighbours, because a frame between two places is far from both.
 
     Args:
-        distances: (n,) int32, squared; before and after the places may be neighbours.
-        first: which of them is of the first place.
-        near: (K,) int32, receives it.
+        distances: (n,) int32, squared; neighbours before and after the places may be included.
+        first: index of the first place in ``distances``.
+        near: (K,) int32, receives the result.
     """
     count, last = len(near), len(distances) - 1
     here = distances[first : first + count]
@@ -38,27 +38,27 @@ def nearness(distances: Distances, first: int, near: Distances) -> None:
 
 @kernel
 def evidence_of(
-    near: Distances, some: Distances, every: int, nats: float, lost: float, evidence: Array
+    near: Distances, sample: Distances, every: int, nats: float, lost: float, evidence: Array
 ) -> None:
     """Write the evidence of a frame at places (K,), see ``Observation``.
 
-    No place is more times likelier than the average one than there are places. Where some of them
-    stand for all, the one that is observed may be missing; who is nearest still counts most.
+    No place can be likelier than the average one by more than the number of places. A sample may
+    miss the observed place; the nearest place still counts most.
 
     Args:
         near: (K,) int32, see ``nearness``.
-        some: int32, the same of places that stand for all of the map.
-        every: of these, one of so many is looked at.
+        sample: int32, the same of places that represent the whole map.
+        every: only each so many-th place of the sample is used.
         nats: by which a frame is less likely where ``near`` is one more.
-        lost: nats by which it is likelier, when lost, than at an average place.
+        lost: nats by which a frame is likelier when lost than at an average place.
         evidence: (K,) float32, receives it.
     """
-    least = some[0]
-    for i in range(0, len(some), every):
-        least = min(least, some[i])
+    least = sample[0]
+    for i in range(0, len(sample), every):
+        least = min(least, sample[i])
     total, count = 0.0, 0
-    for i in range(0, len(some), every):
-        total += math.exp(-nats * (some[i] - least))
+    for i in range(0, len(sample), every):
+        total += math.exp(-nats * (sample[i] - least))
         count += 1
     average = np.float32(math.log(total / count) + lost)
     slope = np.float32(-nats)
@@ -75,10 +75,10 @@ def bound(evidence: Array, most: float) -> None:
 
 
 @kernel
-def step_length(codes: NDArray[np.int16], last: NDArray[np.int16], unit: float) -> float:
-    """How far apart two vectors of codes are."""
+def step_length(descriptor: NDArray[np.int16], last: NDArray[np.int16], unit: float) -> float:
+    """Return the distance of two quantized descriptors (M,), times the unit."""
     squares = np.int32(0)
-    for m in range(len(codes)):
-        difference = np.int32(np.int32(codes[m]) - np.int32(last[m]))
+    for m in range(len(descriptor)):
+        difference = np.int32(np.int32(descriptor[m]) - np.int32(last[m]))
         squares = np.int32(squares + np.int32(difference * difference))
     return unit * math.sqrt(squares)

@@ -1,10 +1,10 @@
-"""Matching of one stream in one shard of a channel: comparison in, candidate out.
+"""Matching of one stream in one shard of a channel: comparisons in, candidates out.
 
-A shard is the places of a map from one on to another; a whole channel is shard 0 of 1. A frame
-takes two steps. In the local step each shard takes the frame and returns a partial result. Given
-the partial results of all shards, each then reduces them to its candidate. Joined (see
-``placefield.fusion.shards``), the candidates of all shards are the one of the whole channel: to
-rounding, under ``filter``.
+A shard is a range of places of a map; a whole channel is shard 0 of 1. A frame takes two steps. In
+the local step each shard processes the frame and returns a partial result. In the reduce step each
+shard combines the partial results of all shards into its candidate. The joined candidates of all
+shards (see ``placefield.fusion.shard_joiner``) are the candidate of the whole channel; under
+``filter`` only up to rounding.
 """
 
 import sys
@@ -19,18 +19,18 @@ from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison
 
 Partial = NDArray[np.float64]
-"""(n,) float64, what the shards of a channel need of each other of a frame."""
+"""(n,) float64, the partial result of a shard for a frame, which the other shards need."""
 
 WHOLE_DRIVE = sys.maxsize
-"""A lag that ends with the stream: no frame is smoothed before."""
+"""A lag that lasts until the stream ends: all frames are smoothed then."""
 
 
 class SmoothedCandidate(NamedTuple):
-    """What a channel has for a frame in hindsight.
+    """A channel's smoothed candidate for a frame.
 
     Attributes:
         candidate: its places are those of the map; its evidence is of the shard's only.
-        lag: how many frames after it are known.
+        lag: number of later frames that it uses.
     """
 
     candidate: Candidate
@@ -40,21 +40,21 @@ class SmoothedCandidate(NamedTuple):
 class Matcher(ABC):
     """Matches one stream of frames in one shard of one channel."""
 
-    memory: int
-    """After so many missing observations, more of them change nothing that matters."""
+    horizon: int
+    """After so many missing observations in a row, more of them make no difference."""
 
     tail: int
-    """So many missing observations come after the last frame before ``finish``."""
+    """Number of missing observations to add after the last frame, before ``finish``."""
 
     @abstractmethod
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
-        """Take the next frame, and return what the other shards need of it, (n,) float64.
+        """Process the next frame, and return the shard's partial result, (n,) float64.
 
         Args:
-            frame: how it compares with the shard's places; None is a missing observation: the
-                vehicle has moved on all the same.
-            odometry_m: the odometer's reading then, metres since any fixed start; None: unknown.
-                If it falls, the odometer began anew.
+            frame: its comparison with the shard's places; None is a missing observation, during
+                which the vehicle may move.
+            odometry_m: the odometer's reading at the frame, metres since any fixed start; None:
+                unknown. If it falls, the odometer began anew.
         """
 
     @abstractmethod
@@ -62,7 +62,7 @@ class Matcher(ABC):
         """Return the candidate for the frame of the last local step.
 
         Args:
-            partials: the partial results of all shards, this one's among them, in the order of the
+            partials: the partial results of all shards, including this one, in the order of the
                 map, (n,) float64 each.
 
         Returns:
@@ -71,60 +71,60 @@ class Matcher(ABC):
 
     @abstractmethod
     def fits(self, partial: Partial) -> bool:
-        """Whether what came from another shard can be its partial result for this frame."""
+        """Whether a partial result of another shard may be for this frame."""
 
     @abstractmethod
     def smoothed(self) -> list[SmoothedCandidate]:
         """Return the frames that were smoothed by the last reduce step, in their order.
 
-        Every frame is smoothed once, and in the end all of them are; see ``finish``.
+        Every frame is smoothed once, the last ones by ``finish``.
         """
 
     @abstractmethod
     def finish(self) -> list[SmoothedCandidate]:
-        """Smooth the frames that are left: the stream is over."""
+        """Smooth the remaining frames: the stream is over."""
 
     def update(self, frame: Comparison | None, odometry_m: float | None = None) -> Candidate:
-        """Return the candidate for the next frame; for a whole channel, which is its only shard.
+        """Return the candidate for the next frame of a whole channel, which is the only shard.
 
         Args:
-            frame: how it compares with the places; None is a missing observation.
+            frame: its comparison with the places; None is a missing observation.
             odometry_m: see ``local``.
         """
         return self.reduce([self.local(frame, odometry_m)])
 
 
 class ReverseMatcher(Matcher):
-    """Shows a matcher the places in reverse order, and turns back its candidates."""
+    """Gives a matcher the places in reverse order, and converts its candidates back."""
 
     def __init__(self, matcher: Matcher, places: int) -> None:
-        """Take the matcher, whose shard is counted from the map's end, and the map's places."""
+        """Wrap a matcher whose shard is counted from the map's end, of a map of so many places."""
         self._matcher = matcher
         self._places = places
-        self.memory, self.tail = matcher.memory, matcher.tail
+        self.horizon, self.tail = matcher.horizon, matcher.tail
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
-        """Take the next frame, with the places in reverse order."""
-        return self._matcher.local(None if frame is None else frame.turned(), odometry_m)
+        """Process the next frame, with the places in reverse order."""
+        return self._matcher.local(None if frame is None else frame.reversed(), odometry_m)
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate in the order of the map."""
-        return self._matcher.reduce(partials[::-1]).turned(self._places)
+        return self._matcher.reduce(partials[::-1]).reversed(self._places)
 
     def fits(self, partial: Partial) -> bool:
-        """Whether what came from another shard can be its partial result for this frame."""
+        """Whether a partial result of another shard may be for this frame."""
         return self._matcher.fits(partial)
 
     def smoothed(self) -> list[SmoothedCandidate]:
         """Return the frames that were smoothed by the last reduce step."""
         return [
-            SmoothedCandidate(each.turned(self._places), lag)
+            SmoothedCandidate(each.reversed(self._places), lag)
             for each, lag in self._matcher.smoothed()
         ]
 
     def finish(self) -> list[SmoothedCandidate]:
-        """Smooth the frames that are left."""
+        """Smooth the remaining frames."""
         return [
-            SmoothedCandidate(each.turned(self._places), lag)
+            SmoothedCandidate(each.reversed(self._places), lag)
             for each, lag in self._matcher.finish()
         ]

@@ -1,4 +1,4 @@
-"""A filter shard's partial result: what it is, and how it travels."""
+"""A filter shard's partial result, and its encoding as a vector."""
 
 from typing import NamedTuple
 
@@ -15,45 +15,47 @@ _HEAD = 2 + 2 * _SPEEDS + _HALO
 _ROW = 2 + 2 * _SPEEDS  # of each place: its evidence, its number and its beliefs
 
 
-class Share(NamedTuple):
+class FilterPartial(NamedTuple):
     """A shard's partial result for a frame.
 
     Attributes:
         predicted: sum of the beliefs on the map before the update.
-        expected: sum of these times the places' likelihoods, in terms of that when lost.
-        of_speed: (2, S) float64, sums of the beliefs at each speed, on the map and its reverse.
-        halo: (2, S, REACH) float32, beliefs of the last places on the map and of the first on its
-            reverse, from where the vehicle may leave the shard.
-        places: (n,) int32, of the map, that may be in the frame's trace.
-        evidence: (n,) float32, see ``Trace``.
-        belief: (n, 2, S) float32, in them.
+        expected: sum of these beliefs, each times the likelihood ratio of its place to being lost.
+        by_speed: (2, S) float64, sums of the beliefs at each speed, on the map and its reverse.
+        halo: (2, S, REACH) float32, beliefs from where the vehicle may leave the shard: of the last
+            places on the map, and of the first on its reverse.
+        places: (n,) int32, places of the map that may be in the frame's trace.
+        evidence: (n,) float32, see ``Observation``.
+        belief: (n, 2, S) float32, at these places.
     """
 
     predicted: float
     expected: float
-    of_speed: Vector
+    by_speed: Vector
     halo: Array
     places: NDArray[np.int32]
     evidence: Array
     belief: Array
 
 
-def pack(share: Share) -> NDArray[np.float64]:
+def pack(partial: FilterPartial) -> NDArray[np.float64]:
     """Return a partial result as a vector, (n,) float64."""
-    sums = (share.predicted, share.expected)
-    rows = np.column_stack([share.evidence, share.places, share.belief.reshape(-1, 2 * _SPEEDS)])
-    return np.concatenate([sums, share.of_speed.ravel(), share.halo.ravel(), rows.ravel()])
+    sums = (partial.predicted, partial.expected)
+    rows = np.column_stack(
+        [partial.evidence, partial.places, partial.belief.reshape(-1, 2 * _SPEEDS)]
+    )
+    return np.concatenate([sums, partial.by_speed.ravel(), partial.halo.ravel(), rows.ravel()])
 
 
-def unpack(vector: NDArray[np.float64]) -> Share:
-    """Return the partial result that was packed; the vector fits."""
+def unpack(vector: NDArray[np.float64]) -> FilterPartial:
+    """Return the partial result in a vector that ``fits``."""
     predicted, expected = vector[:2].tolist()
-    of_speed, halo = vector[2 : 2 + 2 * _SPEEDS], vector[2 + 2 * _SPEEDS : _HEAD]
+    by_speed, halo = vector[2 : 2 + 2 * _SPEEDS], vector[2 + 2 * _SPEEDS : _HEAD]
     rows = vector[_HEAD:].reshape(-1, _ROW)
-    return Share(
+    return FilterPartial(
         predicted,
         expected,
-        of_speed.reshape(2, _SPEEDS),
+        by_speed.reshape(2, _SPEEDS),
         halo.astype(np.float32).reshape(2, _SPEEDS, REACH),
         rows[:, 1].astype(np.int32),
         rows[:, 0].astype(np.float32),
@@ -62,7 +64,7 @@ def unpack(vector: NDArray[np.float64]) -> Share:
 
 
 def fits(vector: NDArray[np.float64], places: int) -> bool:
-    """Whether a vector that comes from elsewhere may be a partial result of a map of K places."""
+    """Whether a vector from another process may be a partial result of a map of K places."""
     if len(vector) < _HEAD or (len(vector) - _HEAD) % _ROW:
         return False
     rows = vector[_HEAD:].reshape(-1, _ROW)

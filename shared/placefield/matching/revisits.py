@@ -1,10 +1,10 @@
-"""Which later places of a reference show the same stretch as earlier ones: a route driven twice.
+"""Finds the later places of a reference that show the same stretch as earlier ones.
 
-The reference is recognised as if it were a query, by the rule ``filter`` and smoothed, but each of
-its frames among clearly earlier places only. Two different places that look alike must never be
-joined, so that much is asked for: long runs of frames that are all but certain, most of which
-resemble no other earlier place more. A stretch that is driven the other way is another one: a
-camera sees it from behind.
+A route may be driven twice. The reference is recognised as if it were a query, by the rule
+``filter`` and smoothed, but each of its frames only among clearly earlier places. Different places
+that look alike must never be joined, so the requirements are high: long runs of frames that are all
+but certain, most of which are nearest to their twin. A stretch that is driven in reverse is another
+stretch, because the camera faces the other way.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,33 +24,34 @@ from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.matching.sharding import ChannelShard
 
 MOST = 4000
-"""Places that are searched at most: of a longer reference so many, evenly spaced."""
+"""Most places that are searched; a longer reference is sampled evenly."""
 
-_GAP = 20  # places: nearer ones are neighbours, which look alike
-_APART = 2 * _GAP  # as many at least between a place and its twin, so that none is a neighbour
+_GAP = 20  # places; nearer places are neighbours, which look alike
+_APART = 2 * _GAP  # least places between a place and its twin, so that they are no neighbours
 _LIKELY = 0.9  # probability of each frame of a run
 _CERTAIN, _LEAST = 0.999, 12  # a run must have so many frames of this probability
-_NEAREST = 0.5  # share of a run that must resemble no earlier place more
+_NEAREST = 0.5  # fraction of a run whose nearest earlier place must be the twin
 _TOLERANCE = 3  # places
-_PART, _AROUND = 200, 40  # frames that are recognised together, and others on either side
+_PART, _AROUND = 200, 40  # frames that are recognised together, and context on either side
 
 Array = NDArray[np.float32]
 Same = NDArray[np.int32]
 
 
 class _Recognised(NamedTuple):
-    """The k frames of a reference among clearly earlier places.
+    """The k frames of a reference, recognised among clearly earlier places.
 
     Attributes:
-        nearest: (k,) int64, the place that each resembles most.
-        posteriors: of each, places (n,) int32, ascending, and the belief in each, (n,) float32.
+        nearest: (k,) int64, the place that is nearest to each frame.
+        posteriors: of each frame, places (n,) int32, ascending, and the belief in each, (n,)
+            float32.
     """
 
     nearest: NDArray[np.int64]
     posteriors: list[tuple[Same, Array]]
 
 
-class _Run(NamedTuple):
+class _Revisit(NamedTuple):
     """Consecutive frames, from ``first`` on, and the place that each is the same as, (n,) int32."""
 
     first: int
@@ -60,9 +61,9 @@ class _Run(NamedTuple):
 def same_places(descriptors: Array) -> Same:
     """Return the earliest place that each is the same as, itself where there is none, (K,) int32.
 
-    The cost is quadratic in the places. Of more than ``MOST`` every n-th alone is searched; those
-    between two that are recognised are the same as what resembles them most where they should be.
-    Only stretches that are n times as long are found then.
+    The cost is quadratic in the places. Of more than ``MOST`` places, only every n-th is searched.
+    A place between two recognised ones is the same as the most similar place near its expected
+    position. Only stretches that are n times as long are found then.
 
     Args:
         descriptors: (K, N) float32, of the reference, of length 1.
@@ -70,8 +71,8 @@ def same_places(descriptors: Array) -> Same:
     every = -(-len(descriptors) // MOST)
     searched = descriptors[::every]
     recognised = _recognised(searched)
-    runs: list[_Run] = []
-    while True:  # where two laps share a place, a third one can be recognised
+    runs: list[_Revisit] = []
+    while True:  # once two laps share their places, a third lap can be recognised
         more = _runs(recognised, _joined(searched, runs))
         if sum(len(run.twins) for run in more) <= sum(len(run.twins) for run in runs):
             return _joined(descriptors, runs, every)
@@ -79,7 +80,7 @@ def same_places(descriptors: Array) -> Same:
 
 
 def _recognised(descriptors: Array) -> _Recognised:
-    """Recognise frames part by part, so that little is kept of those that are not smoothed."""
+    """Recognise frames part by part, to limit the memory for frames that are not smoothed yet."""
     metric = identity_metric(descriptors)
     shard = ChannelShard(_channel(metric), MatchingConfig(tolerance=_TOLERANCE))
     places = MetricPlaces(metric, exact=True)
@@ -98,14 +99,14 @@ def _recognised(descriptors: Array) -> _Recognised:
 
 
 def _posterior(candidate: Candidate) -> tuple[Same, Array]:
-    """Return the places that are believed in, and the belief; of a frame that shows nothing, 0."""
+    """Return a candidate's places and their beliefs; one place of belief 0 if it has none."""
     if not len(candidate.places):
         return np.zeros(1, np.int32), np.zeros(1, np.float32)
     return candidate.places, candidate.evidence
 
 
 def _channel(metric: MapMetric) -> MapChannel:
-    """Return a channel of no segments."""
+    """Return a channel without segments."""
     count = len(metric.places)
     labels, segments = np.zeros(count, np.int32), np.zeros((0, 2), np.int32)
     return MapChannel(1, 1, metric, labels, segments, np.ones(1, np.int32), 1, np.zeros((0, 2)))
@@ -114,14 +115,14 @@ def _channel(metric: MapMetric) -> MapChannel:
 def _among_earlier(
     places: MetricPlaces, descriptors: Array, first: int, end: int
 ) -> Iterator[Comparison]:
-    """Compare frames with the places before them; the others are as far as the average one."""
+    """Compare frames with the places before them; all other places get the mean distance."""
     for number, frame in enumerate(places.compare(descriptors[first:end]), first):
         distances = frame.distances.copy()
         distances[max(number - _GAP + 1, 0) :] = distances.mean()
         yield replace(frame, distances=distances)
 
 
-def _runs(recognised: _Recognised, same: Same) -> list[_Run]:
+def _runs(recognised: _Recognised, same: Same) -> list[_Revisit]:
     """Return the runs of frames that are surely the same as earlier places.
 
     Args:
@@ -140,12 +141,12 @@ def _runs(recognised: _Recognised, same: Same) -> list[_Run]:
     for run in np.split(np.arange(len(same)), np.flatnonzero(~follows) + 1):
         certain = np.count_nonzero(likely[run] & (probabilities[run] >= _CERTAIN))
         if certain >= _LEAST and resembles[run].mean() >= _NEAREST:
-            runs.append(_Run(int(run[0]), twins[run]))
+            runs.append(_Revisit(int(run[0]), twins[run]))
     return runs
 
 
-def _joined(descriptors: Array, runs: Sequence[_Run], every: int = 1) -> Same:
-    """Return which place each is the same as, (K,), where every n-th one may be a run's."""
+def _joined(descriptors: Array, runs: Sequence[_Revisit], every: int = 1) -> Same:
+    """Return which place each is the same as, (K,), given runs of every n-th place."""
     same = np.arange(len(descriptors), dtype=np.int32)
     for first, twins in runs:
         frames = np.arange(first * every, (first + len(twins) - 1) * every + 1)

@@ -1,4 +1,4 @@
-"""A channel's places cut into shards, each for a worker of its own, perhaps on another host."""
+"""Cuts a channel's places into shards. Each may have its own worker, perhaps on another host."""
 
 from dataclasses import replace
 
@@ -10,18 +10,19 @@ from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.matching.ams import AmsMatcher
 from placefield.matching.best_window import twins_in
-from placefield.matching.comparing import SomePlaces
+from placefield.matching.comparing import SampledPlaces
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import (
     HALO,
     LEAST_PLACES,
-    SOME,
+    SAMPLED,
     FilterMatcher,
-    lengths_of,
+    WholeMap,
+    step_lengths_of,
 )
 from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.motion import evenly_spaced
-from placefield.matching.odometry import Road, road
+from placefield.matching.odometry import RouteCells, route_cells
 from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.search.spread import Spread, spread_of
@@ -30,16 +31,16 @@ _WINDOW_RULES = {"evidence": EvidenceMatcher, "ams": AmsMatcher}
 
 
 class MetricShards:
-    """What the shards of several channels under one metric share, each made once."""
+    """What the shards of several channels under one metric share. Each part is made once."""
 
     def __init__(self) -> None:
         self._cuts: dict[tuple[MapMetric, int, int], MapMetric] = {}
         self._spreads: dict[MapMetric, Spread] = {}
-        self._some: dict[tuple[MapMetric, bool], SomePlaces] = {}
+        self._sampled: dict[tuple[MapMetric, bool], SampledPlaces] = {}
         self._mean_distances: dict[MapMetric, MeanDistance] = {}
 
     def cut(self, metric: MapMetric, places: slice) -> MapMetric:
-        """Return a metric with these places alone; the metric itself if these are all."""
+        """Return a metric with only these places; the metric itself if these are all."""
         if places == slice(0, len(metric.places)):
             return metric
         key = metric, places.start, places.stop
@@ -48,32 +49,32 @@ class MetricShards:
         return self._cuts[key]
 
     def spread(self, metric: MapMetric) -> Spread:
-        """Return how all places under a metric spread; without a coarse look, this reads them."""
+        """Return the spread of all places under a metric; without an index, this reads them."""
         if metric not in self._spreads:
             coarse = metric.coarse
             self._spreads[metric] = spread_of(metric.places) if coarse is None else coarse.spread
         return self._spreads[metric]
 
-    def some(self, metric: MapMetric, *, reverse: bool) -> SomePlaces:
-        """Return places under a metric that stand for all, as they are driven; this reads them."""
-        if (metric, reverse) not in self._some:
+    def sampled(self, metric: MapMetric, *, reverse: bool) -> SampledPlaces:
+        """Return a sample of places under a metric, in the order of travel; this reads them."""
+        if (metric, reverse) not in self._sampled:
             places = np.arange(len(metric.places), dtype=np.int32)
-            chosen = evenly_spaced(places[::-1] if reverse else places, SOME)
-            self._some[metric, reverse] = SomePlaces(metric, chosen)
-        return self._some[metric, reverse]
+            chosen = evenly_spaced(places[::-1] if reverse else places, SAMPLED)
+            self._sampled[metric, reverse] = SampledPlaces(metric, chosen)
+        return self._sampled[metric, reverse]
 
     def mean_distance(self, metric: MapMetric) -> MeanDistance:
-        """Return what tells a frame's mean distance under a metric; this reads all places."""
+        """Return the function for a frame's mean distance under a metric; this reads all places."""
         if metric not in self._mean_distances:
             self._mean_distances[metric] = MeanDistance(metric)
         return self._mean_distances[metric]
 
 
 class ChannelShard:
-    """One shard of a map's channel: what all streams in it share. A whole channel is 0 of 1.
+    """One shard of a map's channel, shared by all streams. A whole channel is shard 0 of 1.
 
     Attributes:
-        metric: the channel's, with those places alone that frames are to be compared with.
+        metric: the channel's, with only the places that frames are to be compared with.
         own: the shard's places in the map.
     """
 
@@ -90,15 +91,15 @@ class ChannelShard:
         travelled: NDArray[np.float64] | None = None,
         same: NDArray[np.int32] | None = None,
     ) -> None:
-        """Prepare a shard; but for a whole channel under ``filter``, this may read all places.
+        """Prepare a shard. This may read all places, except for a whole channel under ``filter``.
 
         Args:
             channel: of the whole map.
-            matching: the rule, and whether the route is driven the other way: windows and steps
-                then follow the places in reverse order.
-            shard: which of them, from 0.
+            matching: the rule, and whether the vehicle travels the route in reverse: windows and
+                steps then follow the places in reverse order.
+            shard: index of the shard, from 0.
             shards: how many there are.
-            shared: with the other channels of a worker.
+            shared: by the channels of a worker.
             travelled: (K,) metres up to each place of the map; None or empty: unknown.
             same: (K,) int32, which place of the map each is the same as; None: all differ.
 
@@ -108,54 +109,56 @@ class ChannelShard:
         shared = shared or MetricShards()
         self._channel, self._matching = channel, matching
         metric, self._places = channel.metric, len(channel.metric.places)
-        self._windows_of = window_lengths(channel, matching.rule)
-        longest = max(self._windows_of)
+        self._lengths_of_windows = window_lengths(channel, matching.rule)
+        longest = max(self._lengths_of_windows)
         least = LEAST_PLACES if matching.rule == "filter" else longest
         self.own = shard_range(self._places, shard, shards, least)
-        # In the order in which they are driven past.
+        # From here on, shards and places are in the order of travel.
         self._number = shards - 1 - shard if matching.reverse else shard
-        self._driven = self._turned(self.own)
-        self._observed = self._driven
-        self._same = self._turned_twins(same)
+        self._in_order = self._reordered(self.own)
+        self._observed = self._in_order
+        self._same = self._reordered_twins(same)
         if matching.rule == "filter":
-            self._lengths = lengths_of(metric, reverse=matching.reverse)
-            self._spread = shared.spread(metric) if shards > 1 else None
-            sees_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
-            self._some = None if sees_all else shared.some(metric, reverse=matching.reverse)
-            self._road = self._road_along(travelled)
-            first, last = self._driven.start - HALO, self._driven.stop + HALO
+            has_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
+            self._whole = WholeMap(
+                step_lengths_of(metric, reverse=matching.reverse),
+                self._route_cells(travelled),
+                shared.spread(metric) if shards > 1 else None,
+                None if has_all else shared.sampled(metric, reverse=matching.reverse),
+            )
+            first, last = self._in_order.start - HALO, self._in_order.stop + HALO
             self._observed = slice(max(first, 0), min(last, self._places))
         else:
             self._mean_distance = shared.mean_distance(metric)
-            ahead = reach(longest, matching.lag)
-            around = ShardPlaces.around(self._places, self._driven, longest - 1, ahead)
+            after = reach(longest, matching.lag)
+            around = ShardPlaces.around(self._places, self._in_order, longest - 1, after)
             self._observed = around.observed
-        self.metric = shared.cut(metric, self._turned(self._observed))
+        self.metric = shared.cut(metric, self._reordered(self._observed))
 
-    def _turned(self, places: slice) -> slice:
-        """Return where places are in the map that are so in driven order, or the reverse."""
+    def _reordered(self, places: slice) -> slice:
+        """Convert a range of places from the map's order to the order of travel, or back."""
         if not self._matching.reverse:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
-    def _turned_twins(self, same: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
-        """Return which places are the same, as they are driven; None where all differ."""
+    def _reordered_twins(self, same: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
+        """Return which places are the same, in the order of travel; None where all differ."""
         twins = None if same is None else twins_in(same)
         if twins is None or not self._matching.reverse:
             return twins
         return np.int32(self._places - 1) - twins[::-1]
 
-    def _road_along(self, travelled: NDArray[np.float64] | None) -> Road | None:
-        """Return the way along the places, as they are driven; None where nobody knows."""
+    def _route_cells(self, travelled: NDArray[np.float64] | None) -> RouteCells | None:
+        """Return the cells of the places, in the order of travel; None without their metres."""
         if travelled is None or not len(travelled):
             return None
-        return road(travelled[-1] - travelled[::-1] if self._matching.reverse else travelled)
+        return route_cells(travelled[-1] - travelled[::-1] if self._matching.reverse else travelled)
 
     def new_matcher(self, lag: int | None = None) -> Matcher:
         """Return a matcher for a new stream; frames are compared under this shard's metric.
 
         Args:
-            lag: frames that one waits for at most, or ``WHOLE_DRIVE``; None: as configured.
+            lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``; None: as configured.
         """
         if lag is None:
             lag = self._matching.lag
@@ -164,28 +167,21 @@ class ChannelShard:
 
     def _filter(self, lag: int) -> Matcher:
         tolerance = self._matching.tolerance
-        smoother = Smoother(self._lengths, lag, tolerance, self._road, self._same)
-        return FilterMatcher(
-            self._lengths,
-            self._driven,
-            self._number,
-            smoother,
-            self._spread,
-            self._road,
-            self._some,
-        )
+        whole = self._whole
+        smoother = Smoother(whole.lengths, lag, tolerance, whole.route, self._same)
+        return FilterMatcher(whole, self._in_order, self._number, smoother)
 
     def _windows(self, lag: int) -> Matcher:
-        places = ShardPlaces(self._places, self._driven, self._observed)
+        places = ShardPlaces(self._places, self._in_order, self._observed)
         make = _WINDOW_RULES[self._matching.rule]
-        return make(self._windows_of, places, self.metric.unit, self._mean_distance, lag)
+        return make(self._lengths_of_windows, places, self.metric.unit, self._mean_distance, lag)
 
 
 def window_lengths(channel: MapChannel, rule: Rule) -> list[int]:
-    """Return the lengths of the windows that a rule compares, frames.
+    """Return the lengths of the windows that a rule compares, in frames.
 
-    Those of ``evidence`` are the channel's scales. Those of ``ams`` are the smallest scale
-    of all channels and, ascending, the channel's larger ones: its coarse scales.
+    Those of ``evidence`` are the channel's scales. Those of ``ams`` are the smallest scale of all
+    channels, and the channel's coarse scales, which are the larger ones, ascending.
     """
     scales: list[int] = channel.scales.tolist()
     if rule != "ams":
@@ -194,17 +190,17 @@ def window_lengths(channel: MapChannel, rule: Rule) -> list[int]:
 
 
 def shard_range(places: int, shard: int, shards: int, least: int) -> slice:
-    """Return which places of a map of so many are a shard's: all have about as many.
+    """Return the places of a shard. All shards have about as many.
 
     Args:
-        places: of the map.
-        shard: which, from 0.
+        places: how many the map has.
+        shard: index of the shard, from 0.
         shards: how many there are.
-        least: how many places each must have, if there are several, so that a window that ends in
-            a shard, or a step that leads there, begins in the one before it at the earliest.
+        least: how many places each shard must have if there are several. A window that ends in a
+            shard, or a step that leads there, then begins in the shard before it at the earliest.
 
     Raises:
-        ConfigError: they have fewer, or there is no such shard.
+        ConfigError: a shard would have fewer places, or there is no such shard.
     """
     if not 0 <= shard < shards:
         raise ConfigError(f"shard {shard} of {shards}: they are numbered from 0 to {shards - 1}")

@@ -1,4 +1,4 @@
-"""The backward pass in one frame, on the places that were believed in."""
+"""The backward pass over one frame, at the places of its trace."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,46 +15,49 @@ from placefield.matching.motion import (
     Motion,
     step_likelihoods,
 )
-from placefield.matching.trace import Transit
+from placefield.matching.trace import ObservedTransition
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
 
-_FIND, _LOSE, _SHARES, _SPEEDS, _RESOLVED = FIND, LOSE, HYPOTHESES, SPEEDS, RESOLVED
+_FIND, _LOSE, _HYPOTHESES, _SPEEDS, _RESOLVED = FIND, LOSE, HYPOTHESES, SPEEDS, RESOLVED
 
 
 @kernel
 def step_back(
-    transit: Transit,
+    transit: ObservedTransition,
     placed: Array,
     lost: Vector,
     apart: Array,
-    standing: float,
+    stationary: float,
     motion: Motion,
     before: Places,
     backward: Array,
 ) -> Vector:
-    """Take how likely what follows is from a frame back to the frame before it.
+    """Move the backward message from a frame back to the frame before it.
+
+    The backward message is the likelihood of all later frames given the state at a frame.
 
     Args:
-        transit: to the frame.
-        placed: (n, 2, S) float32, how likely what follows the frame is in each place.
-        lost: (S,) float64, likewise when lost.
+        transit: the transition to the frame.
+        placed: (n, 2, S) float32, the message of the frame at each place.
+        lost: (S,) float64, the same when lost.
         apart: (6, K) float32, see ``StepLengths``.
-        standing: see there.
+        stationary: see ``StepLengths``.
         motion: of the vehicle.
-        before: (m,) int32, places that were believed in at the frame before.
-        backward: (m, 2, S) float32, receives how likely what follows is from each of them.
+        before: (m,) int32, places in the trace of the frame before.
+        backward: (m, 2, S) float32, receives the message of the frame before at each of them.
 
     Returns:
-        The same from being lost at the frame before, (S,). All are in a unit of their greatest.
+        The message of the frame before when lost, (S,). The message is scaled so that its greatest
+        value is 1.
     """
     count = apart.shape[1]
     to_lost = _LOSE * transit.jump * (motion.prior * lost).sum()
-    ahead, found = _weighed(transit, placed, apart, standing)
-    adrift = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / count * found)
-    from_lost = adrift + motion.change * ((motion.prior * adrift).sum() - adrift)
-    _reach_back(transit, ahead, motion, to_lost, before, backward)
+    weighted, found = _weighted(transit, placed, apart, stationary)
+    still_lost = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / count * found)
+    from_lost = still_lost + motion.change * ((motion.prior * still_lost).sum() - still_lost)
+    _reach_back(transit, weighted, motion, to_lost, before, backward)
     values = backward.reshape(backward.size)
     top = from_lost.max()
     for i in range(len(values)):
@@ -66,15 +69,15 @@ def step_back(
 
 
 @kernel
-def _weighed(
-    transit: Transit, placed: Array, apart: Array, standing: float
+def _weighted(
+    transit: ObservedTransition, placed: Array, apart: Array, stationary: float
 ) -> tuple[Array, Vector]:
-    """Weigh how likely what follows is by the frame and by the step to it.
+    """Weight the backward message by the frame and by the step to it.
 
     Returns:
-        (2, 2, S, n + 1) float32, for who stayed at each place and who has come there, on the map
-        and on its reverse, the last one being no place; and the sum over the places for who was
-        lost, (S,) float64.
+        (2, 2, S, n + 1) float32, for a vehicle that stayed at each place and one that has come
+        there, on the map and on its reverse, where the last entry is no place; and the sum over the
+        places for a vehicle that was lost, (S,) float64.
     """
     places, (again, anew) = transit.places, (transit.observed[0], transit.observed[1])
     speeds, count = placed.shape[2], len(places)
@@ -83,36 +86,41 @@ def _weighed(
         for i in range(count):
             near[row, i] = apart[row, places[i]]
     steps = np.empty((speeds, count), np.float32)
-    step_likelihoods(near, standing, _SPEEDS, transit.step, steps)
-    ahead = np.empty((2, 2, speeds, count + 1), np.float32)
-    ahead[:, :, :, count] = 0
+    step_likelihoods(near, stationary, _SPEEDS, transit.step, steps)
+    weighted = np.empty((2, 2, speeds, count + 1), np.float32)
+    weighted[:, :, :, count] = 0
     found = np.zeros(speeds)
     for speed in range(speeds):
         for hypothesis in range(2):
-            stays, comes = ahead[0, hypothesis, speed], ahead[1, hypothesis, speed]
+            stays, comes = weighted[0, hypothesis, speed], weighted[1, hypothesis, speed]
             total = 0.0
             for i in range(count):
                 follows = placed[i, hypothesis, speed]
                 total += follows * anew[i]
                 stays[i] = follows * steps[speed, i] * again[i]
                 comes[i] = follows * steps[speed, i] * anew[i]
-            found[speed] += _SHARES[hypothesis] * total
-    return ahead, found
+            found[speed] += _HYPOTHESES[hypothesis] * total
+    return weighted, found
 
 
 @kernel
 def _reach_back(
-    transit: Transit, ahead: Array, motion: Motion, to_lost: float, before: Places, backward: Array
+    transit: ObservedTransition,
+    weighted: Array,
+    motion: Motion,
+    to_lost: float,
+    before: Places,
+    backward: Array,
 ) -> None:
-    """Sum over where a vehicle may move to from each place, or else it is lost.
+    """Sum over the places that a vehicle may move to from each place, and over being lost.
 
     Args:
         transit: see ``step_back``.
-        ahead: see ``_weighed``.
+        weighted: see ``_weighted``.
         motion: of the vehicle.
-        to_lost: how likely what follows is if it is lost, times the chance of that.
+        to_lost: the message when lost, times the chance of that.
         before: see ``step_back``.
-        backward: see there, in no unit.
+        backward: see ``step_back``; not scaled.
     """
     speeds, kept, lost = len(motion.prior), np.float32(1 - _LOSE), np.float32(to_lost)
     rows = np.empty((REACH + 1, len(before)), np.uint32)
@@ -125,19 +133,19 @@ def _reach_back(
             reached[speed] = 0
             least = motion.least[speed]
             for step in range(least, min(least + 3, REACH + 1)):
-                there = ahead[min(step, 1), hypothesis, speed]
+                there = weighted[min(step, 1), hypothesis, speed]
                 _add(motion.chances[speed, step], there, rows[step], reached[speed])
             _mix(transit.prior[speed], reached[speed], mixed)
         for speed in range(speeds):
-            of_speed, change = reached[speed], motion.change[speed]
+            by_speed, change = reached[speed], motion.change[speed]
             for j in range(len(before)):
-                value = of_speed[j] + change * (mixed[j] - of_speed[j])
+                value = by_speed[j] + change * (mixed[j] - by_speed[j])
                 backward[j, hypothesis, speed] = kept * value + lost
 
 
 @kernel
 def _add(chance: float, there: Array, rows: NDArray[np.uint32], reached: Array) -> None:
-    """Add what is reached by one step, with a chance."""
+    """Add the message at the places that one step leads to, times the step's chance."""
     if chance > 0:
         for j in range(len(reached)):
             reached[j] += chance * there[rows[j]]
@@ -153,9 +161,9 @@ def _mix(prior: float, reached: Array, mixed: Array) -> None:
 def _rows_in_reach(
     places: Places, before: Places, hypothesis: int, rows: NDArray[np.uint32]
 ) -> None:
-    """Write where among n places those are that a step of 0, 1, … from others, (m,), leads to.
+    """Write which of n places a step of 0, 1, … from other places, (m,), leads to.
 
-    ``rows`` is (REACH + 1, m) uint32; where a step leads to none of them it is n.
+    ``rows`` is (REACH + 1, m) uint32. It is n where a step leads to none of the n places.
     """
     rows[:] = len(places)
     first = 0  # that is in reach of a place; both ascend
@@ -173,30 +181,30 @@ def _rows_in_reach(
 
 @kernel
 def weigh(
-    filtered: Array, ahead: Array, filtered_lost: Vector, ahead_lost: Vector, belief: Array
+    filtered: Array, message: Array, filtered_lost: Vector, message_lost: Vector, belief: Array
 ) -> float:
-    """Weigh the filter's posterior of a frame by how likely what follows is from each state.
+    """Weight the filter's posterior of a frame by the backward message.
 
     Args:
         filtered: (n, 2, S) float32, posterior on the map and on its reverse.
-        ahead: (n, 2, S) float32, how likely what follows is.
+        message: (n, 2, S) float32, the backward message.
         filtered_lost: (S,) float64, posterior of being lost.
-        ahead_lost: (S,) float64, how likely what follows is from there.
+        message_lost: (S,) float64, the backward message when lost.
         belief: (n,) float32, receives the posterior of each place, at speeds the map resolves.
 
     Returns:
         Posterior that the vehicle moves faster than that.
     """
-    total = (filtered_lost * ahead_lost).sum()
-    too_fast = (filtered_lost[_RESOLVED:] * ahead_lost[_RESOLVED:]).sum()
+    total = (filtered_lost * message_lost).sum()
+    too_fast = (filtered_lost[_RESOLVED:] * message_lost[_RESOLVED:]).sum()
     for i in range(len(filtered)):
         on_map, on_null, faster = np.float32(0), np.float32(0), np.float32(0)
         for speed in range(_RESOLVED):
-            on_map += filtered[i, 0, speed] * ahead[i, 0, speed]
-            on_null += filtered[i, 1, speed] * ahead[i, 1, speed]
+            on_map += filtered[i, 0, speed] * message[i, 0, speed]
+            on_null += filtered[i, 1, speed] * message[i, 1, speed]
         for speed in range(_RESOLVED, filtered.shape[2]):
             for hypothesis in range(2):
-                faster += filtered[i, hypothesis, speed] * ahead[i, hypothesis, speed]
+                faster += filtered[i, hypothesis, speed] * message[i, hypothesis, speed]
         belief[i] = on_map
         total += on_map + on_null + faster
         too_fast += faster

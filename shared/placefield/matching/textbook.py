@@ -1,9 +1,9 @@
-"""The filter and its smoother as a textbook has them: a page to read, and what tests compare with.
+"""The textbook version of the filter and its smoother, to read, and for tests to compare with.
 
-A hidden Markov model with the states (hypothesis, speed, place) and (lost, speed). Here nothing is
-cut into shards, nothing left out and nothing compiled; arrays are dense and float64. What a frame
-is observed to be is given as its likelihood at every place, in terms of that when lost, and that of
-the step from the frame before by itself. Where the vehicle was already, a frame tells less than
+It is a hidden Markov model with the states (hypothesis, speed, place) and (lost, speed). There are
+no shards, no pruning and no compiled loops; arrays are dense and float64. The observation of a
+frame is given as its likelihood at every place, relative to that when lost, and the step from the
+frame before has a likelihood of its own. A frame counts for less where the vehicle already was than
 where it has just come to.
 """
 
@@ -36,7 +36,7 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The transition to a frame, and how likely the observed step is.
+    """The transition to a frame, and the likelihood of the observed step.
 
     Attributes:
         prior: (S,), of each speed after a change, on the map.
@@ -57,18 +57,18 @@ class Step(NamedTuple):
     jump: float
 
 
-def _anywhere(of_speed: Array, places: int) -> Array:
+def _anywhere(by_speed: Array, places: int) -> Array:
     """Return the distribution of a vehicle that may be anywhere, (2, S, K)."""
-    anywhere = HYPOTHESES[:, None, None] * of_speed[:, None] / places
-    return np.broadcast_to(anywhere, (2, len(of_speed), places))
+    anywhere = HYPOTHESES[:, None, None] * by_speed[:, None] / places
+    return np.broadcast_to(anywhere, (2, len(by_speed), places))
 
 
 class Predicted(NamedTuple):
-    """Where a vehicle may be before a frame is looked at.
+    """The prediction for a frame, before the update.
 
     Attributes:
         stayed: (2, S, K), at the place of the frame before.
-        came: (2, S, K), at another.
+        came: (2, S, K), at another place.
         lost: (S,).
     """
 
@@ -78,13 +78,13 @@ class Predicted(NamedTuple):
 
 
 def initial(prior: Array, places: int) -> Predicted:
-    """Return the distribution before the first frame: lost or anywhere, as likely."""
+    """Return the prediction for the first frame: lost or anywhere, with equal probability."""
     came = 0.5 * _anywhere(prior, places)
     return Predicted(np.zeros_like(came), came, 0.5 * prior)
 
 
 class Likelihood(NamedTuple):
-    """How likely a frame is, in terms of that when lost.
+    """The likelihood of a frame, relative to that when lost.
 
     Attributes:
         again: (K,), for a vehicle that has stayed at a place.
@@ -96,7 +96,7 @@ class Likelihood(NamedTuple):
 
 
 def predict(state: State, step: Step) -> Predicted:
-    """Move a distribution on by a frame, weighed by the observed step."""
+    """Predict the distribution at the next frame, weighted by the observed step."""
     changed = np.einsum("s,hsk->hk", step.change, state.placed)
     mixed = (1 - step.change)[:, None] * state.placed
     mixed = mixed + step.prior[:, None] * changed[:, None]
@@ -107,19 +107,19 @@ def predict(state: State, step: Step) -> Predicted:
         came[0, :, places:] += chance * mixed[0, :, : count - places]
         came[1, :, : count - places] += chance * mixed[1, :, places:]
     change = step.change
-    adrift = step.lost_likelihood * (
+    still_lost = step.lost_likelihood * (
         (1 - change) * state.lost + step.unlearned * (change @ state.lost)
     )
     left = LOSE * step.jump * float(state.placed.sum()) * step.unlearned
-    found = _anywhere(FIND * adrift, count)
+    found = _anywhere(FIND * still_lost, count)
     kept = (1 - LOSE) * step.likelihood
     return Predicted(
-        kept * step.chances[:, 0, None] * mixed, kept * came + found, (1 - FIND) * adrift + left
+        kept * step.chances[:, 0, None] * mixed, kept * came + found, (1 - FIND) * still_lost + left
     )
 
 
 def update(predicted: Predicted, likelihood: Likelihood) -> State:
-    """Condition a prediction on a frame."""
+    """Update a prediction by a frame."""
     placed = predicted.stayed * likelihood.again + predicted.came * likelihood.anew
     return State(placed, predicted.lost).normalised()
 
@@ -131,7 +131,7 @@ def smooth(
 
     Args:
         filtered: at each frame, given those up to it.
-        steps: to each frame; the first is not looked at.
+        steps: to each frame; the first is not used.
         likelihoods: of each frame.
     """
     backward = State(np.ones_like(filtered[-1].placed), np.ones_like(filtered[-1].lost))
@@ -145,25 +145,25 @@ def smooth(
 
 
 def predict_backward(backward: State, step: Step, likelihood: Likelihood) -> State:
-    """Return how likely a frame and what follows are from each state before it.
+    """Move the backward message from a frame to the frame before it.
 
     Args:
-        backward: how likely what follows is from each state at the frame.
+        backward: likelihood of all later frames given each state at the frame.
         step: to the frame, see ``predict``.
         likelihood: of the frame, see ``update``.
     """
     count = backward.placed.shape[2]
     anew = backward.placed * likelihood.anew
     found = (_anywhere(np.ones_like(backward.lost), count) * anew).sum(axis=(0, 2))
-    adrift = step.lost_likelihood * ((1 - FIND) * backward.lost + FIND * found)
-    lost = adrift + step.change * (step.unlearned @ adrift - adrift)
+    still_lost = step.lost_likelihood * ((1 - FIND) * backward.lost + FIND * found)
+    lost = still_lost + step.change * (step.unlearned @ still_lost - still_lost)
     stayed = step.likelihood * backward.placed * likelihood.again
-    ahead = step.likelihood * anew
+    message = step.likelihood * anew
     reached = step.chances[:, 0, None] * stayed
     for places in range(1, min(step.chances.shape[1], count)):
         chance = step.chances[:, places, None]
-        reached[0, :, : count - places] += chance * ahead[0, :, places:]
-        reached[1, :, places:] += chance * ahead[1, :, : count - places]
+        reached[0, :, : count - places] += chance * message[0, :, places:]
+        reached[1, :, places:] += chance * message[1, :, : count - places]
     mixed = np.einsum("s,hsk->hk", step.prior, reached)
     change = step.change[:, None]
     kept = (1 - change) * reached + change * mixed[:, None]

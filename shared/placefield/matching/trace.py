@@ -1,4 +1,4 @@
-"""What the filter leaves of a frame for the smoother."""
+"""What the filter keeps of a frame for the smoother."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.matching.motion import Array
-from placefield.matching.odometry import Way
+from placefield.matching.odometry import Displacement
 
 Vector = NDArray[np.float64]
 
@@ -17,17 +17,17 @@ MOST_PLACES = 512
 """Places of most belief that the smoother knows of a frame."""
 
 
-class Transit(NamedTuple):
-    """How a frame was come to, and what it showed in n places that were believed in.
+class ObservedTransition(NamedTuple):
+    """The transition to a frame, and the frame's observation at the n places of its trace.
 
     Attributes:
         places: (n,) int32, ascending.
-        observed: (2, n) float32, by how much likelier the frame is at each than when lost, for a
-            vehicle that was there already, and for one that has come there.
+        observed: (2, n) float32, likelihood ratio of the frame at each place to that when lost, for
+            a vehicle that was there already, and for one that has come there.
         prior: (S,) float32, of the speeds in the transition to the frame.
-        step: length of the step to it, or ``UNKNOWN``.
+        step: length of the step to the frame, or ``UNKNOWN``.
         lost_likelihood: (S,) float64, likelihood of that step for a lost vehicle.
-        jump: likewise for one that jumps.
+        jump: the same for a vehicle that jumps.
     """
 
     places: NDArray[np.int32]
@@ -42,27 +42,27 @@ class Trace(NamedTuple):
     """What the smoother needs of a frame.
 
     Attributes:
-        transit: to the frame; n places.
+        transit: the transition to the frame, at n places.
         belief: (n, 2, S) float32, posterior on the map and on its reverse.
         lost: (S,) float64, posterior of being lost, at each speed.
-        way: of the step to the frame, None if it goes by the speeds.
-        observed: whether the frame showed anything.
+        displacement: of the step to the frame; None if the transition goes by the speeds.
+        observed: whether the frame was observed.
     """
 
-    transit: Transit
+    transit: ObservedTransition
     belief: Array
     lost: Vector
-    way: Way | None
+    displacement: Displacement | None
     observed: bool
 
     @property
     def places(self) -> NDArray[np.int32]:
-        """Places that were believed in, (n,) int32, ascending."""
+        """The places in the trace, (n,) int32, ascending."""
         return self.transit.places
 
 
 def most(belief: Array, places: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return those of these places that are among the ``MOST_PLACES`` of most belief, ascending."""
+    """Return the ``MOST_PLACES`` of highest belief among these places, ascending."""
     if len(places) <= MOST_PLACES:
         return places
     first = np.argsort(-belief[places], kind="stable")[:MOST_PLACES]

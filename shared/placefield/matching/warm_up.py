@@ -1,4 +1,4 @@
-"""Matching before the first frame, so that none waits for what is made at its first use."""
+"""Matches frames before the first real one, so that none waits for compilation."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -19,7 +19,7 @@ Part = TypeVar("Part", bound=Any)
 def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
     """Match frames of no stream along the first places of each channel.
 
-    What is made at the first use of whole channels is all that shards use.
+    This compiles all that whole channels use; shards use nothing else.
     """
     stage = ChannelStage(dict(enumerate(map(beginning_of, channels))), matching)
     stream, frame = stage.new_stream(), np.eye(1, stage.dimensions, dtype=np.float32)[0]
@@ -29,7 +29,7 @@ def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
 
 
 def beginning_of(channel: MapChannel) -> MapChannel:
-    """Return the first places of a channel, views of its arrays."""
+    """Return the first places of a channel, as views of its arrays."""
     metric = channel.metric
     coarse = metric.coarse and _beginning(metric.coarse, COARSE_FILES)
     short = replace(_beginning(metric, METRIC_FILES), coarse=coarse)

@@ -1,10 +1,11 @@
-"""The gate: does a learned metric recognise places better than the identity does?
+"""The gate: it accepts a learned metric only if it recognises places better than the identity.
 
-It is asked on held-back frames, as another traverse saw them and as the reference itself did. A
-metric may be fitted to what differs between two traverses, or to one of them, and recognise a third
-worse; on the sample routes only those that gain in every margin below did not.
+It compares the two on held-back frames, as another traverse observed them and as the reference
+itself did. A metric may be fitted to the difference between two traverses, or to one of them, and
+recognise a third traverse worse. On the sample routes no metric that gained in every margin below
+did so.
 
-Rendering the held-back frames in other light, focus or position cannot stand in for another
+Held-back frames that are rendered in other light, focus or position cannot replace another
 traverse: metrics that gained on those recognised real queries worse.
 """
 
@@ -15,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 TOLERANCE = 4
-"""How far from the truth a place is still right: traverses are aligned that well, frames."""
+"""Greatest distance of a right place from the truth, frames: traverses are aligned so well."""
 
 _BLOCK = 128  # probes whose distances are held at once
 
@@ -28,13 +29,12 @@ Truth = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class Probes:
-    """Held-back frames as other traverses saw them, and the places to look them up among.
+    """Held-back frames as other traverses observed them, and the places to search them among.
 
     Attributes:
         places: (K, N) float32, descriptors of one reference traverse.
         descriptors: (P, N) float32, of the probes.
         truth: (P,) int, the place of each probe.
-
     """
 
     places: Array
@@ -44,20 +44,20 @@ class Probes:
 
 @dataclass(frozen=True)
 class Margins:
-    """How clearly frames find their places; positive exactly where the nearest one is right.
+    """How clearly frames find their places; positive exactly where the nearest place is right.
 
-    For distances t to the nearest place within `TOLERANCE` of the truth and f to the nearest place
-    further off, the contrast is (f − t) / (f + t) and the standardised margin (f − t) / σ, with σ
-    the deviation of the frame's distances over all places. Evidence is in such deviations, so that
-    the second is what a frame adds to a match. Both are 0 where all distances are equal or no place
-    is further off, and neither changes with the projection's scale.
+    Let t be the distance to the nearest place within `TOLERANCE` of the truth, and f the distance
+    to the nearest place further off. The contrast is (f − t) / (f + t), and the standardised margin
+    is (f − t) / σ, with σ the deviation of the frame's distances over all places. Evidence is
+    measured in such deviations, so the standardised margin is what a frame contributes to a match.
+    Both are 0 if all distances are equal or no place is further off, and neither changes with the
+    projection's scale.
 
     Attributes:
         contrast: (P,) float32 in [-1, 1], of the probes.
         standardised: (P,) float32, of the probes.
-        own_contrast: (H,) float32, of the H distinct places asked for, as the reference saw them,
-            looked up without themselves.
-
+        own_contrast: (H,) float32, of the H distinct places of the probes, as the reference
+            observed them, searched among all places but themselves.
     """
 
     contrast: Array
@@ -66,7 +66,7 @@ class Margins:
 
 
 def passes_gate(projection: Array, probes: Probes) -> bool:
-    """Tell whether a projection, (M, N) float32, recognises places better than the identity.
+    """Return whether a projection, (M, N) float32, recognises places better than the identity.
 
     Each of the margins must gain, by a mean above twice its standard error.
     """
@@ -98,7 +98,7 @@ def margins(projection: Array | None, probes: Probes) -> Margins:
 
 
 def _projected(projection: Array | None, probes: Probes) -> tuple[Array, Array]:
-    """Places and probes, centred and projected."""
+    """Return places and probes, centred and projected."""
     centre = probes.places.mean(axis=0)
     places, descriptors = probes.places - centre, probes.descriptors - centre
     if projection is None:
@@ -106,11 +106,11 @@ def _projected(projection: Array | None, probes: Probes) -> tuple[Array, Array]:
     return places @ projection.T, descriptors @ projection.T
 
 
-def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) -> Array:
-    """What `_nearest` says of the probes, and the deviation of their distances: (3, Q)."""
+def _among(places: Array, queries: Array, truth: Truth, *, but_own: bool = False) -> Array:
+    """Return `_nearest` of the queries, and the deviation of their distances: (3, Q)."""
     parts = []
-    for block in blocks(len(asked), _BLOCK):
-        distances = squared_distances(asked[block], places)
+    for block in blocks(len(queries), _BLOCK):
+        distances = squared_distances(queries[block], places)
         if but_own:
             distances[np.arange(len(distances)), truth[block]] = np.inf
             deviation = np.zeros(len(distances))
@@ -121,9 +121,9 @@ def _among(places: Array, asked: Array, truth: Truth, *, but_own: bool = False) 
 
 
 def _nearest(distances: Array, truth: Truth) -> Array:
-    """Distances to the nearest right and wrong place, (2, Q); 0 and 0 if there is no wrong.
+    """Return the distances to the nearest right and wrong place, (2, Q); 0 and 0 without a wrong.
 
-    Those to the right ones are overwritten, for a mask of all would be as large again.
+    The distances to the right places are overwritten, because a mask would need as much memory.
     """
     nearest = np.empty((2, len(distances)), distances.dtype)
     for row, place, found in zip(distances, truth, nearest.T, strict=True):

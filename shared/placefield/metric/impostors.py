@@ -1,4 +1,4 @@
-"""What the impostors of a tile of distances do: the inner loops of LMNN."""
+"""The inner loops of LMNN, over the impostors in a tile of distances."""
 
 from typing import Any
 
@@ -22,12 +22,12 @@ def mark_invasions(
     column_triplets: Floats,
     diagonal: bool,
 ) -> bool:
-    """Replace the distances (A, B) of two sets of points by how often each pair invades.
+    """Replace the distances (A, B) of two sets of points by the number of invasions of each pair.
 
-    A pair of points of different labels invades once for each radius, (k, A) and (k, B) of the
-    points, above its distance, from both of its ends; it is a triplet of the point whose radius
-    it is, and is added to (k, A) and (k, B) triplets. On the diagonal, where rows and columns are
-    the same points, only the pairs above it count. Returns whether any pair invades.
+    A pair of points of different labels invades once for each radius above its distance, of either
+    point: (k, A) and (k, B). Each invasion is a triplet of the point with that radius, and is added
+    to the triplets (k, A) or (k, B). On the diagonal, where rows and columns are the same points,
+    only the pairs above it count. Returns whether any pair invades.
     """
     weights = np.empty_like(distances[0])
     one, none = weights.dtype.type(1), weights.dtype.type(0)
@@ -60,7 +60,7 @@ def mark_invasions(
 def sum_hinges(
     distances: Floats, row_labels: Labels, column_labels: Labels, row_radii: Floats
 ) -> float:
-    """Sum how deep columns of other labels are inside the radii, (k, A), of the rows.
+    """Sum the depths of columns of other labels inside the radii, (k, A), of the rows.
 
     distances is (A, B).
     """

@@ -1,4 +1,4 @@
-"""A channel's labels to its projection: a learner, behind the gate."""
+"""From a channel's labels to its projection: a learner, followed by the gate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,14 +28,13 @@ Labels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class LearnedMetric:
-    """A channel's projection and how it came about.
+    """A channel's projection and how it was learned.
 
     Attributes:
-        projection: (N, N) float32, the paper's v; the identity where nothing better was learned.
-        refusal: why it is the identity; empty where it was learned and passed the gate.
-        curve: (n, 2) float64, validation loss and gate score, of the identity, and of what was
-            learned: by LMNN after each step, by the others at the end.
-
+        projection: (N, N) float32, the paper's v; the identity if nothing better was learned.
+        refusal: why it is the identity; empty if it was learned and passed the gate.
+        curve: (n, 2) float64, validation loss and gate score: of the identity, and of the learned
+            metric, by LMNN after each step, by the other learners at the end.
     """
 
     projection: Array
@@ -58,28 +57,28 @@ def learn_projection(
     *,
     on_step: Callable[[int, float, float], None] | None = None,
 ) -> LearnedMetric:
-    """Learn a projection that passes the gate, if there is to be one, or return the identity.
+    """Learn a projection that passes the gate; if none does, return the identity.
 
-    It is learned on the first frames; the others are held back. The validation loss is the LMNN
-    objective of the held-back frames, with their targets among the first. LMNN stops when it has
-    not improved for 5 steps, and gives the projection with the lowest one.
+    The first frames are for training; the others are held back. The validation loss is the LMNN
+    objective of the held-back frames, with their targets among the first. LMNN stops when the loss
+    has not improved for 5 steps, and returns the projection of the lowest loss.
 
     Args:
-        descriptors: (K, N) float32 of the reference, centred, for a large common offset costs
-            digits; of all its traverses, in any order in which those that are held back come last,
-            so that no channel needs a copy of the first.
+        descriptors: (K, N) float32 of the reference, centred, because a large common offset costs
+            digits; of all its traverses, in any order with the held-back frames last, so that no
+            channel needs a copy of the first.
         labels: (K,) int, equal for frames of one segment, whatever their traverse.
-        trained: how many are learned on.
-        probes: what the gate asks; None where there is no other traverse to ask.
+        trained: how many frames are for training.
+        probes: for the gate; None if there is no other traverse.
         config: the learner and its settings; not the identity, and push a number.
         seed: of what is random in a learner.
         on_step: called after each measurement of the curve but the first, with its number,
-            validation loss and gate score. What it raises ends the learning.
+            validation loss and gate score. An exception of it ends the learning.
 
     The margin of 1 is measured in mean squared distances of training frames to their targets, so
-    that what is learned does not depend on the descriptors' unit. The projection is scaled so that
-    the mean squared distance between reference descriptors stays what it is: distances of channels
-    with other metrics are then of one magnitude.
+    that the result does not depend on the descriptors' unit. The projection is scaled to keep the
+    mean squared distance between reference descriptors: distances of channels with other metrics
+    are then of one magnitude.
     """
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     if probes is None and config.gate:
@@ -120,8 +119,8 @@ def learn_projection(
 def held_back_frames(count: int, fraction: float, seed: int) -> NDArray[np.bool_]:
     """Choose the frames of a traverse to hold back, about `fraction` of `count`, as (count,) bool.
 
-    They come in blocks of 3 consecutive frames, chosen at random: single frames would leave almost
-    their copies in training, and longer blocks would hold back whole segments.
+    They are random blocks of 3 consecutive frames. Single frames would leave near copies of
+    themselves in training, and longer blocks would hold back whole segments.
     """
     blocks = -(-count // BLOCK_FRAMES)
     rng = np.random.default_rng(seed)
@@ -137,7 +136,7 @@ def _learn_lmnn(
     validate: Callable[[Array], float],
     identity_loss: float,
 ) -> Array:
-    """Learn by LMNN until the validation loss no longer improves; the projection of the lowest."""
+    """Learn by LMNN until the validation loss stops improving; return the best projection."""
     best = start
     losses = [identity_loss]
 
@@ -163,7 +162,7 @@ def _learn_lmnn(
 
 
 def _target_distance(descriptors: Array, targets: NDArray[np.intp]) -> np.float32:
-    """Root mean squared distance to the targets; 1 where there are none or all are copies."""
+    """Return the root mean squared distance to the targets; 1 if none or only copies exist."""
     total = target_distances(descriptors, targets).sum(dtype=np.float64)
     count = max(int(np.count_nonzero(targets >= 0)), 1)
     return np.float32(np.sqrt(total / count) or 1)

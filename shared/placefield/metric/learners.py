@@ -1,11 +1,11 @@
-"""Metrics that metric-learn learns: RCA, LFDA and NCA.
+"""Metrics of the package metric-learn: RCA, LFDA and NCA.
 
 RCA (Shental et al., ECCV 2002) whitens by the covariance within segments; LFDA (Sugiyama, JMLR
 2007) maximises the scatter between segments over that within; NCA (Goldberger et al., NIPS 2004)
 maximises the probability that a frame's random neighbour is of its segment.
 
-metric-learn is imported only here, where one of them is asked for: it brings scikit-learn along,
-which takes a second to import.
+metric-learn is imported only when one of them is used, because it imports scikit-learn, which takes
+a second.
 """
 
 import warnings
@@ -20,23 +20,23 @@ Array = NDArray[np.float32]
 Labels = NDArray[np.integer[Any]]
 
 _FRAMES_PER_DIMENSION = 4
-"""With 2, covariances of so many dimensions are barely known: recall of real queries was lower."""
+"""With 2, the covariances were too uncertain: recall of real queries was lower."""
 
 
 class NothingLearnedError(Exception):
-    """Frames that no metric can be learned from; says why. The identity takes its place."""
+    """No metric can be learned from these frames; says why. The identity replaces it."""
 
 
 def fit_reference_learner(points: Array, labels: Labels, config: MetricConfig, seed: int) -> Array:
     """Learn a projection by metric-learn, as (N, N) float32.
 
     points is (K, N), principal components in order, labels (K,), 0 where a frame is inactive.
-    Inactive frames teach nothing, nor do segments of one frame. Only the first dimensions are
-    learned on, one for every 4 frames, and the projection drops the others, for covariances within
-    segments of fewer frames are singular or nearly so.
+    Inactive frames and segments of one frame are ignored. Only the first dimensions are learned,
+    one for every 4 frames, and the projection drops the others, because covariances within segments
+    of fewer frames are singular or nearly so.
 
-    config says which learner, LFDA's neighbours and NCA's steps at most. NCA holds the (K, K)
-    distances of the frames it learns on.
+    config has the kind of learner, LFDA's neighbours and NCA's most steps. NCA holds the (K, K)
+    distances of its training frames.
 
     Raises:
         NothingLearnedError: fewer than two segments or too few frames are left, or their
@@ -58,7 +58,7 @@ def fit_reference_learner(points: Array, labels: Labels, config: MetricConfig, s
 
 
 def _teaching(labels: Labels) -> tuple[NDArray[np.bool_], int]:
-    """Which frames are of active segments with at least two frames, and the number of those."""
+    """Return which frames are of active segments of at least two frames, and how many those are."""
     segments, counts = np.unique(labels[labels > 0], return_counts=True)
     kept = segments[counts >= 2]
     return np.isin(labels, kept), len(kept)
@@ -74,7 +74,7 @@ def _fit(points: NDArray[np.float64], labels: Labels, config: MetricConfig, seed
     }[config.kind]
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        # So RCA says that its covariance is singular, and goes on.
+        # RCA only warns of a singular covariance.
         warnings.simplefilter("error", UserWarning)
         try:
             return learner.fit(points, labels).components_

@@ -1,7 +1,7 @@
 """Large-margin nearest-neighbour metric learning (LMNN; Weinberger and Saul, JMLR 2009).
 
-Every point i is pulled towards its target neighbours j, the nearest points of its own label, while
-the points l of other labels, its impostors, are pushed a margin of 1 beyond them:
+Every point i is pulled towards its target neighbours j, the nearest points of its own label. The
+points l of other labels, its impostors, are pushed a margin of 1 beyond the targets:
 
     E(v) = (1 − push) Σ_ij d(i, j) + push Σ_ijl max(0, 1 + d(i, j) − d(i, l)),
     d(i, j) = ‖v (x_i − x_j)‖².
@@ -9,10 +9,10 @@ the points l of other labels, its impostors, are pushed a margin of 1 beyond the
 Divided by 1 − push this is Eq. 8 of the AMS paper with λ = push / (1 − push), so its λ ∈ [0, 1] is
 push ∈ [0, ½]. metric-learn's `LMNN` minimises the same E with `regularization` = 1 − push.
 
-An active triplet (i, j, l) adds 1 + d(i, j) − d(i, l) to the second sum, any other adds nothing. So
-E is a weighted sum of squared distances between pairs of points plus push for each active triplet:
-E = push · triplets + tr(Pᵀ L P), where P = X vᵀ and L is the graph Laplacian of the pair weights,
-and its gradient is 2 (L P)ᵀ X. A few matrix products do what would be a visit to every triplet.
+An active triplet (i, j, l) adds 1 + d(i, j) − d(i, l) to the second sum; any other triplet adds
+nothing. So E is a weighted sum of squared distances between pairs of points plus push for each
+active triplet: E = push · triplets + tr(Pᵀ L P), where P = X vᵀ and L is the graph Laplacian of the
+pair weights. Its gradient is 2 (L P)ᵀ X. So a few matrix products replace a visit to every triplet.
 """
 
 from collections.abc import Callable
@@ -24,26 +24,25 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from placefield.blocks import blocks
-from placefield.metric.distances import Floats, squared_distances
 from placefield.metric.impostors import mark_invasions, sum_hinges
+from placefield.metric.squared_distances import Floats, squared_distances
 
 Labels = NDArray[np.integer[Any]]
 
 _BLOCK = 256  # rows and columns of the distance matrix held at once
 _FIRST_MOVE = 0.01  # length of the first move, relative to the projection's norm
 GROWTH = 1.5
-"""Of the step size after each step."""
+"""Factor on the step size after each step."""
 
 
 @dataclass(frozen=True)
 class LmnnFit:
-    """What `fit_lmnn` found: the last projection and the objective's way down to it.
+    """The result of `fit_lmnn`: the last projection, and the objective after each step.
 
     Attributes:
         projection: (N, N) float32, the paper's v.
-        objective: (steps taken + 1,) float64, E at the start and after each step, each less than
-            the one before.
-
+        objective: (steps done + 1,) float64, E at the start and after each step, each less than the
+            one before.
     """
 
     projection: NDArray[np.float32]
@@ -62,31 +61,31 @@ def fit_lmnn(
 ) -> LmnnFit:
     """Minimise E by gradient descent, each step lowering it.
 
-    descriptors is (K, N) float32, centred, for a large common offset costs digits; labels is (K,),
-    start the (N, N) projection to begin with (the identity). After each step `on_step` gets its
-    number, from 1, and the projection, and returns True to stop. Fewer than `steps` steps are taken
-    also where no step lowers E any more.
+    descriptors is (K, N) float32, centred, because a large common offset costs digits; labels is
+    (K,), start the (N, N) projection to begin with (the identity). After each step `on_step` is
+    called with its number, from 1, and the projection, and returns True to stop. There are fewer
+    than `steps` steps if no step lowers E any more.
 
     Gradient descent is preferred to L-BFGS, which lowers E faster: its first steps are so long that
-    early stopping has little to choose from between the identity and an over-fitted metric.
+    early stopping has little choice between the identity and an over-fitted metric.
     """
     targets = target_neighbours(descriptors, labels, neighbours)
     projection = np.eye(descriptors.shape[1], dtype=np.float32) if start is None else start
     value, gradient = objective(projection, descriptors, labels, targets, push)
-    history = [value]
+    values = [value]
     size = first_size(projection, gradient)
-    while len(history) <= steps and not is_negligible(size * gradient, projection):
+    while len(values) <= steps and not is_negligible(size * gradient, projection):
         candidate = projection - size * gradient
         value, candidate_gradient = objective(candidate, descriptors, labels, targets, push)
-        if value >= history[-1]:
+        if value >= values[-1]:
             size /= 2
             continue
         projection, gradient = candidate, candidate_gradient
-        history.append(value)
+        values.append(value)
         size *= GROWTH
-        if on_step is not None and on_step(len(history) - 1, projection):
+        if on_step is not None and on_step(len(values) - 1, projection):
             break
-    return LmnnFit(projection, np.array(history))
+    return LmnnFit(projection, np.array(values))
 
 
 def target_neighbours(
@@ -98,8 +97,8 @@ def target_neighbours(
     """Find each point's target neighbours: the nearest other points of its label, nearest first.
 
     descriptors is (K, N), labels is (K,), eligible the (K,) points that may be targets (all).
-    Returns (K, neighbours) indices; a point with fewer companions than that has -1 in the columns
-    that are left, and one without any only -1. No more than a block of the distances is held.
+    Returns (K, neighbours) indices; missing neighbours are -1, in the last columns. Only a block of
+    the distances is held at once.
     """
     if eligible is None:
         eligible = np.ones(len(labels), dtype=np.bool_)
@@ -133,8 +132,8 @@ def objective(
     """Compute E and its gradient with respect to the projection.
 
     projection (M, N) and descriptors (K, N, centred) are of one float dtype, which the arithmetic
-    keeps; labels is (K,), targets (K, k) as `target_neighbours` gives them, push is in [0, 1].
-    Returns E and the (M, N) gradient. Of the (K, K) distances no more than a tile is held.
+    keeps; labels is (K,), targets (K, k) as of `target_neighbours`, push is in [0, 1]. Returns E
+    and the (M, N) gradient. Only a tile of the (K, K) distances is held at once.
     """
     projected = descriptors @ projection.T
     triplets, forces = _push(projected, labels, _radii(projected, targets))
@@ -174,12 +173,12 @@ def first_size(projection: Floats, gradient: Floats) -> float:
 
 
 def is_negligible(move: Floats, projection: Floats) -> bool:
-    """Tell whether a move changes a projection no more than its rounding does."""
+    """Return whether a move changes a projection no more than rounding does."""
     return bool(np.linalg.norm(move) <= np.finfo(np.float32).eps * np.linalg.norm(projection))
 
 
 def _nearest(distances: Floats, candidates: NDArray[np.intp], neighbours: int) -> NDArray[np.intp]:
-    """The nearest candidates of each row, (A, neighbours), -1 where only infinity is left."""
+    """Return the nearest candidates of each row, (A, neighbours), -1 if only infinity is left."""
     rows = np.arange(len(distances))
     nearest = np.full((len(distances), neighbours), -1, dtype=np.intp)
     for column in range(neighbours):
@@ -192,7 +191,7 @@ def _nearest(distances: Floats, candidates: NDArray[np.intp], neighbours: int) -
 def _push(projected: Floats, labels: Labels, radii: Floats) -> tuple[Floats, Floats]:
     """Count each point's active triplets, (k, K), and sum L P over their pairs, (K, M).
 
-    Distances are symmetric: every pair is visited once, and works on both of its ends.
+    Distances are symmetric: every pair is visited once, and counts for both of its points.
     """
     triplets = np.zeros_like(radii)
     forces = np.zeros_like(projected)
@@ -218,15 +217,15 @@ def _push(projected: Floats, labels: Labels, radii: Floats) -> tuple[Floats, Flo
 
 
 def _radii(projected: Floats, targets: NDArray[np.intp]) -> Floats:
-    """How far impostors must be from each point for each target: 1 + d(i, j), or 0 for no target.
+    """Return the least distance of impostors for each target: 1 + d(i, j), or 0 for no target.
 
-    (k, K). No distance is below 0, so that a missing target has no impostors.
+    (k, K). No distance is below 0, so a missing target has no impostors.
     """
     return np.where(targets.T >= 0, 1 + target_distances(projected, targets), 0)
 
 
 def _laplacian(targets: NDArray[np.intp], weights: Floats) -> csr_array:
-    """(K, K) graph Laplacian of the pairs of points and targets, both (K, k), by their weights."""
+    """Return the (K, K) graph Laplacian of pairs of points and targets, both (K, k), by weight."""
     points, columns = np.nonzero(targets >= 0)
     ends = (points, targets[points, columns])
     pairs = csr_array((weights[points, columns], ends), shape=(len(targets), len(targets)))
@@ -235,5 +234,5 @@ def _laplacian(targets: NDArray[np.intp], weights: Floats) -> csr_array:
 
 
 def _laplacian_product(pairs: Floats, rows: Floats, columns: Floats) -> Floats:
-    """For each row, its offsets from all columns summed by the weights of the pairs."""
+    """Return the sum of each row's offsets from all columns, weighted by the pairs' weights."""
     return np.asarray(pairs.sum(axis=1)[:, None] * rows - pairs @ columns)

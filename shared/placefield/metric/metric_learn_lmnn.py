@@ -1,8 +1,8 @@
 """LMNN by metric-learn, step by step, so that learning can stop early.
 
-It takes the steps of ``placefield.metric.lmnn``, to rounding, and serves to check that, and whoever
-wants nothing but a published library. It takes 17 to 234 times as long (`placefield bench build`).
-metric-learn is imported only here and in ``learners``: it brings scikit-learn along.
+Its steps are those of ``placefield.metric.lmnn``, up to rounding. It serves to check those, and for
+users who want a published library. It is 17 to 234 times slower (`placefield bench build`).
+metric-learn is imported only here and in ``learners``, because it imports scikit-learn.
 """
 
 import warnings
@@ -21,7 +21,7 @@ from placefield.metric.lmnn import (
     target_neighbours,
 )
 
-_ONE_STEP = 3  # metric-learn counts its start as the first iteration, and ends before this one
+_ONE_STEP = 3  # metric-learn counts its start as the first iteration, and stops before this one
 
 
 def fit_lmnn_by_metric_learn(
@@ -36,10 +36,9 @@ def fit_lmnn_by_metric_learn(
 ) -> LmnnFit:
     """Minimise E by the gradient descent of metric-learn; see ``fit_lmnn`` for the arguments.
 
-    metric-learn wants k target neighbours of every frame. So frames of labels that have no more
-    than k frames are left out, and neither teach nor stand in the way as impostors. Where all
-    labels have more, it gives what ``fit_lmnn`` gives. Where fewer than two labels are left, it
-    learns nothing.
+    metric-learn needs k target neighbours of every frame. So frames of labels that have no more
+    than k frames are left out, also as impostors. If all labels have more, the result is that of
+    ``fit_lmnn``. If fewer than two labels are left, it learns nothing.
     """
     from metric_learn import LMNN
 
@@ -48,9 +47,9 @@ def fit_lmnn_by_metric_learn(
     targets = target_neighbours(points, own, neighbours)
     projection = start.astype(np.float64)
     value, gradient = objective(projection, points, own, targets, push)
-    history = [value]
+    values = [value]
     size = first_size(projection, gradient)
-    while len(history) <= steps and not is_negligible(size * gradient, projection):
+    while len(values) <= steps and not is_negligible(size * gradient, projection):
         learner = LMNN(
             init=projection,
             n_neighbors=neighbours,
@@ -59,22 +58,22 @@ def fit_lmnn_by_metric_learn(
             regularization=1 - push,
         )
         try:
-            with warnings.catch_warnings(action="ignore"):  # of what scikit-learn will rename
+            with warnings.catch_warnings(action="ignore"):  # deprecations in scikit-learn
                 stepped = learner.fit(points, own).components_
-        except TypeError:  # of metric-learn 0.7, where there is but one label
+        except TypeError:  # metric-learn 0.7 raises it if there is only one label
             break
         size = GROWTH * float(np.linalg.norm(stepped - projection) / np.linalg.norm(gradient))
         value, gradient = objective(stepped, points, own, targets, push)
-        if value >= history[-1]:
+        if value >= values[-1]:
             break
         projection = stepped
-        history.append(value)
-        if on_step(len(history) - 1, projection.astype(np.float32)):
+        values.append(value)
+        if on_step(len(values) - 1, projection.astype(np.float32)):
             break
-    return LmnnFit(projection.astype(np.float32), np.array(history))
+    return LmnnFit(projection.astype(np.float32), np.array(values))
 
 
 def _with_companions(labels: NDArray[np.integer[Any]], neighbours: int) -> NDArray[np.bool_]:
-    """Tell which frames are of a label with more than so many, (K,) bool."""
+    """Return which frames are of a label with more than so many frames, (K,) bool."""
     found, counts = np.unique(labels, return_counts=True)
     return np.isin(labels, found[counts > neighbours])

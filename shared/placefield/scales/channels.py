@@ -1,4 +1,4 @@
-"""A reference traverse, clustered and encoded once per channel (Eq. 9)."""
+"""Clusters and encodes a reference traverse once per channel (Eq. 9)."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Progress = Callable[[int, float], None]
-"""Called with a channel's number and what share of it is done, from wherever that is done."""
+"""Called with a channel's number and the fraction of it that is done, in any process."""
 
 
 class Run(Protocol):
-    """How to apply a function to all channels: ``map``, or its like on several cores."""
+    """Applies a function to all channels: ``map``, or a similar function on several cores."""
 
     def __call__(
         self, function: Callable[[Item], Result], items: Iterable[Item], /
@@ -27,12 +27,12 @@ class Run(Protocol):
         """Return the results in the order of the items."""
 
 
-_MIN_SEGMENTS = 2  # with fewer there is nothing to tell a place apart from
+_MIN_SEGMENTS = 2  # with fewer, no place can be told from another
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel's view of the reference traverse of K frames.
+    """One channel's segments of the reference traverse of K frames.
 
     Attributes:
         fuzzifier: m of Eq. 2.
@@ -57,17 +57,18 @@ def make_channels(
     position_weight: float = 1.0,
     travelled: NDArray[np.floating] | None = None,
     run: Run = map,
-    progress: Progress = lambda number, share: None,
+    progress: Progress = lambda number, fraction: None,
 ) -> tuple[Channel, ...]:
     """Cluster and encode a reference traverse in several overlapping ways.
 
-    The channels' fuzzifiers are spread evenly. As near fuzzifiers alone give nearly the same
-    clusters, each channel's clustering also starts from stretches of its own, unless fuzzifiers
-    alone are to make the difference, as published.
+    The channels' fuzzifiers are spread evenly. Similar fuzzifiers alone give nearly the same
+    clusters, so each channel's clustering also starts from its own stretches, unless ``same_start``
+    is set, as published.
 
     Args:
-        vectors: (K, N) float32 descriptors in route order. Not standardised after PCA: equal
-            variances drown what consecutive frames share, and the route is cut anywhere.
+        vectors: (K, N) float32 descriptors in route order. They must not be standardised after PCA:
+            with equal variances noise hides what consecutive frames have in common, and the cuts
+            are arbitrary.
         channels: how many.
         min_scale: lower limit of a segment, see `encode`.
         seed: of all channels.
@@ -75,14 +76,14 @@ def make_channels(
         fuzzifiers: m of the first and of the last channel, above 1.
         same_start: whether all channels start from the same stretches.
         position_weight: of the frame's position in the route, see `with_route_position`.
-        travelled: (K,) metres travelled up to each frame, where `min_scale` is in metres.
-        run: the channels; they do not depend on each other.
-        progress: told of every channel's; what it raises ends it.
+        travelled: (K,) metres travelled up to each frame, if `min_scale` is in metres.
+        run: applies a function to all channels, which do not depend on each other.
+        progress: receives every channel's progress; an exception of it ends the work.
 
     Raises:
         ConfigError: a fuzzifier is not above 1.
-        MapError: the reference is too short: a channel has fewer than two active segments, or
-            there are fewer frames than clusters.
+        MapError: the reference is too short: a channel has fewer than two active segments, or there
+            are fewer frames than clusters.
     """
     if clusters is None:
         clusters = _estimated(vectors, position_weight)
@@ -105,7 +106,7 @@ def make_channels(
 
 
 def _estimated(vectors: NDArray[np.float32], position_weight: float) -> int:
-    """Estimate the clusters with the position, whatever it weighs, or without where it does not."""
+    """Estimate the number of clusters, with the position unless its weight is 0."""
     if position_weight == 0:
         return estimate_clusters(vectors, UNPLACED)
     return estimate_clusters(with_route_position(vectors, 1.0), PLACED)

@@ -8,20 +8,24 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.errors import ConfigError, MapError
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 _TOLERANCE = 1e-3  # furthest move of a centre, in mean distances of frames to their nearest one
 _MAX_SWEEPS = 100
-_LEAST_LOG = -36.0  # of a membership: even a centre far from all frames is pulled to their middle
+_LEAST_LOG = (
+    -36.0
+)  # least log of a membership, so that a centre far from all frames moves to their middle
 _BLOCK = 512  # frames whose memberships are held at once
-_RELATED = 20  # frames apart, at position weight 1, to be as far by position as by descriptor
+_RELATED = (
+    20  # frames; at weight 1, frames so far apart differ as much by position as by descriptor
+)
 
 _MOST_MEMBERSHIPS = 2**24  # 128 MB, of which scikit-fuzzy holds several
 
 Vectors = NDArray[np.float64]
 Stretches = NDArray[np.integer]
 Progress = Callable[[int, int], None]
-"""Called with how many sweeps over the frames are done, and of how many at most."""
+"""Called with the number of finished sweeps over the frames, and the most there may be."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,8 @@ def cluster(
     """Cluster a traverse by fuzzy c-means.
 
     The search starts from consecutive stretches of the route, which leads to fewer and longer
-    segments than random memberships do. The seed draws where the stretches end: the end result
-    keeps a trace of it, so that another seed gives another, overlapping clustering.
+    segments than random memberships do. The seed determines where the stretches end. The result
+    depends on it, so another seed gives another, overlapping clustering.
 
     Args:
         vectors: (K, N) float32 in route order.
@@ -57,9 +61,9 @@ def cluster(
         fuzzifier: m of Eq. 2, above 1; the higher, the softer. Descriptors of high dimension
             without the route's position begin to share centres at about 1.4.
         seed: of the stretches.
-        progress: told of every sweep. What it raises ends the clustering.
+        progress: called after every sweep. An exception of it ends the clustering.
 
-    Where the (K, C) memberships fit in memory, scikit-fuzzy clusters; else `cluster_in_blocks`.
+    If the (K, C) memberships fit in memory, scikit-fuzzy clusters; else `cluster_in_blocks`.
 
     Raises:
         ConfigError: the fuzzifier is not above 1.
@@ -81,7 +85,7 @@ def cluster(
 def _cluster_at_once(
     vectors: NDArray[np.float32], stretches: Stretches, fuzzifier: float, progress: Progress
 ) -> Clustering:
-    """Cluster by scikit-fuzzy, which holds all memberships; a call is a sweep, to tell of it."""
+    """Cluster by scikit-fuzzy, one sweep per call; it holds all memberships."""
     import skfuzzy  # takes a third of a second
 
     points = vectors.T.astype(np.float64)
@@ -100,7 +104,7 @@ def _cluster_at_once(
         progress(done, _MAX_SWEEPS)
         spread = float(distances.min(axis=0).mean())
         means, memberships, distances = sweep(memberships)
-        if _has_smoothed(centres, means, spread):
+        if _has_converged(centres, means, spread):
             break
     return Clustering(centres, labels)
 
@@ -111,41 +115,41 @@ def cluster_in_blocks(
     fuzzifier: float,
     progress: Progress = lambda done, total: None,
 ) -> Clustering:
-    """Cluster with no more than a block of the memberships held, for those that do not fit.
+    """Cluster with only a block of the memberships in memory.
 
-    Ours, as scikit-fuzzy needs them all: 0.9 GB each of five arrays of 30 000 frames and 4000
-    clusters.
+    This is our own code because scikit-fuzzy needs all memberships: five arrays of 0.9 GB each for
+    30 000 frames and 4000 clusters.
 
     Args:
         vectors: (K, N) float32.
-        stretches: (C - 1,) int, where the stretches of the start end, see `cluster`.
+        stretches: (C - 1,) int, where the initial stretches end, see `cluster`.
         fuzzifier: m.
-        progress: told of every sweep.
+        progress: called after every sweep.
     """
     means = _stretch_means(vectors, stretches)
     for sweep in range(1, _MAX_SWEEPS + 1):
         centres = means
         labels, means, spread = _sweep(vectors, centres, fuzzifier)
         progress(sweep, _MAX_SWEEPS)
-        if _has_smoothed(centres, means, spread):
+        if _has_converged(centres, means, spread):
             break
     return Clustering(centres, labels)
 
 
-def _has_smoothed(before: Vectors, centres: Vectors, spread: float) -> bool:
+def _has_converged(before: Vectors, centres: Vectors, spread: float) -> bool:
     return bool(np.linalg.norm(centres - before, axis=1).max() <= _TOLERANCE * spread)
 
 
 def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[np.float32]:
     """Append each frame's position in the route, so that clusters become consecutive.
 
-    Weight 1 puts two frames that are 20 apart as far from each other by position as two frames
-    drawn at random are by descriptor (whose mean squared distance is twice the total variance).
-    Because it counts in frames, one weight suits routes of every length.
+    At weight 1, the position separates two frames that are 20 apart as far as the descriptors
+    separate two random frames (whose mean squared distance is twice the total variance). The
+    position counts in frames, so one weight suits routes of every length.
 
     Args:
         vectors: (K, N) float32 in route order.
-        weight: of the position; 0, the paper's clustering, leaves the vectors as they are.
+        weight: of the position; 0, the paper's clustering, does not change the vectors.
 
     Returns:
         (K, N + 1) float32, or (K, N) for weight 0.
@@ -157,7 +161,7 @@ def with_route_position(vectors: NDArray[np.float32], weight: float) -> NDArray[
 
 
 def _stretches(count: int, clusters: int, rng: np.random.Generator) -> Stretches:
-    """Where stretches of random lengths end, but the last; each is at least a frame long."""
+    """Return where stretches of random lengths end, except the last; each has at least a frame."""
     return np.sort(rng.choice(np.arange(1, count), clusters - 1, replace=False))
 
 
@@ -170,13 +174,13 @@ def _stretch_means(vectors: NDArray[np.float32], stretches: Stretches) -> Vector
 def _sweep(
     vectors: NDArray[np.float32], centres: Vectors, fuzzifier: float
 ) -> tuple[NDArray[np.int32], Vectors, float]:
-    """Each frame's label, the means (C, N) by the memberships, and the frames' mean distance."""
+    """Return each frame's label, the means (C, N) by the memberships, and the mean distance."""
     labels = np.empty(len(vectors), np.int32)
     sums = np.zeros_like(centres)
     weights = np.zeros(len(centres))
     spread = 0.0
     for rows in blocks(len(vectors), _BLOCK):
-        # The position in a long route leaves a product of float32 few digits.
+        # In float32 the position in a long route would cost the product its digits.
         block = vectors[rows].astype(np.float64)
         squared = squared_distances(block, centres)
         labels[rows] = squared.argmin(axis=1)
@@ -188,10 +192,10 @@ def _sweep(
 
 
 def _powers(squared: Vectors, fuzzifier: float) -> Vectors:
-    """µ^m of Eqs. 1 and 2, (K, C), of squared distances to the centres, (K, C).
+    """Return µ^m of Eqs. 1 and 2, (K, C), of squared distances to the centres, (K, C).
 
     Logarithms of the ratios to the nearest centre neither overflow nor all vanish. They are of
-    order 1 where a membership counts, so that float32 does, which is several times as fast.
+    order 1 where a membership counts, so float32 is enough, which is several times as fast.
     """
     squared = np.maximum(squared, np.finfo(np.float64).tiny)
     ratios = (squared.min(axis=1, keepdims=True) / squared).astype(np.float32)

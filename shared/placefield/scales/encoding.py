@@ -1,4 +1,4 @@
-"""Clusters to active segments and their scales (encoding rules 1 and 2, Eq. 4)."""
+"""From clusters to active segments and their scales (encoding rules 1 and 2, Eq. 4)."""
 
 from dataclasses import dataclass
 
@@ -34,15 +34,15 @@ def encode(
 ) -> Encoding:
     """Divide a traverse into active and inactive segments.
 
-    A segment is a run of consecutive frames of one cluster. One shorter than the lower limit is
-    inactive (rule 1); every other one is active and has a label of its own (rule 2).
+    A segment is a run of consecutive frames of one cluster. A segment shorter than the lower limit
+    is inactive (rule 1); every other one is active and has its own label (rule 2).
 
     Args:
         clusters: (K,) cluster of each frame in route order, K >= 1.
-        min_scale: the lower limit, above 0: in metres where `travelled` is given, else in frames.
+        min_scale: the lower limit, above 0: in metres if `travelled` is given, else in frames.
         travelled: (K,) metres travelled up to each frame. A segment's length is then the distance
-            between its first and last frame and, for the gap to the next segment, the traverse's
-            mean spacing; compared to the millimetre.
+            between its first and last frame, plus the traverse's mean spacing for the gap to the
+            next segment; lengths are compared to the millimetre.
     """
     changes = np.flatnonzero(np.diff(clusters)) + 1
     segments = np.column_stack([np.r_[0, changes], np.r_[changes, len(clusters)]])
@@ -59,15 +59,15 @@ def encode(
 
 
 def smallest_scale(min_scale: float, travelled: NDArray[np.floating] | None = None) -> int:
-    """Return the smallest scale of all channels in frames, which the lower limit of rule 1 sets.
+    """Return the smallest scale of all channels in frames, set by the lower limit of rule 1.
 
     Args:
         min_scale: the lower limit, as in `encode`.
-        travelled: (K,) metres travelled up to each frame, where it is in metres. It is then so many
-            frames as reach it at the traverse's mean spacing.
+        travelled: (K,) metres travelled up to each frame, if the limit is in metres. The scale is
+            then the number of frames that reach it at the traverse's mean spacing.
 
     Returns:
-        At least 1, and no more than there are frames.
+        At least 1, and at most the number of frames.
     """
     if travelled is None:
         return round(min_scale)

@@ -1,9 +1,9 @@
 """Estimate the number of clusters by subtractive clustering (Chiu, 1994).
 
 S. L. Chiu, "Fuzzy model identification based on cluster estimation", Journal of Intelligent and
-Fuzzy Systems 2(3), 1994. Every frame is a candidate centre, and the more frames lie near it, the
-higher its potential. The highest becomes a centre and takes its share from its neighbours'
-potentials, until what is left is low.
+Fuzzy Systems 2(3), 1994. Every frame is a candidate centre. The more frames lie near it, the higher
+its potential. The candidate of the highest potential becomes a centre and lowers the potentials of
+its neighbours, until all that are left are low.
 """
 
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.metric.distances import squared_distances
+from placefield.metric.squared_distances import squared_distances
 
 
 @dataclass(frozen=True)
 class Radius:
-    """Of a cluster, in distances of neighbours.
+    """The radius of a cluster, in distances of neighbours.
 
     Attributes:
-        times: so many.
+        times: how many of these distances.
         apart: how many frames neighbours are from each other. Their distance is the root mean
-            square over all frames: unlike a median, it does not vanish where the vehicle mostly
-            stands still.
+            square over all frames: unlike a median, it does not vanish if the vehicle is mostly
+            stationary.
     """
 
     times: float
@@ -31,15 +31,15 @@ class Radius:
 
 
 PLACED = Radius(1.25, 8)
-"""Of vectors with the route's position: 8 frames are a short segment."""
+"""For vectors with the route's position: 8 frames are a short segment."""
 
 UNPLACED = Radius(0.9, 4)
-"""Of descriptors alone. Those of high dimension are nearly equally far from each other: in a wider
-circle, the many unrelated ones drown a frame's neighbours, and a whole route is one cluster.
+"""For descriptors alone. In high dimension they are nearly equally far from each other: in a wider
+circle unrelated frames outnumber a frame's neighbours, and a whole route becomes one cluster.
 """
 
 _SQUASH = 1.5  # radius in which a new centre lowers potentials, in cluster radii
-_ACCEPT = 0.5  # above this share of the first centre's potential a candidate is a centre
+_ACCEPT = 0.5  # above this fraction of the first centre's potential a candidate is a centre
 _REJECT = 0.15  # below it the search ends
 _BLOCK = 512  # frames whose distances to as many others are held at once
 
@@ -70,8 +70,8 @@ def _neighbour_distance(vectors: Vectors, apart: int) -> float:
     apart = min(apart, len(vectors) - 1)
     total = 0.0
     for start in range(0, len(vectors) - apart, _BLOCK):
-        ahead = vectors[start + apart : start + apart + _BLOCK].astype(np.float64)
-        steps = ahead - vectors[start : start + len(ahead)]
+        later = vectors[start + apart : start + apart + _BLOCK].astype(np.float64)
+        steps = later - vectors[start : start + len(later)]
         total += np.einsum("kn,kn->", steps, steps)
     return float(np.sqrt(total / (len(vectors) - apart)))
 
@@ -83,11 +83,11 @@ def _count_centres(vectors: Vectors, radius: float) -> int:
     centres = 0
     while True:
         candidate = int(potentials.argmax())
-        share = potentials[candidate] / highest
-        if share < _REJECT:
+        ratio = potentials[candidate] / highest
+        if ratio < _REJECT:
             return centres
-        # Between the two ratios, a candidate must make up in distance what it lacks in potential.
-        if share > _ACCEPT or to_nearest_centre[candidate] / radius + share >= 1:
+        # Between the two fractions, a candidate of less potential must be further from all centres.
+        if ratio > _ACCEPT or to_nearest_centre[candidate] / radius + ratio >= 1:
             centres += 1
             squared = _squared_distances_to(vectors, vectors[candidate])
             to_nearest_centre = np.minimum(to_nearest_centre, np.sqrt(squared))
@@ -117,5 +117,5 @@ def _squared_distances_to(vectors: Vectors, vector: Vectors) -> Array64:
 
 
 def _squared_distances(rows: Vectors, columns: Vectors) -> Array64:
-    """Distances in float64: positions in a long route leave float32 few digits."""
+    """Return distances in float64: in float32 positions in a long route have few digits."""
     return squared_distances(rows.astype(np.float64), columns.astype(np.float64))

@@ -1,4 +1,4 @@
-"""A coarse look at many places: along few axes, in few bits."""
+"""The coarse search among many places: in few dimensions, at few bits."""
 
 from dataclasses import dataclass
 
@@ -6,25 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.search.quantized import Codes
+from placefield.search.quantized import Quantized
 from placefield.search.spread import Spread, deviation_from, spread_of
 
 AXES = 64
-"""Along which places are looked at: the row of one is as long as a cache line."""
+"""Dimensions of the coarse search: the row of a place is as long as a cache line."""
 
-_SAMPLE = 20_000  # places that the axes are found from
+_SAMPLE = 20_000  # size of the sample of places that gives the axes
 _BLOCK = 4096  # places whose float32 copy is held at once
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse:
-    """The places of a metric, along the principal axes of a sample of them.
+class CoarseIndex:
+    """The places of a metric, projected on the principal axes of a sample of them.
 
     Attributes:
         axes: (R, M) float32, orthonormal rows.
-        codes: (K, R) int8, the places along them.
+        codes: (K, R) int8, the projected and quantized places.
         spread: (M + 1, M + 1) float64, see ``spread_of``.
-        unit: of these codes, in codes of the places.
+        unit: of ``codes``, in units of the places.
     """
 
     axes: NDArray[np.float32]
@@ -32,13 +32,13 @@ class Coarse:
     spread: Spread
     unit: float
 
-    def deviation(self, codes: Codes) -> float:
-        """Standard deviation of the exact squared distances of a vector (M,) to all places."""
-        return deviation_from(codes, self.spread)
+    def deviation(self, descriptor: Quantized) -> float:
+        """Return the deviation of the exact squared distances of a vector (M,) to all places."""
+        return deviation_from(descriptor, self.spread)
 
 
-def coarse_look(places: Codes) -> Coarse:
-    """Look at places (K, M) along their ``AXES`` principal axes, or all of them if fewer."""
+def coarse_index(places: Quantized) -> CoarseIndex:
+    """Project places (K, M) on their ``AXES`` principal axes, or on all if they are fewer."""
     sample = places[:: -(-len(places) // _SAMPLE)].astype(np.float32)
     axes = np.linalg.svd(sample, full_matrices=False)[2][:AXES]
     unit = max(float(np.abs(sample @ axes.T).max()), 1.0) / np.iinfo(np.int8).max
@@ -46,4 +46,4 @@ def coarse_look(places: Codes) -> Coarse:
     for block in blocks(len(places), _BLOCK):
         along = places[block].astype(np.float32) @ axes.T
         codes[block] = np.clip(np.rint(along / unit), -127, 127)
-    return Coarse(np.ascontiguousarray(axes), codes, spread_of(places), unit)
+    return CoarseIndex(np.ascontiguousarray(axes), codes, spread_of(places), unit)

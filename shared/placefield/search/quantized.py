@@ -1,10 +1,10 @@
-"""Fixed-point vectors, so that their products are exact.
+"""Quantized (fixed-point) descriptors, so that their products are exact.
 
-A vector's values become whole numbers, its codes, of a unit such that no vector is longer than
-``LONGEST`` codes. By Cauchy and Schwarz no product of two of them, and no part of its sum, then
-exceeds 2²⁴, up to which float32 counts in ones. So a product in float32, in int32, of one vector or
-of many, in whatever order it is summed and on whatever machine, has the same value to the last bit.
-The codes' rounding is a few ten-thousandths of a descriptor's length.
+The values of a vector become whole multiples of a unit. The unit is such that no vector is longer
+than ``LONGEST`` units. By Cauchy and Schwarz no product of two of them, and no part of its sum,
+then exceeds 2²⁴, the limit of whole numbers in float32. So a product in float32 or in int32, of one
+vector or of many, in any order of summation and on any machine, is the same to the last bit. The
+quantization error is a few ten-thousandths of a descriptor's length.
 """
 
 import numpy as np
@@ -14,28 +14,28 @@ from placefield.blocks import blocks
 from placefield.kernels import kernel
 
 LONGEST = 4000
-"""Codes in the length of the longest vector: 2¹² less what rounding and slack may add to it."""
+"""Units in the length of the longest vector: 2¹², less a margin for rounding."""
 
 DESCRIPTOR_UNIT = 1 / LONGEST
-"""Of descriptors, whose length is 1."""
+"""Unit of quantized descriptors, whose length is 1."""
 
-_WORTH_BLAS = 24  # vectors
+_WORTH_BLAS = 24  # least vectors for which BLAS is faster
 _BLOCK = 256  # rows whose float32 copy stays in the cache
 
-Codes = NDArray[np.int16]
+Quantized = NDArray[np.int16]
 
 
-def codes_of(vectors: NDArray[np.floating], unit: float) -> Codes:
-    """Round vectors (..., N) to multiples of the unit; their lengths are ``LONGEST`` at most."""
+def quantize(vectors: NDArray[np.floating], unit: float) -> Quantized:
+    """Round vectors (..., N) to multiples of the unit; they are at most ``LONGEST`` units long."""
     return _rounded(np.multiply(vectors, np.float32(1 / unit)))
 
 
-def _rounded(values: NDArray[np.floating]) -> Codes:
+def _rounded(values: NDArray[np.floating]) -> Quantized:
     return np.asarray(np.rint(values, out=values), np.int16)
 
 
-def products(rows: Codes | NDArray[np.int8], vectors: Codes) -> NDArray[np.int32]:
-    """Multiply codes, (K, M) by (B, M) to (B, K): exactly, and as fast as the machine reads.
+def products(rows: Quantized | NDArray[np.int8], vectors: Quantized) -> NDArray[np.int32]:
+    """Multiply quantized vectors, (K, M) by (B, M) to (B, K), exactly, at memory speed.
 
     The rows may be mapped from a file; no copy of all of them is made.
     """
@@ -50,7 +50,9 @@ def products(rows: Codes | NDArray[np.int8], vectors: Codes) -> NDArray[np.int32
 
 
 @kernel
-def _multiply(rows: Codes | NDArray[np.int8], vectors: Codes, made: NDArray[np.int32]) -> None:
+def _multiply(
+    rows: Quantized | NDArray[np.int8], vectors: Quantized, made: NDArray[np.int32]
+) -> None:
     """Read every row once, for all vectors."""
     for k in range(len(rows)):
         for b in range(len(vectors)):
@@ -58,32 +60,32 @@ def _multiply(rows: Codes | NDArray[np.int8], vectors: Codes, made: NDArray[np.i
 
 
 @kernel
-def product_of(codes: Codes | NDArray[np.int8], other: Codes) -> np.int32:
-    """Multiply two vectors of codes, (M,) each. Only int32 sums are vectorised at full width."""
+def product_of(one: Quantized | NDArray[np.int8], other: Quantized) -> np.int32:
+    """Multiply two vectors, (M,) each. Only int32 sums are vectorised at full width."""
     product = np.int32(0)
-    for m in range(len(codes)):
-        product = np.int32(product + np.int32(np.int32(codes[m]) * np.int32(other[m])))
+    for m in range(len(one)):
+        product = np.int32(product + np.int32(np.int32(one[m]) * np.int32(other[m])))
     return product
 
 
-class CodedProjection:
-    """A projection v (M, N) of descriptors that takes codes to codes, to the same bits in batches.
+class QuantizedProjection:
+    """A projection v (M, N) of quantized descriptors, whose result is the same bits in any batch.
 
-    Its own entries are codes too, and its result is rounded to codes of ``unit``.
+    Its entries are quantized too, and its result is rounded to multiples of ``unit``.
     """
 
     def __init__(self, projection: NDArray[np.float32], unit: float) -> None:
-        """Take v, and the unit of what it gives (see ``projected_unit``)."""
+        """Prepare v, and the unit of its results (see ``projected_unit``)."""
         longest_row = float(np.linalg.norm(projection, axis=1).max())
         entry_unit = longest_row * DESCRIPTOR_UNIT
-        self._entries = codes_of(projection, entry_unit)
+        self._entries = quantize(projection, entry_unit)
         self._rescale = entry_unit * DESCRIPTOR_UNIT / unit
 
-    def __call__(self, descriptors: Codes) -> Codes:
-        """Project the codes of descriptors (B, N) to codes (B, M)."""
+    def __call__(self, descriptors: Quantized) -> Quantized:
+        """Project quantized descriptors (B, N) to quantized vectors (B, M)."""
         return _rounded(products(self._entries, descriptors) * self._rescale)
 
 
 def projected_unit(projection: NDArray[np.float32]) -> float:
-    """Return the unit in which no descriptor under the projection is longer than ``LONGEST``."""
+    """Return the unit in which no projected descriptor is longer than ``LONGEST``."""
     return float(np.linalg.norm(projection, 2)) * DESCRIPTOR_UNIT

@@ -17,7 +17,7 @@ def tree() -> ChowLiuTree:
     return learn_tree((rng.random((30, 1)) < 0.5) ^ (rng.random((30, WORDS)) < 0.3))
 
 
-def literal_likelihood(
+def reference_likelihood(
     z: list[int], mapped: list[int], tree: ChowLiuTree, detector: tuple[float, float]
 ) -> float:
     """Compute p(Z | L) in the form in which the paper prints it, with its α and β."""
@@ -49,11 +49,11 @@ def literal_likelihood(
 
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_is_the_printed_equation(tree: ChowLiuTree, detector: tuple[float, float]) -> None:
-    literal = [
-        [literal_likelihood(z, mapped, tree, detector) for mapped in CASES.astype(int).tolist()]
+    reference = [
+        [reference_likelihood(z, mapped, tree, detector) for mapped in CASES.astype(int).tolist()]
         for z in CASES.astype(int).tolist()
     ]
-    np.testing.assert_allclose(np.exp(log_likelihoods(CASES, CASES, tree, detector)), literal)
+    np.testing.assert_allclose(np.exp(log_likelihoods(CASES, CASES, tree, detector)), reference)
 
 
 @pytest.mark.parametrize("detector", DETECTORS)

@@ -20,7 +20,7 @@ def distances(draw: st.DrawFn) -> Array:
     return rng.integers(0, draw(st.sampled_from([2, 1000])), shape).astype(np.float32)
 
 
-def literal_sum(D: Array, t: int, j: int, length: int, speed: float, lag: int = 0) -> float:
+def reference_sum(D: Array, t: int, j: int, length: int, speed: float, lag: int = 0) -> float:
     later = lag if lag < length // 2 else length // 2
     total = 0.0
     for frame in range(t - (length - 1 - later), t + later + 1):
@@ -41,7 +41,8 @@ def test_sums_are_those_of_every_complete_window(
     D: Array, length: int, speed: float, lag: int
 ) -> None:
     expected = [
-        [literal_sum(D, t, j, length, speed, lag) for j in range(D.shape[1])] for t in range(len(D))
+        [reference_sum(D, t, j, length, speed, lag) for j in range(D.shape[1])]
+        for t in range(len(D))
     ]
     np.testing.assert_array_equal(window_sums(D, length, speed, lag), expected)
 
@@ -49,7 +50,7 @@ def test_sums_are_those_of_every_complete_window(
 @given(distances(), st.integers(1, 8), st.integers(0, 6))
 def test_matches_the_place_of_the_lowest_sum(D: Array, length: int, lag: int) -> None:
     for t, match in enumerate(fixed_window(D, length, lag)):
-        sums = [literal_sum(D, t, j, length, 1, lag) for j in range(D.shape[1])]
+        sums = [reference_sum(D, t, j, length, 1, lag) for j in range(D.shape[1])]
         if min(sums) == math.inf:
             assert match == Match(-1, 0.0)
         else:
@@ -66,16 +67,16 @@ def test_nothing_after_a_frame_and_its_lag_changes_its_match(
 
 
 def test_a_centred_window_answers_in_the_middle_of_the_stream() -> None:
-    looks = np.random.default_rng(1).normal(size=(30, 8))
-    D = np.linalg.norm(looks[:, None] - looks, axis=2).astype(np.float32)
+    views = np.random.default_rng(1).normal(size=(30, 8))
+    D = np.linalg.norm(views[:, None] - views, axis=2).astype(np.float32)
     places = [match.place for match in fixed_window(D, 9, lag=20)]
     assert places == [-1] * 4 + list(range(4, 26)) + [-1] * 4
 
 
 @pytest.mark.parametrize("length", [1, 5])
 def test_a_traverse_is_recognised_in_itself_from_the_first_complete_window(length: int) -> None:
-    looks = np.random.default_rng(1).normal(size=(30, 8))
-    D = np.linalg.norm(looks[10:, None] - looks, axis=2).astype(np.float32)
+    views = np.random.default_rng(1).normal(size=(30, 8))
+    D = np.linalg.norm(views[10:, None] - views, axis=2).astype(np.float32)
     matches = fixed_window(D, length)
     assert [match.place for match in matches[length - 1 :]] == list(range(9 + length, 30))
     assert {match.place for match in matches[: length - 1]} <= {-1}

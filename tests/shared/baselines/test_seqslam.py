@@ -31,7 +31,7 @@ def images_of(frames: int, seed: int, *, height: int = 4, width: int = 6) -> Ima
     return rng.integers(0, 256, (frames, height, width)).astype(np.float32)
 
 
-def literal_normalised(image: Images, patch: int) -> list[list[float]]:
+def reference_normalised(image: Images, patch: int) -> list[list[float]]:
     height, width = image.shape
     out = [[0.0] * width for _ in range(height)]
     for top in range(0, height, patch):
@@ -44,9 +44,9 @@ def literal_normalised(image: Images, patch: int) -> list[list[float]]:
     return out
 
 
-def literal_differences(reference: Images, query: Images, patch: int) -> list[list[float]]:
-    places = [literal_normalised(image, patch) for image in reference]
-    frames = [literal_normalised(image, patch) for image in query]
+def reference_differences(reference: Images, query: Images, patch: int) -> list[list[float]]:
+    places = [reference_normalised(image, patch) for image in reference]
+    frames = [reference_normalised(image, patch) for image in query]
     _, height, width = reference.shape
     return [
         [
@@ -58,7 +58,7 @@ def literal_differences(reference: Images, query: Images, patch: int) -> list[li
     ]
 
 
-def literal_contrast(row: list[float], window: int) -> list[float]:
+def reference_contrast(row: list[float], window: int) -> list[float]:
     out = []
     for j, own in enumerate(row):
         around = row[max(0, j - window // 2) : j + window // 2 + 1]
@@ -69,7 +69,7 @@ def literal_contrast(row: list[float], window: int) -> list[float]:
     return out
 
 
-def literal_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> Match:
+def reference_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> Match:
     places = len(D[0])
     sums = [math.inf] * places
     later = min(lag, settings.length // 2)
@@ -104,13 +104,13 @@ def literal_match(D: list[list[float]], t: int, settings: SeqSlam, lag: int) -> 
 def test_is_its_definition_written_out(settings: SeqSlam, lag: int) -> None:
     reference, query = images_of(25, 1), images_of(16, 2)
     reference[7, :2, :2] = 90  # a flat patch
-    D = literal_differences(reference, query, settings.patch)
+    D = reference_differences(reference, query, settings.patch)
     if settings.contrast_window:
-        D = [literal_contrast(row, settings.contrast_window) for row in D]
+        D = [reference_contrast(row, settings.contrast_window) for row in D]
     matches = seqslam(reference, query, settings, lag)
     assert len(matches) == 16
     for t, match in enumerate(matches):
-        expected = literal_match(D, t, settings, lag)
+        expected = reference_match(D, t, settings, lag)
         assert match.place == expected.place
         assert match.score == pytest.approx(expected.score, rel=1e-5)
 
@@ -191,7 +191,7 @@ def test_on_nordland_longer_trajectories_recognise_more(
     assert auc[40] > 0.93
 
 
-def test_on_nordland_local_contrast_is_what_makes_it_work(
+def test_on_nordland_it_needs_local_contrast(
     nordland_differences: Images,
 ) -> None:
     enhanced = curve_of(nordland_differences, SeqSlam())

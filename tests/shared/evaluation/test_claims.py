@@ -12,7 +12,7 @@ frames = st.lists(
 
 
 @given(frames)
-def test_claims_are_counted_as_one_would_by_hand(rows: list[tuple[bool, bool, bool]]) -> None:
+def test_claims_are_those_of_counting_by_hand(rows: list[tuple[bool, bool, bool]]) -> None:
     known, correct, on_route = np.array(rows, np.bool_).reshape(-1, 3).T
     claimed = [row for row in rows if row[0]]
     right = sum(1 for row in claimed if row[1])

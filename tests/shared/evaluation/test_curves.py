@@ -41,7 +41,7 @@ def sweep(queries: list[Answer]) -> PrecisionRecall:
 
 
 @given(answers)
-def test_every_point_is_what_counting_at_its_threshold_gives(queries: list[Answer]) -> None:
+def test_every_point_is_that_of_counting_at_its_threshold(queries: list[Answer]) -> None:
     curve = sweep(queries)
 
     on_route = sum(q.on_route for q in queries)
@@ -149,7 +149,7 @@ def test_nan_is_refused_for_an_answer_and_ignored_for_none() -> None:
     assert sweep([Answer(False, False, True, float("nan"))]).recall_at_1 == 0.0
 
 
-def test_what_does_not_fit_together_is_refused() -> None:
+def test_arguments_that_do_not_fit_together_are_refused() -> None:
     with pytest.raises(ValueError, match="off the route"):
         sweep([Answer(True, True, False, 1.0)])
     yes = np.ones(2, dtype=bool)

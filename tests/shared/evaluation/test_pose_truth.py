@@ -18,7 +18,7 @@ def right(truth: Truth, frame: int) -> list[int]:
 
 
 @given(st.integers(0, 10**6), st.floats(0.5, 20))
-def test_in_metres_every_place_is_right_that_is_so_near(seed: int, metres: float) -> None:
+def test_in_metres_every_place_that_is_near_enough_is_right(seed: int, metres: float) -> None:
     rng = np.random.default_rng(seed)
     query, places = rng.uniform(-9, 9, (5, 2)), rng.uniform(-9, 9, (30, 2))
     truth = pose_truth(query, places, tolerance=0, metres=metres)
@@ -55,7 +55,7 @@ def test_the_same_spot_of_another_lap_is_right_too() -> None:
     assert right(pose_truth(STRAIGHT[[20]], laps, tolerance=1), 0) == [19, 20, 21, 69, 70, 71]
 
 
-def test_what_is_far_from_all_places_is_off_the_route() -> None:
+def test_a_frame_far_from_all_places_is_off_the_route() -> None:
     query = np.array([[10.0, OFF_ROUTE_M - 1], [10.0, OFF_ROUTE_M + 1]])
     truth = pose_truth(query, STRAIGHT, tolerance=2)
     assert truth.on_route.tolist() == [True, False]
@@ -63,7 +63,7 @@ def test_what_is_far_from_all_places_is_off_the_route() -> None:
     assert truth.judged.all()
 
 
-def test_where_nobody_knows_a_position_nothing_is_judged() -> None:
+def test_a_frame_without_a_known_position_is_not_judged() -> None:
     places = STRAIGHT.copy()
     places[20:30] = np.nan
     query = STRAIGHT.copy()
@@ -76,11 +76,11 @@ def test_where_nobody_knows_a_position_nothing_is_judged() -> None:
     assert not nowhere.judged.any()
 
 
-def test_which_frames_are_judged_goes_along_with_a_drive_and_foreign_ones_are() -> None:
+def test_a_resampled_traverse_keeps_which_frames_are_judged_and_foreign_ones_are() -> None:
     query = STRAIGHT.copy()
     query[3] = np.nan
     truth = pose_truth(query, STRAIGHT, tolerance=2)
     foreign = np.array([False, True, False])
-    driven = truth.along(np.array([3, 99, 4]), foreign)
-    assert driven.judged is not None
-    assert driven.judged.tolist() == [False, True, True]
+    resampled = truth.along(np.array([3, 99, 4]), foreign)
+    assert resampled.judged is not None
+    assert resampled.judged.tolist() == [False, True, True]

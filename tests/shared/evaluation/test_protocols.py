@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from placefield.evaluation.protocols import (
     THINS_REFERENCE,
-    Drive,
     Protocol,
+    Resampling,
     default_every,
     drive_of,
     frames_to_recover,
@@ -34,12 +34,12 @@ def runs(values: NDArray[np.bool_]) -> list[int]:
     return (edges[1::2] - edges[::2]).tolist()
 
 
-def legs(drive: Drive) -> list[NDArray[np.int64]]:
+def legs(drive: Resampling) -> list[NDArray[np.int64]]:
     return np.split(drive.frames, drive.jumps)
 
 
 @given(protocols, counts, everies, seeds)
-def test_a_drive_takes_frames_that_are_there_and_is_the_same_for_the_same_seed(
+def test_a_traverse_has_existing_frames_and_is_the_same_for_the_same_seed(
     protocol: Protocol, count: int, every: int, seed: int
 ) -> None:
     drive, again = (
@@ -65,7 +65,7 @@ def test_a_drive_takes_frames_that_are_there_and_is_the_same_for_the_same_seed(
 
 
 @pytest.mark.parametrize("protocol", ["speed", "kidnap", "off-route"])
-def test_another_seed_is_another_drive(protocol: Protocol) -> None:
+def test_another_seed_is_another_traverse(protocol: Protocol) -> None:
     one, other = (drive_of(protocol, 400, foreign_count=FOREIGN, seed=seed) for seed in (1, 2))
     assert one.frames.tolist() != other.frames.tolist()
 
@@ -78,7 +78,7 @@ def test_aligned_is_the_query_as_it_is() -> None:
 
 
 @given(counts, everies, seeds)
-def test_a_drive_at_changing_speed_takes_new_frames_all_the_time_but_where_it_stands(
+def test_at_changing_speed_every_frame_is_new_unless_the_vehicle_is_stationary(
     count: int, every: int, seed: int
 ) -> None:
     drive = speed(count, every, seed)
@@ -115,7 +115,7 @@ def test_steps_are_log_uniform_from_one_query_frame_to_two_places_and_last_10_to
     assert (min(stops), max(stops)) == (1, 8)
 
 
-def test_between_stops_a_stretch_is_driven_evenly() -> None:
+def test_between_stops_a_stretch_has_even_steps() -> None:
     """From a stop on, 10 frames at least go at one step: none is off it by a frame."""
     drive = speed(20_000, 4, seed=1)
     ends = np.flatnonzero(drive.repeated[:-1] & ~drive.repeated[1:])
@@ -131,7 +131,7 @@ def test_between_stops_a_stretch_is_driven_evenly() -> None:
 
 
 @given(counts, everies, seeds)
-def test_with_odometry_a_drive_is_the_same_as_without_and_has_a_reading_that_never_goes_down(
+def test_with_odometry_a_traverse_is_the_same_and_has_readings_that_never_descend(
     count: int, every: int, seed: int
 ) -> None:
     drive, without = odometry(count, every, seed), speed(count, every, seed)
@@ -169,7 +169,7 @@ def test_the_reference_is_thinned_to_every_4th_frame_for_speed_or_2nd_where_it_i
 
 
 @given(counts, everies)
-def test_dense_drives_all_frames_along_fewer_places_and_sparse_fewer_along_all(
+def test_dense_has_all_frames_along_fewer_places_and_sparse_fewer_along_all(
     count: int, every: int
 ) -> None:
     dense, sparse = (
@@ -181,7 +181,7 @@ def test_dense_drives_all_frames_along_fewer_places_and_sparse_fewer_along_all(
 
 
 @given(counts, seeds)
-def test_a_kidnapped_drive_is_aligned_between_its_jumps_and_about_as_long_as_the_query(
+def test_a_kidnapped_traverse_is_aligned_between_its_jumps_and_about_as_long_as_the_query(
     count: int, seed: int
 ) -> None:
     drive = kidnap(count, seed)
@@ -206,7 +206,7 @@ def test_jumps_go_everywhere_where_enough_route_is_left() -> None:
 
 
 @given(counts, seeds)
-def test_off_route_a_third_of_the_frames_are_foreign_and_the_query_is_driven_whole(
+def test_off_route_a_third_of_the_frames_are_foreign_and_the_query_is_complete(
     count: int, seed: int
 ) -> None:
     drive = off_route(count, FOREIGN, seed)
@@ -222,7 +222,7 @@ def test_off_route_a_third_of_the_frames_are_foreign_and_the_query_is_driven_who
         assert min(runs(~drive.foreign)) >= 14
 
 
-def test_what_cannot_be_driven_is_refused() -> None:
+def test_a_query_that_cannot_be_resampled_is_refused() -> None:
     with pytest.raises(ValueError, match="every 0"):
         drive_of("sparse", 60, foreign_count=0, seed=1, every=0)
     with pytest.raises(ValueError, match="other route has no frames"):

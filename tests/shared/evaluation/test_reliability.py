@@ -7,15 +7,13 @@ from hypothesis import strategies as st
 
 from placefield.evaluation.reliability import reliability
 
-# Multiples of 1/60 lie on the edges of most bins' counts, where rounding would tell.
+# Multiples of 1/60 lie on the edges of most bins' counts, where rounding errors would show.
 PROBABILITIES = st.one_of(st.floats(0, 1), st.integers(0, 60).map(lambda n: n / 60))
 MATCHES = st.lists(st.tuples(PROBABILITIES, st.booleans()), max_size=40)
 
 
 @given(matches=MATCHES, bins=st.integers(1, 15))
-def test_every_bin_is_as_a_literal_loop_has_it(
-    matches: list[tuple[float, bool]], bins: int
-) -> None:
+def test_every_bin_is_that_of_a_naive_loop(matches: list[tuple[float, bool]], bins: int) -> None:
     probability = np.array([p for p, _ in matches], np.float64)
     correct = np.array([c for _, c in matches], np.bool_)
 
@@ -50,7 +48,7 @@ def test_every_bin_is_as_a_literal_loop_has_it(
         ([0.9, 0.9, 0.2], [True, True, False], 0.4 / 3),
     ],
 )
-def test_the_error_of_plain_cases(
+def test_the_error_of_simple_cases(
     probability: list[float], correct: list[bool], error: float
 ) -> None:
     found = reliability(np.array(probability), np.array(correct))
@@ -67,7 +65,9 @@ def test_no_matches_make_no_error() -> None:
 
 
 @pytest.mark.parametrize("probability", [[0.5], [0.5, 1.1], [0.5, -0.1], [0.5, math.nan]])
-def test_what_is_no_probability_per_match_is_refused(probability: list[float]) -> None:
+def test_arguments_that_are_not_a_probability_per_match_are_refused(
+    probability: list[float],
+) -> None:
     with pytest.raises(ValueError, match="probability"):
         reliability(np.array(probability), np.array([True, False]))
 

@@ -74,15 +74,15 @@ def test_a_row_along_every_nth_frame_is_right_at_its_places_or_else_at_the_neare
     rows: list[tuple[int, int, int]], every: int
 ) -> None:
     query, first, last = np.array(rows, np.int64).reshape(-1, 3).T
-    taken = range(0, 25, every)
+    thinned = range(0, 25, every)
     right: dict[int, set[int]] = {frame: set() for frame in range(6)}
     for frame, a, b in rows:
-        gaps = [max(a - at, at - b, 0) for at in taken]
+        gaps = [max(a - at, at - b, 0) for at in thinned]
         right[frame] |= {place for place, gap in enumerate(gaps) if gap == min(gaps)}
 
     truth = Truth(6, query, first, last).thinned(25, every)
 
-    assert right_places(truth, len(taken)) == right
+    assert right_places(truth, len(thinned)) == right
 
 
 def right_places(truth: Truth, places: int) -> dict[int, set[int]]:
@@ -146,7 +146,7 @@ def test_a_file_gives_each_query_the_union_of_its_ranges(
         max_size=12,
     ),
 )
-def test_a_driven_frame_is_right_where_its_query_frame_is_and_a_foreign_one_nowhere(
+def test_a_resampled_frame_is_right_where_its_query_frame_is_and_a_foreign_one_nowhere(
     rows: list[tuple[int, int, int]], drive: list[tuple[int, bool, int]]
 ) -> None:
     query, first, last = np.array(rows, np.int64).reshape(-1, 3).T
@@ -164,7 +164,7 @@ def test_a_driven_frame_is_right_where_its_query_frame_is_and_a_foreign_one_nowh
 
 
 @pytest.mark.parametrize("frame", [-1, 3])
-def test_a_drive_of_another_query_is_refused_but_foreign_frames_may_have_any_number(
+def test_frames_of_another_query_are_refused_but_foreign_frames_may_have_any_number(
     frame: int,
 ) -> None:
     truth, frames = Truth.within(3, 3, 0), np.array([0, frame])
@@ -218,7 +218,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
             read_truth(path, queries=3, places=4)
 
 
-def test_what_is_right_in_one_lap_is_right_in_every_lap() -> None:
+def test_a_place_that_is_right_in_one_lap_is_right_in_every_lap() -> None:
     same = np.array([*range(10), *range(10), *range(3), 23, 24, 25], np.int32)
     truth = Truth.within(20, 20, 1).shared(same)
     right = right_places(truth, len(same))

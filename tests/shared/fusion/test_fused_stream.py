@@ -19,21 +19,21 @@ def test_streams_of_one_comparison_match_as_alone(
     small_map: Map, make_traverse: Callable[..., Traverse], rule: Rule
 ) -> None:
     descriptors = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
-    unseen = {0, 20, 21}
+    unobserved = {0, 20, 21}
     stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(rule=rule))
     fusion = FusionStage(small_map.places.same, MatchingConfig(rule=rule))
     streams = {lag: FusedStream(stage, fusion, lag) for lag in (0, 3, 20)}
     together: dict[int, tuple[list[Match], list[SmoothedMatch]]]
     together = {lag: ([], []) for lag in streams}  # causal, and smoothed before the end
     for frame, descriptor in enumerate(descriptors):
-        compared = None if frame in unseen else next(stage.compare([descriptor]))
+        compared = None if frame in unobserved else next(stage.compare([descriptor]))
         for lag, stream in streams.items():
             together[lag][0].append(stream.update(compared))
             together[lag][1].extend(stream.smoothed())
     for lag, stream in streams.items():
         recognizer = Recognizer(small_map, Config(matching=MatchingConfig(rule=rule, lag=lag)))
         alone = [
-            recognizer.update_descriptor(None if frame in unseen else descriptor)
+            recognizer.update_descriptor(None if frame in unobserved else descriptor)
             for frame, descriptor in enumerate(descriptors)
         ]
         causal, smoothed = together[lag]

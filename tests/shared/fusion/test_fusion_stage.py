@@ -31,7 +31,7 @@ FITTING: list[tuple[Rule, Candidate]] = [
 
 
 @pytest.mark.parametrize(("rule", "candidate"), FITTING)
-def test_what_a_rule_makes_of_the_map_fits_and_is_fused(rule: Rule, candidate: Candidate) -> None:
+def test_candidates_of_a_rule_and_map_fit_and_are_fused(rule: Rule, candidate: Candidate) -> None:
     matching = MatchingConfig(rule=rule)
     stage = FusionStage(np.arange(COUNT, dtype=np.int32), matching)
     assert stage.fits(candidate)
@@ -53,7 +53,7 @@ def test_what_a_rule_makes_of_the_map_fits_and_is_fused(rule: Rule, candidate: C
         ("ams", Candidate(COUNT, 0.5, NO_PLACES, NO_EVIDENCE)),
     ],
 )
-def test_what_is_of_another_rule_or_map_does_not_fit(rule: Rule, candidate: Candidate) -> None:
+def test_candidates_of_another_rule_or_map_do_not_fit(rule: Rule, candidate: Candidate) -> None:
     assert not FusionStage(np.arange(COUNT, dtype=np.int32), MatchingConfig(rule=rule)).fits(
         candidate
     )

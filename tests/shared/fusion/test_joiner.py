@@ -66,7 +66,7 @@ def test_at_its_deadline_a_frame_goes_with_what_it_has() -> None:
     assert counts["partial"] == 1
 
 
-def test_a_dead_channel_is_not_awaited_but_what_it_has_said_counts() -> None:
+def test_a_dead_channel_is_not_awaited_but_its_earlier_candidates_count() -> None:
     joiner, _ = joiner_of()
     joiner.announce(0, now=0)
     joiner.announce(1, now=0)
@@ -107,7 +107,7 @@ def test_a_channel_that_is_slow_but_answers_is_waited_for() -> None:
     assert counts["partial"] == 0
 
 
-def test_in_a_live_stream_a_channel_that_has_gone_on_is_not_awaited_for_what_it_dropped() -> None:
+def test_in_a_live_stream_a_channel_is_not_awaited_for_frames_that_it_dropped() -> None:
     joiner, counts = joiner_of((0,), gaps_expected=True)
     for sequence in range(3):
         joiner.announce(sequence, now=0)
@@ -116,7 +116,7 @@ def test_in_a_live_stream_a_channel_that_has_gone_on_is_not_awaited_for_what_it_
     assert counts["partial"] == 2
 
 
-def test_a_frame_not_heard_of_is_waited_for() -> None:
+def test_a_frame_that_was_not_announced_is_waited_for() -> None:
     joiner, counts = joiner_of((0,))
     joiner.add(1, 0, candidate(), now=0)
     assert joiner.release(now=1) == []
@@ -136,7 +136,7 @@ def test_frames_that_were_answered_before_are_not_waited_for() -> None:
     assert counts["late"] == 1
 
 
-def test_where_gaps_are_expected_a_frame_not_heard_of_is_not_waited_for() -> None:
+def test_where_gaps_are_expected_a_missing_frame_is_not_waited_for() -> None:
     joiner, counts = joiner_of((0,), gaps_expected=True)
     joiner.add(1, 0, candidate(), now=0)
     assert sequences(joiner.release(now=0)) == [1]
@@ -146,7 +146,7 @@ def test_where_gaps_are_expected_a_frame_not_heard_of_is_not_waited_for() -> Non
     assert counts["late"] == 1
 
 
-def test_what_comes_twice_too_late_or_from_nowhere_is_dropped_and_counted() -> None:
+def test_duplicate_late_and_unknown_candidates_are_dropped_and_counted() -> None:
     joiner, counts = joiner_of()
     first = candidate(1.0)
     joiner.add(0, 0, first, now=0)
@@ -162,7 +162,7 @@ def test_what_comes_twice_too_late_or_from_nowhere_is_dropped_and_counted() -> N
 
 @dataclass
 class Account:
-    """What a joiner has been told, and must therefore release."""
+    """The calls to a joiner so far, and the frames that it must therefore release."""
 
     channels: frozenset[int]
     gaps_expected: bool
@@ -172,7 +172,7 @@ class Account:
     last: int = -1
     answered: float = 0.0
 
-    def hear(self, sequence: int, now: float) -> None:
+    def announce(self, sequence: int, now: float) -> None:
         if sequence > self.last:
             self.since.setdefault(sequence, now)
 
@@ -185,7 +185,7 @@ class Account:
         elif channel in known:
             self.counts["duplicate"] += 1
         else:
-            self.hear(sequence, now)
+            self.announce(sequence, now)
             known[channel] = given
             self.answered = now
 
@@ -217,7 +217,7 @@ events = st.lists(
 
 @settings(max_examples=200)
 @given(events, st.booleans())
-def test_every_frame_heard_of_in_time_is_released_once_in_order_whatever_happens(
+def test_every_frame_announced_in_time_is_released_once_in_order_whatever_happens(
     happening: list[tuple[str, Any]], gaps_expected: bool
 ) -> None:
     joiner, counts = joiner_of((0, 1, 2), gaps_expected=gaps_expected)
@@ -226,7 +226,7 @@ def test_every_frame_heard_of_in_time_is_released_once_in_order_whatever_happens
     for number, (event, detail) in enumerate(happening):
         if event == "announce":
             joiner.announce(detail, now)
-            account.hear(detail, now)
+            account.announce(detail, now)
         elif event == "add":
             sequence, channel = detail
             given = candidate(number)

@@ -76,7 +76,7 @@ def test_the_mean_of_huge_evidence_is_finite() -> None:
     assert np.isfinite(match.score)
 
 
-def test_of_equally_good_places_the_first_is_taken_and_the_other_takes_the_margin() -> None:
+def test_of_equally_good_places_the_first_is_the_match_and_the_margin_is_0() -> None:
     values = [0.0, -2, 0, 0, -2, -1]
     match = fuse([evidence_of(values)], MatchingConfig(rule="evidence", neighbourhood=1))
     assert match == Match(1, 0.0)
@@ -92,7 +92,7 @@ def beliefs(draw: st.DrawFn) -> list[list[float]]:
     return [draw(one) for _ in range(draw(st.sampled_from([1, 2, 4])))]
 
 
-def literal_place(belief: list[float], tolerance: int) -> int:
+def reference_place(belief: list[float], tolerance: int) -> int:
     """Return the middle, by belief, of the first of the best 2 tolerance + 1 places in a row."""
     best, middle = Fraction(-1), 0
     width = min(2 * tolerance + 1, len(belief))
@@ -112,12 +112,12 @@ def log_odds(probability: float) -> float:
 
 
 @given(beliefs(), st.integers(0, 7))
-def test_belief_is_averaged_and_the_match_is_the_middle_of_the_places_believed_in_most(
+def test_belief_is_averaged_and_the_match_is_the_middle_of_the_likeliest_places(
     channels: list[list[float]], tolerance: int
 ) -> None:
     """With maps smaller than the window, tolerance 0, and no belief in any place at all."""
     mean = [sum(values) / len(channels) for values in zip(*channels, strict=True)]
-    place = literal_place(mean, tolerance)
+    place = reference_place(mean, tolerance)
     within = sum(value for other, value in enumerate(mean) if abs(other - place) <= tolerance)
 
     config = MatchingConfig(rule="filter", tolerance=tolerance)
@@ -128,7 +128,7 @@ def test_belief_is_averaged_and_the_match_is_the_middle_of_the_places_believed_i
 
 @st.composite
 def sparse_beliefs(draw: st.DrawFn) -> list[dict[int, float]]:
-    """Channels that each tell of some places of a larger map, of others or the same ones.
+    """Channels that have beliefs in some places of a larger map, different ones or the same.
 
     In eighths, so that sums are exact and ties come; of 1, 2 or 4 channels the mean is exact, too.
     What came over the bus may be no probability: it counts as 0 or 1.
@@ -144,7 +144,7 @@ def sparse_beliefs(draw: st.DrawFn) -> list[dict[int, float]]:
 
 @given(sparse_beliefs(), st.integers(0, 20))
 @settings(max_examples=500)
-def test_belief_in_some_places_is_fused_as_belief_in_all_of_them_of_which_the_others_have_none(
+def test_belief_in_some_places_is_fused_like_belief_in_all_of_them_that_is_0_in_the_others(
     channels: list[dict[int, float]], tolerance: int
 ) -> None:
     """The dense one: mean beliefs, summed by a convolution over 2 tolerance + 1 places."""
@@ -179,7 +179,7 @@ def test_places_far_apart_and_at_the_end_of_what_an_index_holds_do_not_overflow(
     assert match.probability == pytest.approx((0.5 + 0.125 + 0.75) / 2)
 
 
-def test_of_equally_believed_places_the_first_is_the_match() -> None:
+def test_of_equally_likely_places_the_first_is_the_match() -> None:
     values = [0.0, 0.25, 0, 0, 0, 0.25, 0]
     for tolerance in (0, 1):
         match = fuse([belief_of(values)], MatchingConfig(rule="filter", tolerance=tolerance))
@@ -200,7 +200,7 @@ def test_between_two_peaks_the_match_is_where_most_belief_is_around_it() -> None
     ("posteriors", "too_fast"),
     [([0.5], True), ([0.49], False), ([0.75, 0.25], True), ([1.0, 0.0, 0.25], False)],
 )
-def test_a_match_is_too_fast_where_the_channels_think_so_on_average(
+def test_a_match_is_too_fast_where_the_mean_over_channels_says_so(
     posteriors: list[float], too_fast: bool
 ) -> None:
     channels = [replace(belief_of([0.0, 0.25]), too_fast=posterior) for posterior in posteriors]
@@ -249,7 +249,7 @@ def test_the_lowest_fine_score_wins_and_of_equal_ones_the_first_channels() -> No
         ("ams", fine(1, 0.5)),
     ],
 )
-def test_channels_without_a_candidate_have_no_say(rule: Rule, answered: Candidate) -> None:
+def test_channels_without_a_candidate_do_not_count(rule: Rule, answered: Candidate) -> None:
     config = MatchingConfig(rule=rule, neighbourhood=0)
     assert fuse([NO_CANDIDATE, answered, NO_CANDIDATE], config) == fuse([answered], config)
 
@@ -306,7 +306,7 @@ def test_two_laps_share_their_belief_and_the_one_of_most_is_the_match() -> None:
     assert shared.known
 
 
-def test_two_laps_together_are_believed_in_more_than_a_place_that_is_driven_once() -> None:
+def test_two_laps_together_are_likelier_than_a_place_that_is_passed_once() -> None:
     belief = belief_in({2: 0.3, 8: 0.4, 12: 0.3})
     assert fuse([belief], MatchingConfig(tolerance=0), same=laps(10, 5)).place in {2, 12}
 

@@ -17,8 +17,8 @@ def compared(metric: MapMetric, query: Sequence[Array | None]) -> list[Compariso
     return [None if one is None else next(places.compare(one[None])) for one in query]
 
 
-def metric_of_codes(places: NDArray[np.int16], unit: float) -> MapMetric:
-    """Make a metric of these places (K, M), as if they were codes of this unit."""
+def metric_of_quantized(places: NDArray[np.int16], unit: float) -> MapMetric:
+    """Make a metric of these places (K, M), as if quantized in this unit."""
     points = unit * places.astype(np.float64)
     steps = np.zeros((6, len(points)))
     for step in range(1, 7):
@@ -38,14 +38,14 @@ def metric_of_codes(places: NDArray[np.int16], unit: float) -> MapMetric:
     )
 
 
-def comparison(metric: MapMetric, codes: NDArray[np.int16]) -> Comparison:
-    """Compare a frame of these codes (M,) with the places."""
-    apart = metric.places.astype(np.int32) - codes
-    return comparison_at(metric, codes, (apart**2).sum(axis=1))
+def comparison(metric: MapMetric, descriptor: NDArray[np.int16]) -> Comparison:
+    """Compare a quantized frame (M,) with the places."""
+    apart = metric.places.astype(np.int32) - descriptor
+    return comparison_at(metric, descriptor, (apart**2).sum(axis=1))
 
 
 def comparison_at(
-    metric: MapMetric, codes: NDArray[np.int16], distances: NDArray[np.integer]
+    metric: MapMetric, descriptor: NDArray[np.int16], distances: NDArray[np.integer]
 ) -> Comparison:
     """Compare a frame as if these were its distances, (K,)."""
-    return Comparison(metric, codes, distances.astype(np.int32), float(distances.std()))
+    return Comparison(metric, descriptor, distances.astype(np.int32), float(distances.std()))

@@ -1,4 +1,4 @@
-"""Filters of the places of a metric, for tests of what they come to believe."""
+"""Filters of the places of a metric, for tests of their beliefs."""
 
 from collections.abc import Sequence
 

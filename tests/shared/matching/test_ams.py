@@ -19,7 +19,7 @@ Array = NDArray[np.int32]
 Scored = tuple[float, int]
 
 
-def literal_hypothesis(D: Array, smallest: int, coarse: int) -> Scored:
+def reference_hypothesis(D: Array, smallest: int, coarse: int) -> Scored:
     """Eqs. 11 to 14: F(Y) and Y of the last row of D (query frames, places), at a coarse scale."""
     newest, places = len(D) - 1, D.shape[1]
     F_H, H = float("inf"), -1
@@ -39,23 +39,23 @@ def literal_hypothesis(D: Array, smallest: int, coarse: int) -> Scored:
     return F_Y, Y + smallest - 1
 
 
-def literal_candidate(D: Array, scales: list[int]) -> Scored | None:
+def reference_candidate(D: Array, scales: list[int]) -> Scored | None:
     """Eq. 15, over the coarse scales that the query and the map are long enough for."""
     smallest, coarse_scales = scales[0], scales[1:] or scales
     best: Scored | None = None
     for coarse in coarse_scales:
         if coarse <= len(D) and coarse <= D.shape[1]:
-            hypothesis = literal_hypothesis(D, smallest, coarse)
+            hypothesis = reference_hypothesis(D, smallest, coarse)
             if best is None or hypothesis[0] < best[0]:
                 best = hypothesis
     return best
 
 
-def literal_match(channels: list[tuple[Array, list[int]]]) -> Scored | None:
+def reference_match(channels: list[tuple[Array, list[int]]]) -> Scored | None:
     """Eq. 16."""
     best: Scored | None = None
     for D, scales in channels:
-        candidate = literal_candidate(D, scales)
+        candidate = reference_candidate(D, scales)
         if candidate is not None and (best is None or candidate[0] < best[0]):
             best = candidate
     return best
@@ -91,14 +91,14 @@ def test_places_and_scores_are_those_of_the_equations(
         candidates = []
         for channel, (D, scales) in zip(windows, channels, strict=True):
             candidate = channel.update(D[newest])
-            expected = literal_candidate(D[: newest + 1], scales)
+            expected = reference_candidate(D[: newest + 1], scales)
             if expected is None:
                 assert candidate is NO_CANDIDATE
             else:
                 assert (candidate.score * 16, candidate.place) == expected
             candidates.append(candidate)
         match = fuse(candidates, MatchingConfig(rule="ams"))
-        expected = literal_match([(D[: newest + 1], scales) for D, scales in channels])
+        expected = reference_match([(D[: newest + 1], scales) for D, scales in channels])
         if expected is None:
             assert match.place == UNANSWERED
         else:
@@ -137,7 +137,7 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
 ) -> None:
     frames, places = channels[0][0].shape
     smoothed = [
-        Windowed(AmsMatcher, scales, places, unit=0.25, lag=20).settle_all(list(D))
+        Windowed(AmsMatcher, scales, places, unit=0.25, lag=20).smooth_all(list(D))
         for D, scales in channels
     ]
     for frame in range(frames):
@@ -150,7 +150,7 @@ def test_smoothed_places_and_scores_are_those_that_were_published(
             assert (-match.score * 16, match.place) == expected
 
 
-def test_frames_unseen_at_the_start_are_no_evidence_of_a_match() -> None:
+def test_missing_observations_at_the_start_are_no_evidence_of_a_match() -> None:
     windows = Windowed(AmsMatcher, [2, 3], 10)
     for _ in range(5):
         assert windows.update_missing() is NO_CANDIDATE

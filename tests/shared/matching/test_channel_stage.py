@@ -88,12 +88,12 @@ def test_frames_that_were_missed_take_their_steps_as_missing_observations(
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_of_a_gap_of_any_length_no_more_is_taken_than_changes_anything(
+def test_of_a_gap_of_any_length_only_as_many_frames_are_processed_as_make_a_difference(
     small_map: Map, query: list[Array], rule: Rule
 ) -> None:
     channel = small_map.channels[0]
     matching = MatchingConfig(rule=rule)
-    memory = ChannelShard(channel, matching).new_matcher().memory
+    memory = ChannelShard(channel, matching).new_matcher().horizon
     stage = ChannelStage({0: channel}, matching)
     stream, (first, last) = stage.new_stream(), stage.compare(query[:2])
     stream.update(first)

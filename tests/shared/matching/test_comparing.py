@@ -36,7 +36,7 @@ def exactly(learned: bool) -> MetricPlaces:
 
 
 def bits(frame: Comparison) -> tuple[bytes, bytes]:
-    return frame.codes.tobytes(), frame.distances.tobytes()
+    return frame.descriptor.tobytes(), frame.distances.tobytes()
 
 
 @pytest.mark.parametrize("learned", [False, True])
@@ -49,14 +49,14 @@ def test_distances_are_those_of_the_equation(learned: bool) -> None:
         assert frame.distances.dtype == np.int32
         distances = frame.distances * (metric.unit / longest) ** 2
         np.testing.assert_allclose(distances, (apart**2).sum(axis=1), atol=2e-3)
-        np.testing.assert_allclose(frame.codes, projection @ descriptor / metric.unit, atol=3)
+        np.testing.assert_allclose(frame.descriptor, projection @ descriptor / metric.unit, atol=3)
 
 
 @pytest.mark.parametrize("learned", [False, True])
-def test_distances_are_exactly_those_of_the_codes(learned: bool) -> None:
+def test_distances_are_exactly_those_of_the_quantized_descriptors(learned: bool) -> None:
     metric = METRICS[learned]
     for frame in exactly(learned).compare(unit_vectors(30, seed=2)):
-        apart = frame.codes.astype(np.int64) - metric.places
+        apart = frame.descriptor.astype(np.int64) - metric.places
         np.testing.assert_array_equal(frame.distances, (apart**2).sum(axis=1))
 
 
@@ -99,7 +99,7 @@ def test_no_descriptors_are_no_comparisons() -> None:
 
 
 @pytest.mark.parametrize("learned", [False, True])
-def test_a_distance_matrix_has_a_row_for_each_frame_seen_or_not(learned: bool) -> None:
+def test_a_distance_matrix_has_a_row_for_each_frame_observed_or_missing(learned: bool) -> None:
     metric, query = METRICS[learned], unit_vectors(30, seed=2)
     observed = [None if frame in (0, 7, 29) else one for frame, one in enumerate(query)]
     matrix = distance_matrix(metric, observed, np.inf)
@@ -112,5 +112,5 @@ def test_a_distance_matrix_has_a_row_for_each_frame_seen_or_not(learned: bool) -
             np.testing.assert_allclose(row, metric.unit**2 * frame.distances, rtol=1e-6)
 
 
-def test_a_distance_matrix_of_frames_of_which_none_was_seen() -> None:
+def test_a_distance_matrix_without_any_observation() -> None:
     np.testing.assert_array_equal(distance_matrix(METRICS[True], [None] * 3, 0), np.zeros((3, 300)))

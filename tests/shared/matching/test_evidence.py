@@ -9,14 +9,14 @@ from placefield.matching.candidate import UNANSWERED
 from placefield.matching.evidence import EvidenceMatcher
 
 MOST = (2 * 4015) ** 2
-"""The largest squared distance between codes."""
+"""The largest squared distance between quantized descriptors."""
 
 
 def made_up_distances(frames: int, places: int, seed: int) -> NDArray[np.int32]:
     return np.random.default_rng(seed).integers(0, MOST + 1, (frames, places), np.int32)
 
 
-def literal_evidence(distances: NDArray[np.int32], lengths: list[int]) -> list[float]:
+def reference_evidence(distances: NDArray[np.int32], lengths: list[int]) -> list[float]:
     """Mean distance in each window, z-normalised over the places, averaged over the lengths."""
     newest, places = len(distances) - 1, distances.shape[1]
     total = [0.0] * places
@@ -41,14 +41,14 @@ def literal_evidence(distances: NDArray[np.int32], lengths: list[int]) -> list[f
     st.integers(1, 20),
     st.integers(0, 99),
 )
-def test_evidence_is_the_literal_one(
+def test_evidence_is_that_of_the_reference(
     lengths: list[int], places: int, frames: int, seed: int
 ) -> None:
     distances = made_up_distances(frames, places, seed)
     windows = Windowed(EvidenceMatcher, lengths, places)
     for newest in range(frames):
         candidate = windows.update(distances[newest])
-        expected = literal_evidence(distances[: newest + 1], lengths)
+        expected = reference_evidence(distances[: newest + 1], lengths)
         np.testing.assert_allclose(candidate.evidence, expected, atol=1e-4)
         assert candidate.evidence.dtype == np.float32
         assert np.float32(candidate.score) == candidate.evidence.min()
@@ -77,7 +77,7 @@ def test_where_all_places_are_alike_there_is_no_candidate(places: int) -> None:
         assert windows.update(np.full(places, distance)).place == UNANSWERED
 
 
-def test_before_the_first_frame_that_was_seen_there_is_no_candidate() -> None:
+def test_before_the_first_observation_there_is_no_candidate() -> None:
     windows = Windowed(EvidenceMatcher, [2, 3], 10)
     for _ in range(5):
         assert windows.update_missing().place == UNANSWERED

@@ -21,55 +21,55 @@ DIMENSIONS = 32
 
 @dataclass(frozen=True)
 class Route:
-    """Looks that change gradually, and a map of them; each drive sees them with noise of its own.
+    """Views that change gradually, and a map of them; each drive observes them with its own noise.
 
-    A drive has a season, too, that all of its frames share.
+    All frames of a drive have an offset in common, like a season.
     """
 
-    looks: NDArray[np.float64]
+    views: NDArray[np.float64]
     seed: int
 
     @classmethod
     def random(cls, seed: int, places: int = 200) -> "Route":
         rng = np.random.default_rng(seed)
-        looks = rng.standard_normal((places, DIMENSIONS))
+        views = rng.standard_normal((places, DIMENSIONS))
         for place in range(1, places):
-            looks[place] = 0.9 * looks[place - 1] + math.sqrt(1 - 0.9**2) * looks[place]
-        return cls(looks / math.sqrt(DIMENSIONS), seed)
+            views[place] = 0.9 * views[place - 1] + math.sqrt(1 - 0.9**2) * views[place]
+        return cls(views / math.sqrt(DIMENSIONS), seed)
 
     @property
     def places(self) -> Array:
-        return seen_with_noise(self.looks, np.random.default_rng(self.seed + 1))
+        return observed_with_noise(self.views, np.random.default_rng(self.seed + 1))
 
     def drive(self, positions: NDArray[np.floating]) -> Array:
         """Return a frame for each position, in places; where it is the last one's, that frame."""
         rng = np.random.default_rng(self.seed + 2)
         before = np.floor(positions).astype(int)
-        after = np.minimum(before + 1, len(self.looks) - 1)
-        share = (positions - before)[:, None]
-        looks = (1 - share) * self.looks[before] + share * self.looks[after]
+        after = np.minimum(before + 1, len(self.views) - 1)
+        fraction = (positions - before)[:, None]
+        views = (1 - fraction) * self.views[before] + fraction * self.views[after]
         season = 0.5 * rng.standard_normal(DIMENSIONS) / math.sqrt(DIMENSIONS)
-        frames = seen_with_noise(looks + season, rng)
+        frames = observed_with_noise(views + season, rng)
         for number in np.flatnonzero(np.diff(positions) == 0) + 1:
             frames[number] = frames[number - 1]
         return frames
 
 
-def seen_with_noise(looks: NDArray[np.float64], rng: np.random.Generator) -> Array:
-    noisy = looks + 0.1 * rng.standard_normal(looks.shape) / math.sqrt(DIMENSIONS)
+def observed_with_noise(views: NDArray[np.float64], rng: np.random.Generator) -> Array:
+    noisy = views + 0.1 * rng.standard_normal(views.shape) / math.sqrt(DIMENSIONS)
     return np.asarray(noisy / np.linalg.norm(noisy, axis=1, keepdims=True), np.float32)
 
 
 def filtered(places: Array, frames: Array) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the most believed place and the probability of being lost, after each frame."""
+    """Return the likeliest place and the probability of being lost, after each frame."""
     metric = identity_metric(places)
     matcher = filter_of(metric)
-    most_believed, lost = [], []
+    best_places, lost = [], []
     for frame in compared(metric, [*frames]):
         candidate = matcher.update(frame)
-        most_believed.append(candidate.place)
+        best_places.append(candidate.place)
         lost.append(1 - posterior_of(candidate, len(places)).sum())
-    return np.array(most_believed), np.array(lost)
+    return np.array(best_places), np.array(lost)
 
 
 @pytest.fixture(params=[0, 1, 2])
@@ -79,7 +79,7 @@ def route(request: pytest.FixtureRequest) -> Route:
 
 @pytest.mark.parametrize("speed", [1 / 30, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 4.0, 6.0])
 def test_a_query_is_followed_at_any_speed(route: Route, speed: float) -> None:
-    """After eight looks, of which a slow vehicle has one at each place."""
+    """After eight views, of which a slow vehicle has one at each place."""
     positions = 20 + speed * np.arange(min(int(170 / speed), 400))
     places, _ = filtered(route.places, route.drive(positions))
     off = np.abs(places - positions)[int(8 / min(speed, 1)) :]
@@ -96,8 +96,8 @@ def test_at_a_speed_that_the_map_does_not_resolve_nothing_is_known(
     assert lost[3:].min() > 0.01
 
 
-def told_too_fast(route: Route, speed: float) -> NDArray[np.bool_]:
-    """Return of which frames of a drive the match says so."""
+def too_fast_frames(route: Route, speed: float) -> NDArray[np.bool_]:
+    """Return which matches of a drive are too fast."""
     places = route.places
     metric, matching = identity_metric(places), MatchingConfig()
     matcher = filter_of(metric)
@@ -108,19 +108,19 @@ def told_too_fast(route: Route, speed: float) -> NDArray[np.bool_]:
 
 
 @pytest.mark.parametrize("speed", [7.0, 8.0, 9.0, 11.0])
-def test_a_drive_is_told_to_be_faster_than_the_map_resolves(route: Route, speed: float) -> None:
-    assert told_too_fast(route, speed)[6:].mean() > 0.9
+def test_a_drive_that_is_too_fast_for_the_map_is_reported_so(route: Route, speed: float) -> None:
+    assert too_fast_frames(route, speed)[6:].mean() > 0.9
 
 
 @pytest.mark.parametrize("speed", [0.25, 1.0, 4.0, 6.0])
-def test_a_drive_that_the_map_resolves_is_never_told_to_be_too_fast(
+def test_a_drive_that_the_map_resolves_is_never_reported_too_fast(
     route: Route, speed: float
 ) -> None:
-    assert not told_too_fast(route, speed).any()
+    assert not too_fast_frames(route, speed).any()
 
 
 def test_a_query_is_followed_through_stops(route: Route) -> None:
-    """A stop is noticed late, and what has rolled on in belief until then is taken back."""
+    """A stop is noticed late; the belief that moved on until then is corrected."""
     stops = [40, 80, 120]
     positions = np.repeat(np.arange(150.0), [8 if place in stops else 1 for place in range(150)])
     places, _ = filtered(route.places, route.drive(positions))

@@ -7,8 +7,8 @@ from comparisons import compared
 from filters import filter_of, posterior_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from literal_filter import LiteralFilter
 from numpy.typing import NDArray
+from reference_filter import ReferenceFilter
 from windowed import mean_of
 
 from placefield.config import MatchingConfig, Rule
@@ -90,14 +90,14 @@ def test_what_came_before_the_longest_window_changes_not_one_bit(
     )
     old, new = (window_matcher(metric, scales, rule) for _ in range(2))
     candidates = candidates_of(old, frames)
-    begin = max(len(frames) - old.memory, 0)
+    begin = max(len(frames) - old.horizon, 0)
     while begin > 0 and frames[begin] is None:
         begin -= 1
     assert bits(candidates_of(new, frames[begin:])[-1]) == bits(candidates[-1])
 
 
 @pytest.mark.parametrize("rule", WINDOW_RULES)
-def test_frames_unseen_leave_the_others_on_their_diagonal(rule: Rule) -> None:
+def test_missing_observations_leave_the_others_on_their_diagonal(rule: Rule) -> None:
     places = random_walk(60, 1)
     metric = identity_metric(places)
     query = [None if frame in (20, 21, 40) else places[frame] for frame in range(60)]
@@ -115,12 +115,12 @@ def test_a_maps_channel_is_matched_under_its_metric_at_its_scales(
     if rule == "ams":
         scales = sorted({channel.smallest, *scales})
     by_hand = window_matcher(channel.metric, scales, rule)
-    assert made.memory == channel.scales.max()
+    assert made.horizon == channel.scales.max()
     for frame in compared(channel.metric, descriptors_of(channel.metric)):
         assert bits(made.update(frame)) == bits(by_hand.update(frame))
 
 
-def test_the_filter_follows_a_route_past_frames_unseen() -> None:
+def test_the_filter_follows_a_route_past_missing_observations() -> None:
     places = random_walk(60, 1)
     metric = identity_metric(places)
     query = [None if frame in (20, 21, 40) else places[frame] for frame in range(60)]
@@ -134,7 +134,7 @@ def test_the_filter_follows_a_route_past_frames_unseen() -> None:
     assert [candidate.place for candidate in candidates[5:]] == list(range(5, 60))
 
 
-def test_the_filter_has_no_candidate_before_the_first_frame_that_was_seen() -> None:
+def test_the_filter_has_no_candidate_before_the_first_observation() -> None:
     places = random_walk(30, 1)
     metric = identity_metric(places)
     late, prompt = filter_of(metric), filter_of(metric)
@@ -160,7 +160,7 @@ def test_after_its_memory_the_filter_is_found_by_what_it_sees_next_alone() -> No
     places = random_walk(300, 1)
     metric = identity_metric(places)
     found = []
-    for unobserved in (FilterMatcher.memory, 4 * FilterMatcher.memory):
+    for unobserved in (FilterMatcher.horizon, 4 * FilterMatcher.horizon):
         query = [*places[:60], *[None] * unobserved, *places[30:40]]
         candidate = candidates_of(filter_of(metric), compared(metric, query))[-1]
         beliefs = np.zeros(300)
@@ -174,12 +174,14 @@ def test_what_is_left_out_of_a_posterior_is_negligible() -> None:
     """As when it is spread over a long map, or is all on a single place of it."""
     places = random_walk(5000, 1)
     metric = identity_metric(places)
-    literal = LiteralFilter(descriptors_of(metric).astype(np.float64))
+    reference = ReferenceFilter(descriptors_of(metric).astype(np.float64))
     matcher = filter_of(metric)
     for number, frame in enumerate(compared(metric, [*places[:20], *[None] * 30])):
         candidate = matcher.update(frame)
-        literal.update(None if frame is None else metric.unit * frame.codes.astype(np.float64))
-        left_out = literal.belief() - posterior_of(candidate, 5000)
+        reference.update(
+            None if frame is None else metric.unit * frame.descriptor.astype(np.float64)
+        )
+        left_out = reference.belief() - posterior_of(candidate, 5000)
         assert left_out.max() <= 1.1e-6
         assert left_out.sum() < 0.005 or number > 45
 
@@ -195,14 +197,14 @@ def test_in_reverse_a_route_is_matched_as_one_whose_places_come_the_other_way(
     forth = replace(forth, metric=identity_metric(places))
     back = replace(forth, metric=identity_metric(places[::-1]))
     last = count - 1
-    reverse, turned = matcher_of(forth, rule, reverse=True), matcher_of(back, rule)
-    assert reverse.memory == turned.memory
+    reverse, reversed = matcher_of(forth, rule, reverse=True), matcher_of(back, rule)
+    assert reverse.horizon == reversed.horizon
     query = [None, *places[::-1][:10], None, *places[::-1][11:]]
     rtol = 1e-4 if rule == "filter" else 0
     for there, here in zip(
         compared(back.metric, query), compared(forth.metric, query), strict=True
     ):
-        expected, candidate = turned.update(there), reverse.update(here)
+        expected, candidate = reversed.update(there), reverse.update(here)
         answered = expected.place != UNANSWERED
         assert candidate.place == (last - expected.place if answered else UNANSWERED)
         assert candidate.score == pytest.approx(expected.score, rel=rtol, abs=0)
@@ -231,7 +233,7 @@ def test_in_reverse_windows_smooth_a_route_as_one_whose_places_come_the_other_wa
         smoothed.append(frames + matcher.finish())
     assert len(smoothed[0]) == len(smoothed[1]) == len(query)
     for candidate, expected in zip(*smoothed, strict=True):
-        assert bits(candidate.candidate) == bits(expected.candidate.turned(90))
+        assert bits(candidate.candidate) == bits(expected.candidate.reversed(90))
         assert candidate.lag == expected.lag
 
 
@@ -243,14 +245,14 @@ def test_in_reverse_odometry_is_followed_as_on_a_route_whose_places_come_the_oth
     forth = replace(forth, metric=identity_metric(places))
     back = replace(forth, metric=identity_metric(places[::-1]))
     travelled = np.cumsum(np.random.default_rng(1).uniform(0, 3, 90))
-    driven = np.random.default_rng(2).integers(-1, 9, 20).cumsum()
-    observed = [int(place) for place in driven if 0 <= place < 90]
+    positions = np.random.default_rng(2).integers(-1, 9, 20).cumsum()
+    observed = [int(place) for place in positions if 0 <= place < 90]
     readings = [float(travelled[-1] - travelled[89 - place]) for place in observed]
     reverse = ChannelStage({0: forth}, MatchingConfig(reverse=True), travelled=travelled)
-    turned = ChannelStage({0: back}, MatchingConfig(), travelled=travelled[-1] - travelled[::-1])
+    reversed = ChannelStage({0: back}, MatchingConfig(), travelled=travelled[-1] - travelled[::-1])
     without = ChannelStage({0: back}, MatchingConfig(), travelled=np.empty(0))
-    streams = [stage.new_stream() for stage in (reverse, turned, without)]
-    stages = (reverse, turned, without)
+    streams = [stage.new_stream() for stage in (reverse, reversed, without)]
+    stages = (reverse, reversed, without)
     differ = False
     for place, reading in zip(observed, readings, strict=True):
         frame = places[::-1][place]
@@ -270,4 +272,4 @@ def test_the_mean_distance_is_that_of_the_distances_to_the_last_bit(places: int)
     mean_distance = MeanDistance(metric)
     for frame in compared(metric, [*random_walk(50, 2)]):
         assert frame is not None
-        assert mean_distance(frame.codes) == mean_of(frame.distances)
+        assert mean_distance(frame.descriptor) == mean_of(frame.distances)

@@ -19,12 +19,12 @@ from placefield.matching.motion import (
     step_likelihoods,
 )
 
-STANDING = 0.04
+STATIONARY = 0.04
 
 
 def likelihoods_of(apart: np.ndarray, step: float) -> np.ndarray:
     made = np.empty((len(SPEEDS), apart.shape[1]), np.float32)
-    step_likelihoods(apart.astype(np.float32), STANDING, SPEEDS, step, made)
+    step_likelihoods(apart.astype(np.float32), STATIONARY, SPEEDS, step, made)
     return made
 
 
@@ -32,15 +32,15 @@ def student(difference: float) -> float:
     return float((1 + (difference / 0.3) ** 2 / 2) ** -1.5)
 
 
-def test_speeds_reach_from_standing_to_six_places_a_frame_and_three_that_are_too_fast() -> None:
+def test_speeds_are_from_stationary_to_six_places_a_frame_and_three_that_are_too_fast() -> None:
     assert SPEEDS[0] == 0
     assert 0 < SPEEDS[1] <= 1 / 30
     assert SPEEDS[RESOLVED - 1 :].tolist() == [6, 7, 9, 11]
     assert np.all(np.diff(SPEEDS) > 0)
 
 
-def test_chances_of_steps_are_those_of_the_page() -> None:
-    """Between two whole steps, the nearer oftener, for all speeds that one stands for."""
+def test_chances_of_steps_are_those_of_the_documentation() -> None:
+    """A step is one of the two nearest whole numbers, averaged over a range of speeds."""
     made = motion()
     assert made.prior.sum() == pytest.approx(1)
     np.testing.assert_allclose(made.chances.sum(axis=1), 1, rtol=1e-6)
@@ -56,7 +56,7 @@ def test_chances_of_steps_are_those_of_the_page() -> None:
 
 
 def test_a_step_takes_one_of_three_numbers_of_places_at_each_speed() -> None:
-    """Which is what the compiled loops add up."""
+    """The compiled loops add up three terms."""
     made = motion()
     for chances, least in zip(made.chances, made.least.tolist(), strict=True):
         assert chances[least : least + 3].sum() == chances.sum()
@@ -73,40 +73,40 @@ def test_a_stop_lasts_five_frames_and_a_speed_sixty() -> None:
     st.lists(st.floats(0, 1.5), min_size=6, max_size=6),
     st.floats(0, 2),
 )
-def test_a_step_is_as_likely_as_it_is_near_what_its_speed_expects(
+def test_a_step_is_as_likely_as_it_is_near_the_expected_length_at_its_speed(
     apart: list[float], step: float
 ) -> None:
     made = likelihoods_of(np.array(apart)[:, None], step)[:, 0]
-    lengths = [STANDING, *(max(length, STANDING) for length in apart)]
+    lengths = [STATIONARY, *(max(length, STATIONARY) for length in apart)]
     for speed, likelihood in zip(SPEEDS.tolist(), made.tolist(), strict=True):
         low = math.floor(speed)
         if speed < 1:
-            expected = STANDING + (lengths[1] - STANDING) * math.sqrt(speed)
+            expected = STATIONARY + (lengths[1] - STATIONARY) * math.sqrt(speed)
         elif speed > 6:  # no more is known than of six places
             expected = lengths[6]
         elif speed == low:
             expected = lengths[low]
         else:
             between = apart[low - 1] + (apart[low] - apart[low - 1]) * (speed - low)
-            expected = max(between, STANDING)
-        assert likelihood == pytest.approx(student(max(step, STANDING) - expected), rel=1e-3)
+            expected = max(between, STATIONARY)
+        assert likelihood == pytest.approx(student(max(step, STATIONARY) - expected), rel=1e-3)
 
 
-def test_of_an_unknown_step_all_speeds_are_as_likely() -> None:
+def test_an_unknown_step_is_equally_likely_at_all_speeds() -> None:
     assert np.all(likelihoods_of(np.ones((6, 9)), UNKNOWN) == 1)
 
 
-def test_jumps_are_as_likely_as_their_mean() -> None:
+def test_a_jump_has_the_mean_likelihood_of_random_pairs() -> None:
     lengths = np.linspace(0, 1.5, 77)
     expected = np.mean([student(0.9 - length) for length in lengths])
     assert mean_student(lengths.astype(np.float32), 0.9) == pytest.approx(expected, rel=1e-5)
 
 
-def test_standing_is_a_twentieth_of_the_median_step() -> None:
+def test_the_stationary_step_is_a_twentieth_of_the_median_step() -> None:
     apart = np.tile(np.array([0.1, 0.4, 0.9], np.float32), (6, 1))
     made = step_lengths(apart, np.ones(3, np.float32))
     assert made.typical == pytest.approx(0.4)
-    assert made.standing == pytest.approx(0.02)
+    assert made.stationary == pytest.approx(0.02)
 
 
 def test_where_no_place_is_apart_a_typical_step_is_one() -> None:
@@ -114,7 +114,7 @@ def test_where_no_place_is_apart_a_typical_step_is_one() -> None:
 
 
 @given(st.integers(1, 5000))
-def test_few_rows_stand_for_all_evenly(count: int) -> None:
+def test_a_sample_of_rows_is_evenly_spaced(count: int) -> None:
     some = evenly_spaced(np.arange(count), 250)
     assert 1 <= len(some) <= 250
     assert len(set(np.diff(some).tolist())) <= 1

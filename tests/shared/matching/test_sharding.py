@@ -5,7 +5,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from comparisons import comparison, metric_of_codes
+from comparisons import comparison, metric_of_quantized
 from filters import SCALES, channel_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.fusion.rules import fuse
-from placefield.fusion.shards import join_shards
+from placefield.fusion.shard_joiner import join_shards
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.sharding import ChannelShard, shard_range
-from placefield.search.quantized import Codes
+from placefield.search.quantized import Quantized
 
 pytestmark = pytest.mark.slow
 
@@ -51,15 +51,15 @@ def learned_channel(places: Array) -> MapChannel:
 
 
 def a_drive(places: Array, *, reverse: bool) -> list[Array | None]:
-    """All that may happen: a late start, stops, jumps, other routes, unobserved frames."""
+    """A drive with a late start, stops, jumps, other routes and missing observations."""
     ordered = places[::-1] if reverse else places
     last = len(places) - 1
-    ahead = max(last // 2 - 60, 0) + np.cumsum(np.repeat([1, 2, 1, 0, 2, 1], 25))
-    along = ordered[np.minimum(ahead, last)]
+    positions = max(last // 2 - 60, 0) + np.cumsum(np.repeat([1, 2, 1, 0, 2, 1], 25))
+    along = ordered[np.minimum(positions, last)]
     from_elsewhere = ordered[(last * 2 // 3 + np.arange(60)) % (last + 1)]
-    strangers = random_walk(20, seed=77)
+    other_route = random_walk(20, seed=77)
     the_other_way = ordered[np.arange(min(last, 70), 0, -1)]
-    frames = np.concatenate([along, from_elsewhere, strangers, the_other_way])
+    frames = np.concatenate([along, from_elsewhere, other_route, the_other_way])
     noise = 0.05 * np.random.default_rng(3).normal(size=frames.shape)
     observed = frames + noise.astype(np.float32)
     observed /= np.linalg.norm(observed, axis=1, keepdims=True)
@@ -88,7 +88,7 @@ class Shards:
         self.smoothed: list[SmoothedCandidate] = []
 
     def update(self, frames: Sequence[Comparison | None]) -> Candidate:
-        """Take how a frame compares with the places of each, and return what they answer."""
+        """Process the comparisons of a frame in each shard, and return the joined candidate."""
         self.partials = [
             matcher.local(frame) for matcher, frame in zip(self.matchers, frames, strict=True)
         ]
@@ -97,13 +97,13 @@ class Shards:
         return join_shards(candidates, self.rule)
 
     def finish(self) -> list[SmoothedCandidate]:
-        """Return all that was smoothed: the stream is over."""
+        """Return all smoothed candidates at the end of the stream."""
         left = joined([matcher.finish() for matcher in self.matchers], self.rule)
         return self.smoothed + left
 
 
 def joined(smoothed: Sequence[list[SmoothedCandidate]], rule: Rule) -> list[SmoothedCandidate]:
-    """Join what shards have smoothed, which are the same frames."""
+    """Join the smoothed candidates of all shards."""
     frames = []
     for of_frame in zip(*smoothed, strict=True):
         (lag,) = {each.lag for each in of_frame}
@@ -141,12 +141,12 @@ def beliefs_of(candidate: Candidate, places: int) -> Array:
     return beliefs
 
 
-def assert_believed_alike(whole: Candidate, joined: Candidate, places: int) -> None:
+def assert_same_beliefs(whole: Candidate, joined: Candidate, places: int) -> None:
     if whole is NO_CANDIDATE:
         assert joined is NO_CANDIDATE
         return
     expected, found = beliefs_of(whole, places), beliefs_of(joined, places)
-    # Rounding may lift a belief over the least that is told.
+    # Rounding may lift a belief over the negligible ones.
     np.testing.assert_allclose(found, expected, rtol=2e-5, atol=1.1e-6)
     assert np.all(np.diff(joined.places) > 0)
     assert joined.score == pytest.approx(whole.score, rel=2e-5)
@@ -166,7 +166,7 @@ def test_shards_of_the_filter_match_every_frame_as_the_whole_does(
     config, known = MatchingConfig(), []
     query = a_drive(walk, reverse=reverse)
     for whole, joined in answers(make(walk), "filter", shards, query, reverse=reverse):
-        assert_believed_alike(whole, joined, places)
+        assert_same_beliefs(whole, joined, places)
         expected, found = fuse([whole], config), fuse([joined], config)
         assert (found.place, found.known) == (expected.place, expected.known)
         if expected.probability is not None:
@@ -197,7 +197,7 @@ def test_shards_of_the_filter_smooth_every_frame_as_the_whole_does(
     expected += whole.finish()
     for one, other in zip(expected, parts.finish(), strict=True):
         assert one.lag == other.lag
-        assert_believed_alike(one.candidate, other.candidate, places)
+        assert_same_beliefs(one.candidate, other.candidate, places)
     assert {each.lag for each in expected} > {0, 20}
 
 
@@ -231,12 +231,14 @@ def test_shards_that_compare_windows_smooth_every_frame_as_the_whole_does(
     for count in (1, shards):
         parts = [ChannelShard(channel, matching, shard, count) for shard in range(count)]
         matchers = [part.new_matcher() for part in parts]
-        looks = [MetricPlaces(part.metric, exact=True) for part in parts]
+        compares = [MetricPlaces(part.metric, exact=True) for part in parts]
         frames = []
         for descriptor in [*query, *[None] * matchers[0].tail]:
             partials = [
-                matcher.local(None if descriptor is None else next(look.compare(descriptor[None])))
-                for matcher, look in zip(matchers, looks, strict=True)
+                matcher.local(
+                    None if descriptor is None else next(compare.compare(descriptor[None]))
+                )
+                for matcher, compare in zip(matchers, compares, strict=True)
             ]
             for matcher in matchers:
                 matcher.reduce(partials)
@@ -274,26 +276,26 @@ small_queries = st.lists(
 )
 
 
-def beside(metric: MapMetric, codes: Codes | None) -> Comparison | None:
-    return None if codes is None else comparison(metric, codes)
+def beside(metric: MapMetric, descriptor: Quantized | None) -> Comparison | None:
+    return None if descriptor is None else comparison(metric, descriptor)
 
 
 @given(small_maps, st.integers(1, 4), small_queries, st.booleans())
 @settings(max_examples=150)
-def test_shards_of_the_filter_believe_what_the_whole_does(
+def test_shards_of_the_filter_have_the_beliefs_of_the_whole(
     places: list[list[int]], shards: int, query: list[list[int] | str], reverse: bool
 ) -> None:
     """In maps whose places may coincide, on frames that may be anything."""
-    channel = channel_of(metric_of_codes(np.array(places, np.int16), 0.25), [2])
+    channel = channel_of(metric_of_quantized(np.array(places, np.int16), 0.25), [2])
     whole = whole_channel(channel, "filter", reverse=reverse)
     parts = Shards(channel, "filter", shards, reverse=reverse)
-    last: Codes | None = None
+    last: Quantized | None = None
     for frame in query:
         last = np.array(frame, np.int16) if isinstance(frame, list) else last
-        codes = None if frame == "unobserved" else last
-        expected = whole.update(beside(channel.metric, codes))
-        found = parts.update([beside(part.metric, codes) for part in parts.parts])
-        assert_believed_alike(expected, found, len(places))
+        descriptor = None if frame == "unobserved" else last
+        expected = whole.update(beside(channel.metric, descriptor))
+        found = parts.update([beside(part.metric, descriptor) for part in parts.parts])
+        assert_same_beliefs(expected, found, len(places))
 
 
 @pytest.mark.parametrize("reverse", [False, True])
@@ -307,8 +309,8 @@ def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: boo
     ]
     (whole,), parts = ([shard.new_matcher() for shard in shards] for shards in made)
     steps = rng.choice([0, 1, 1, 2, 3, 40, 110], 60, p=[0.1, 0.3, 0.2, 0.2, 0.1, 0.05, 0.05])
-    driven = np.minimum(np.cumsum(steps), 399)
-    at, right = 399 - driven if reverse else driven, 0
+    travelled_positions = np.minimum(np.cumsum(steps), 399)
+    at, right = 399 - travelled_positions if reverse else travelled_positions, 0
     for number, place in enumerate(at.tolist()):
         frame = places[place] + 0.05 * rng.normal(size=DIMENSIONS).astype(np.float32)
         frame /= np.linalg.norm(frame)
@@ -320,7 +322,7 @@ def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: boo
             for matcher, shard in zip(parts, made[1], strict=True)
         ]
         found = join_shards([matcher.reduce(partials) for matcher in parts], "filter")
-        assert_believed_alike(expected, found, 400)
+        assert_same_beliefs(expected, found, 400)
         right += abs(found.place - place) <= 1
     assert right >= 50
 
@@ -329,36 +331,40 @@ def beside_all(metric: MapMetric, frame: Array) -> Comparison:
     return next(MetricPlaces(metric, exact=True).compare(frame[None]))
 
 
-def test_a_place_that_stands_out_in_one_shard_leaves_next_to_nothing_to_the_others() -> None:
+def test_an_outstanding_place_in_one_shard_leaves_next_to_nothing_to_the_others() -> None:
     """Which are so far from it that float32 has no number for the likelihood there."""
     count, axes = 40_000, np.eye(DIMENSIONS)
     walk = axes[0] + 0.001 * np.random.default_rng(1).normal(size=(count, DIMENSIONS))
-    standing_out = [7, 8, 9_999, 10_000, 30_000, 30_001]
-    walk[standing_out] = axes[1 : 1 + len(standing_out)]
+    outstanding = [7, 8, 9_999, 10_000, 30_000, 30_001]
+    walk[outstanding] = axes[1 : 1 + len(outstanding)]
     walk /= np.linalg.norm(walk, axis=1, keepdims=True)
     channel = channel_of(identity_metric(walk.astype(np.float32)))
-    query = list(axes[1 : 1 + len(standing_out)].astype(np.float32))
+    query = list(axes[1 : 1 + len(outstanding)].astype(np.float32))
     pairs = list(answers(channel, "filter", 4, query))
     for whole, joined in pairs:
-        assert_believed_alike(whole, joined, count)
+        assert_same_beliefs(whole, joined, count)
     places = [joined.place for _, joined in pairs]
-    assert places[:2] + places[3:] == standing_out[:2] + standing_out[3:]  # a jump is doubted first
+    assert (
+        places[:2] + places[3:] == outstanding[:2] + outstanding[3:]
+    )  # a jump is not trusted at once
 
 
-def test_places_that_are_all_alike_are_believed_in_as_by_the_whole() -> None:
+def test_places_that_are_all_alike_are_as_likely_as_in_the_whole() -> None:
     places = np.repeat(random_walk(1, seed=1), 50, axis=0)
     query = [*random_walk(20, seed=2), None, *random_walk(5, seed=3)]
     for whole, joined in answers(channel_of(identity_metric(places)), "filter", 3, query):
-        assert_believed_alike(whole, joined, 50)
+        assert_same_beliefs(whole, joined, 50)
 
 
-def test_where_a_coarse_look_chooses_shards_nearly_agree_with_the_whole() -> None:
+def test_with_a_coarse_search_shards_nearly_agree_with_the_whole() -> None:
     dimensions, count = 96, 6000
     rng = np.random.default_rng(1)
     walk = np.sin(np.cumsum(0.3 * rng.normal(size=(count, dimensions)), axis=0))
     walk /= np.linalg.norm(walk, axis=1, keepdims=True)
-    driven = np.concatenate([np.arange(1950, 2060), np.arange(3980, 4060, 2)])
-    query = walk[driven] + 0.05 * rng.normal(size=(len(driven), dimensions))
+    travelled_positions = np.concatenate([np.arange(1950, 2060), np.arange(3980, 4060, 2)])
+    query = walk[travelled_positions] + 0.05 * rng.normal(
+        size=(len(travelled_positions), dimensions)
+    )
     query /= np.linalg.norm(query, axis=1, keepdims=True)
     channel = channel_of(identity_metric(walk.astype(np.float32), coarse=True))
     assert channel.metric.coarse is not None
@@ -372,7 +378,7 @@ def test_where_a_coarse_look_chooses_shards_nearly_agree_with_the_whole() -> Non
 
 @pytest.mark.parametrize("rule", RULES)
 def test_partial_results_are_small(rule: Rule) -> None:
-    """Of the filter, a few hundred bytes for each place that is believed in."""
+    """Of the filter, a few hundred bytes for each place of the trace."""
     scales = list(range(3, 33))
     walk = random_walk(200, seed=1)
     parts = Shards(channel_of(identity_metric(walk), scales), rule, 4)

@@ -62,8 +62,8 @@ def probability_of_moving(before: tuple[int, ...], after: tuple[int, ...], step:
         return float(LOSE * step.jump * step.unlearned[after[0]])
     if before[0] != after[0]:
         return 0
-    taken = after[2] - before[2] if after[0] == 0 else before[2] - after[2]
-    chance = step.chances[after[1], taken] if 0 <= taken < 3 else 0.0
+    step_places = after[2] - before[2] if after[0] == 0 else before[2] - after[2]
+    chance = step.chances[after[1], step_places] if 0 <= step_places < 3 else 0.0
     speeds = change_of_speed(before[1], after[1], step, step.prior)
     return float((1 - LOSE) * speeds * chance * step.likelihood[after[1], after[2]])
 

@@ -1,4 +1,4 @@
-"""After a rehearsal nothing is left to compile; asked of processes of their own."""
+"""After the warm-up nothing is left to compile; each test starts its own process."""
 
 import subprocess
 import sys
@@ -54,16 +54,21 @@ assert before and compiled() == before, compiled() - before
 
 def traverse() -> Traverse:
     rng = np.random.default_rng(3)
-    looks = 5 + np.cumsum(rng.normal(size=(PLACES, DIMENSIONS)), axis=0)
+    features = 5 + np.cumsum(rng.normal(size=(PLACES, DIMENSIONS)), axis=0)
     stamps = np.arange(PLACES, dtype=np.int64)
     return Traverse(
-        "a walk", looks.astype(np.float32), stamps, np.zeros((0, 3)), np.empty(0), (b"",) * PLACES
+        "a walk",
+        features.astype(np.float32),
+        stamps,
+        np.zeros((0, 3)),
+        np.empty(0),
+        (b"",) * PLACES,
     )
 
 
 @pytest.fixture(scope="module")
 def map_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map of a channel under a learned metric, and of one with a coarse look."""
+    """A map of a channel under a learned metric, and of one with a coarse index."""
     built = build_map(
         [traverse()],
         Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}}),
@@ -76,14 +81,14 @@ def map_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for coarse in (False, True)
     ]
     channels = [replace(c, metric=m) for c, m in zip((first, other), metrics, strict=True)]
-    path = tmp_path_factory.mktemp("rehearsing") / "walk.pfmap"
+    path = tmp_path_factory.mktemp("warm-up") / "walk.pfmap"
     save_map(replace(built, channels=tuple(channels)), path)
     return path
 
 
 @pytest.mark.parametrize("rule", ["filter", "evidence", "ams"])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_after_a_rehearsal_no_frame_waits_for_the_compiler(
+def test_after_the_warm_up_no_frame_waits_for_the_compiler(
     map_path: Path, rule: str, reverse: bool
 ) -> None:
     arguments = [str(map_path), rule, "reverse" if reverse else ""]

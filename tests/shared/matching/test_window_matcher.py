@@ -48,11 +48,11 @@ def bits(candidate: Candidate) -> tuple[int, float, bytes]:
 def smooth(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames, lag: int
 ) -> list[SmoothedCandidate]:
-    return Windowed(rule, lengths, places_of(frames), lag=lag).settle_all(frames)
+    return Windowed(rule, lengths, places_of(frames), lag=lag).smooth_all(frames)
 
 
 def at_once(rule: type[WindowMatcher], lengths: list[int], frames: Frames) -> list[Candidate]:
-    return Windowed(rule, lengths, places_of(frames)).push_all(frames)
+    return Windowed(rule, lengths, places_of(frames)).update_all(frames)
 
 
 @rules
@@ -63,8 +63,8 @@ def test_a_stream_is_smoothed_as_its_mirror_image_is_answered_at_once(
 ) -> None:
     answers = at_once(rule, lengths, mirrored(frames))[::-1]
     smoothed = smooth(rule, lengths, frames, ALL_LAGS)
-    turned = [each.turned(places_of(frames)) for each in answers]
-    assert [bits(each.candidate) for each in smoothed] == [bits(each) for each in turned]
+    reversed = [each.reversed(places_of(frames)) for each in answers]
+    assert [bits(each.candidate) for each in smoothed] == [bits(each) for each in reversed]
 
 
 @rules
@@ -83,7 +83,7 @@ def test_a_frame_is_smoothed_by_the_mirror_image_of_the_frames_that_it_waits_for
     for number, each in enumerate(smoothed):
         waited_for = frames[number : number + max(cut)]
         windows = Windowed(rule, cut, places_of(frames))
-        expected = windows.push_all(mirrored(waited_for))[-1].turned(places_of(frames))
+        expected = windows.update_all(mirrored(waited_for))[-1].reversed(places_of(frames))
         assert bits(each.candidate) == bits(expected)
         assert each.lag == len(waited_for) - 1 <= lag
 
@@ -106,7 +106,7 @@ def test_with_no_lag_frames_are_smoothed_as_they_are_answered(
 def test_a_lag_changes_not_one_bit_of_the_answers_at_once(
     rule: type[WindowMatcher], lengths: list[int], frames: Frames, lag: int
 ) -> None:
-    smoothed = Windowed(rule, lengths, places_of(frames), lag=lag).push_all(frames)
+    smoothed = Windowed(rule, lengths, places_of(frames), lag=lag).update_all(frames)
     expected = at_once(rule, lengths, frames)
     assert [bits(each) for each in smoothed] == [bits(each) for each in expected]
 

@@ -11,7 +11,7 @@ from placefield.matching.windows import RecentDistances, WindowSums
 
 Array = NDArray[np.int32]
 MOST = (2 * 4015) ** 2
-"""The largest squared distance between codes."""
+"""The largest squared distance between quantized descriptors."""
 
 scales = st.lists(st.integers(1, 9), min_size=1, max_size=4, unique=True).map(sorted)
 
@@ -21,11 +21,11 @@ def made_up_distances(frames: int, places: int, seed: int = 0) -> Array:
 
 
 class Sums:
-    """The sums of a stream, of the windows that look back or of those that look ahead."""
+    """The sums of a stream, of the backward windows, or of the forward windows."""
 
-    def __init__(self, lengths: list[int], places: int, *, ahead: bool = False) -> None:
+    def __init__(self, lengths: list[int], places: int, *, forward: bool = False) -> None:
         self.recent = RecentDistances(max(lengths), places)
-        self.windows = WindowSums(self.recent, lengths, ahead=ahead)
+        self.windows = WindowSums(self.recent, lengths, forward=forward)
 
     def update(self, distances: Array) -> None:
         self.recent.update(distances, mean_of(distances))
@@ -41,7 +41,7 @@ class Sums:
         return self.windows.columns[:, places]
 
 
-def literal_sum(distances: Array, length: int, place: int) -> int:
+def reference_sum(distances: Array, length: int, place: int) -> int:
     """Add up the window of a length that ends at the newest frame and at a place."""
     total = 0
     newest = len(distances) - 1
@@ -55,7 +55,9 @@ def literal_sum(distances: Array, length: int, place: int) -> int:
 
 
 @given(scales, st.integers(1, 12), st.integers(1, 60), st.integers(0, 99))
-def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int, seed: int) -> None:
+def test_sums_are_those_of_the_reference(
+    lengths: list[int], places: int, frames: int, seed: int
+) -> None:
     """With young streams, windows that begin before the first place, maps shorter than them, even
 
     of one place, and streams whose columns have come around several times.
@@ -65,7 +67,7 @@ def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int,
     for newest in range(frames):
         windows.update(distances[newest])
         expected = [
-            [literal_sum(distances[: newest + 1], length, place) for place in range(places)]
+            [reference_sum(distances[: newest + 1], length, place) for place in range(places)]
             for length in lengths
         ]
         np.testing.assert_array_equal(windows.values(), expected)
@@ -73,12 +75,12 @@ def test_sums_are_the_literal_ones(lengths: list[int], places: int, frames: int,
 
 
 @given(scales, st.integers(1, 12), st.integers(1, 30), st.integers(0, 99))
-def test_sums_ahead_are_the_literal_ones(
+def test_forward_sums_are_those_of_the_reference(
     lengths: list[int], places: int, frames: int, seed: int
 ) -> None:
     """Of the frame whose longest window is complete, with the places in reverse order."""
     distances = made_up_distances(frames, places, seed)
-    windows = Sums(lengths, places, ahead=True)
+    windows = Sums(lengths, places, forward=True)
     for newest in range(frames):
         windows.update(distances[newest])
         begin = newest - max(lengths) + 1
@@ -124,7 +126,7 @@ def test_only_the_frames_in_the_window_count(
 
 
 @pytest.mark.parametrize("places", [7, 200, 1261])
-def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_average(
+def test_a_missing_observation_is_as_far_from_everywhere_as_the_last_one_was_on_average(
     places: int,
 ) -> None:
     distances = made_up_distances(3, places)
@@ -140,7 +142,7 @@ def test_an_unseen_frame_is_as_far_from_everywhere_as_the_last_one_was_on_averag
     np.testing.assert_array_equal(windows.values()[0], 2 * mean)
 
 
-def test_a_stream_begins_with_the_first_frame_that_was_seen() -> None:
+def test_a_stream_begins_with_the_first_observation() -> None:
     distances = made_up_distances(6, 8)
     late, prompt = Sums([3, 4], 8), Sums([3, 4], 8)
     for _ in range(5):

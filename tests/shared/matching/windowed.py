@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from comparisons import comparison_at, metric_of_codes
+from comparisons import comparison_at, metric_of_quantized
 from numpy.typing import NDArray
 
 from placefield.matching.candidate import Candidate
 from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
 
-NOWHERE = metric_of_codes(np.zeros((1, 1), np.int16), 1.0)
-"""Stands for the metric of distances that are of none."""
+NOWHERE = metric_of_quantized(np.zeros((1, 1), np.int16), 1.0)
+"""Stands for the metric of made-up distances."""
 
 
 def mean_of(distances: NDArray[np.int32]) -> int:
@@ -45,15 +45,15 @@ class Windowed:
         """Return the candidate for a missing observation."""
         return self.matcher.update(None)
 
-    def push_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Candidate]:
+    def update_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[Candidate]:
         """Return the candidates for frames at these distances (K,), None for a missing one."""
         return [self.update_missing() if each is None else self.update(each) for each in frames]
 
-    def settle_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[SmoothedCandidate]:
-        """Return what is smoothed of a whole stream."""
+    def smooth_all(self, frames: Sequence[NDArray[np.int32] | None]) -> list[SmoothedCandidate]:
+        """Return the smoothed candidates of a whole stream."""
         smoothed = []
         for frame in frames:
-            self.push_all([frame])
+            self.update_all([frame])
             smoothed += self.matcher.smoothed()
         smoothed += self.finish()
         return [
@@ -62,7 +62,7 @@ class Windowed:
         ]
 
     def finish(self) -> list[SmoothedCandidate]:
-        """Return what is smoothed at the end of a stream."""
+        """Return the candidates that are smoothed at the end of a stream."""
         smoothed = []
         for _ in range(self.matcher.tail):
             self.update_missing()

@@ -22,20 +22,20 @@ def made_route(seed: int, traverses: int = 1, apart: float = 1.0) -> tuple[Array
     rng = np.random.default_rng(seed)
     places = np.tile(np.arange(54), traverses)
     labels = places // 6
-    looks = apart * rng.normal(size=(9, 8))[labels]
-    looks += (0.3 * np.cumsum(rng.normal(size=(54, 8)), axis=0))[places]
-    looks += rng.normal(scale=0.7 / math.sqrt(traverses), size=looks.shape)
+    views = apart * rng.normal(size=(9, 8))[labels]
+    views += (0.3 * np.cumsum(rng.normal(size=(54, 8)), axis=0))[places]
+    views += rng.normal(scale=0.7 / math.sqrt(traverses), size=views.shape)
     order = rng.permutation(len(places))
-    centred = (looks - looks.mean(axis=0)).astype(np.float32)
+    centred = (views - views.mean(axis=0)).astype(np.float32)
     return centred[order], labels[order], places[order]
 
 
-def literal_errors(
+def reference_errors(
     descriptors: Array, labels: Labels, places: Labels, weight: float, seed: int
 ) -> int:
     """Count the frames whose nearest one of another part is of another label."""
-    dealt = np.random.default_rng(seed).permutation(math.ceil((max(places) + 1) / 3))
-    parts = [int(dealt[place // 3]) % 5 for place in places]
+    part_of_block = np.random.default_rng(seed).permutation(math.ceil((max(places) + 1) / 3))
+    parts = [int(part_of_block[place // 3]) % 5 for place in places]
     learner = LMNN.model_copy(update={"push": weight / (1 + weight)})
     wrong = 0
     for part in range(5):
@@ -58,15 +58,15 @@ def test_the_weight_is_that_of_the_fewest_errors(
 ) -> None:
     monkeypatch.setattr(cross_validation, "_BLOCK", 4)
     route = made_route(seed, traverses)
-    errors = [literal_errors(*route, weight, seed) for weight in LAMBDAS]
+    errors = [reference_errors(*route, weight, seed) for weight in LAMBDAS]
     assert len(set(errors)) > 1
     fewest = LAMBDAS[errors.index(min(errors))]
     assert choose_push(*route, LMNN, seed) == pytest.approx(fewest / (1 + fewest))
 
 
-def test_of_several_the_smallest_is_taken() -> None:
+def test_of_several_the_smallest_is_chosen() -> None:
     route = made_route(0, apart=20)
-    assert {literal_errors(*route, weight, 0) for weight in LAMBDAS} == {0}
+    assert {reference_errors(*route, weight, 0) for weight in LAMBDAS} == {0}
     assert choose_push(*route, LMNN, 0) == push_of(min(LAMBDAS))
 
 

@@ -29,7 +29,7 @@ MARGINS = {field.name for field in fields(Margins)}
 
 
 def made_probes() -> Probes:
-    """A route that four dimensions tell the places of; four more hold the weather of each frame."""
+    """A route whose places differ in four dimensions; four more hold the weather of each frame."""
     rng = np.random.default_rng(0)
     place = gaussian_filter1d(rng.normal(size=(60, 4)), 2, axis=0)
     places = np.hstack([place / place.std(), 1.5 * rng.normal(size=(60, 4))])
@@ -61,7 +61,7 @@ def with_two_halves() -> Probes:
 
 
 def with_a_walk_as_weather() -> Probes:
-    """The reference's own frames are told by what is weather in the other traverse."""
+    """The reference's own frames differ by a feature that is weather in the other traverse."""
     probes = made_probes()
     walk = np.cumsum(np.random.default_rng(3).normal(size=(60, 4)), axis=0)
     places = np.hstack([probes.places[:, :4], walk]).astype(np.float32)
@@ -73,7 +73,7 @@ def margins_that_gain(projection: Array, probes: Probes) -> set[str]:
     return {name for name in MARGINS if _is_gain(getattr(learned, name) - getattr(identity, name))}
 
 
-def literal_margins(
+def reference_margins(
     projection: Array, frame: Array, truth: int, places: Array, without: int | None = None
 ) -> tuple[float, float]:
     """Contrast and standardised margin of one frame."""
@@ -87,20 +87,20 @@ def literal_margins(
     return (wrong - right) / (wrong + right), (wrong - right) / float(np.std(list(found.values())))
 
 
-def test_margins_are_the_literal_ones_and_the_score_a_mean_of_them() -> None:
+def test_margins_are_those_of_the_reference_and_the_score_a_mean_of_them() -> None:
     probes = made_probes()
     projection = np.random.default_rng(2).normal(size=(5, 8)).astype(np.float32)
     found = margins(projection, probes)
     expected = np.array(
         [
-            literal_margins(projection, frame, truth, probes.places)
+            reference_margins(projection, frame, truth, probes.places)
             for frame, truth in zip(probes.descriptors, probes.truth, strict=True)
         ]
     )
     np.testing.assert_allclose(found.contrast, expected[:, 0], atol=1e-4)
     np.testing.assert_allclose(found.standardised, expected[:, 1], atol=1e-4)
     own = [
-        literal_margins(projection, probes.places[place], place, probes.places, without=place)[0]
+        reference_margins(projection, probes.places[place], place, probes.places, without=place)[0]
         for place in sorted(probes.truth)
     ]
     np.testing.assert_allclose(found.own_contrast, own, atol=1e-4)
@@ -116,14 +116,14 @@ def test_no_projection_is_the_identity_at_any_scale() -> None:
 
 
 @pytest.mark.parametrize("count", [2 * TOLERANCE, 30])
-def test_margins_are_zero_where_nothing_tells_places_apart_or_none_is_wrong(count: int) -> None:
+def test_margins_are_zero_where_all_distances_are_equal_or_no_place_is_wrong(count: int) -> None:
     alike = Probes(np.ones((count, 2), np.float32), np.ones((1, 2), np.float32), np.array([4]))
     found = margins(None, alike)
     for name in MARGINS:
         assert getattr(found, name).tolist() == [0.0]
 
 
-def test_a_metric_that_ignores_the_weather_passes_and_one_that_sees_nothing_else_does_not() -> None:
+def test_a_metric_that_ignores_the_weather_passes_and_one_of_nothing_else_does_not() -> None:
     probes = made_probes()
     assert passes_gate(IGNORES_WEATHER, probes)
     assert not passes_gate(SEES_WEATHER, probes)
@@ -145,7 +145,7 @@ def test_a_metric_that_gains_in_all_margins_but_one_is_refused(
     assert not passes_gate(projection, probes)
 
 
-def test_what_is_no_better_than_the_identity_is_refused() -> None:
+def test_a_metric_no_better_than_the_identity_is_refused() -> None:
     assert not passes_gate(3 * np.eye(8, dtype=np.float32), made_probes())
 
 

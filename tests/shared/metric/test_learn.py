@@ -28,9 +28,9 @@ def made_route(weather_is_random):
 
     held_back = held_back_frames(120, 0.2, seed=0)
     truth = np.flatnonzero(held_back)
-    seen = descriptors[truth] + rng.normal(size=(len(truth), 12)).astype(np.float32) * 0.1
-    seen[:, 6:] = 1.5 * rng.normal(size=(len(truth), 6))
-    return descriptors, labels, held_back, Probes(descriptors, seen, truth)
+    observed = descriptors[truth] + rng.normal(size=(len(truth), 12)).astype(np.float32) * 0.1
+    observed[:, 6:] = 1.5 * rng.normal(size=(len(truth), 6))
+    return descriptors, labels, held_back, Probes(descriptors, observed, truth)
 
 
 def learned(descriptors, labels, held_back, *rest, **options):
@@ -72,21 +72,21 @@ def test_the_unit_of_the_descriptors_does_not_matter():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     unit = np.float32(256)  # a power of two: no rounding
     in_unit = Probes(unit * probes.places, unit * probes.descriptors, probes.truth)
-    plain = learned(descriptors, labels, held_back, probes, LMNN, 0)
+    expected = learned(descriptors, labels, held_back, probes, LMNN, 0)
     other = learned(unit * descriptors, labels, held_back, in_unit, LMNN, 0)
-    np.testing.assert_allclose(other.projection, plain.projection, atol=1e-4)
-    np.testing.assert_allclose(other.curve, plain.curve, rtol=1e-4)
+    np.testing.assert_allclose(other.projection, expected.projection, atol=1e-4)
+    np.testing.assert_allclose(other.curve, expected.curve, rtol=1e-4)
 
 
 def test_held_back_frames_are_not_trained_on():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     mislabelled = np.where(held_back, np.roll(labels, 60), labels)
-    plain = learned(descriptors, labels, held_back, probes, LMNN, 0)
+    expected = learned(descriptors, labels, held_back, probes, LMNN, 0)
     other = learned(descriptors, mislabelled, held_back, probes, LMNN, 0)
-    steps = min(len(plain.curve), len(other.curve))
+    steps = min(len(expected.curve), len(other.curve))
     assert steps > 5
-    np.testing.assert_array_equal(other.curve[:steps, 1], plain.curve[:steps, 1])
-    assert (other.curve[:steps, 0] != plain.curve[:steps, 0]).all()
+    np.testing.assert_array_equal(other.curve[:steps, 1], expected.curve[:steps, 1])
+    assert (other.curve[:steps, 0] != expected.curve[:steps, 0]).all()
 
 
 def test_segments_that_are_held_back_whole_do_not_validate():
@@ -99,16 +99,22 @@ def test_segments_that_are_held_back_whole_do_not_validate():
 def test_the_curve_starts_with_the_identity_and_ends_soon_after_the_best_validation_loss():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     settings = LMNN.model_copy(update={"steps": 500})
-    seen = []
+    observed = []
     metric = learned(
-        descriptors, labels, held_back, probes, settings, 0, on_step=lambda *step: seen.append(step)
+        descriptors,
+        labels,
+        held_back,
+        probes,
+        settings,
+        0,
+        on_step=lambda *step: observed.append(step),
     )
     losses, scores = metric.curve.T
     best = int(np.argmin(losses))
     assert scores[0] == pytest.approx(probe_score(None, probes))
     assert scores[best] == pytest.approx(probe_score(metric.projection, probes), abs=1e-4)
     assert len(losses) == best + 1 + 5
-    assert seen == [(step, *metric.curve[step]) for step in range(1, len(losses))]
+    assert observed == [(step, *metric.curve[step]) for step in range(1, len(losses))]
 
 
 def test_same_input_gives_the_same_bits():

@@ -37,7 +37,7 @@ def test_it_is_metric_learns_on_the_active_frames_first_dimensions(kind, learner
     assert projection.dtype == np.float32
 
 
-def test_any_seed_is_taken():
+def test_any_seed_is_accepted():
     points, labels = made_points()
     config = MetricConfig(kind="nca")
     np.testing.assert_array_equal(

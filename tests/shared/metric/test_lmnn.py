@@ -29,7 +29,7 @@ def made_projection(rows, columns, seed=1):
     return np.eye(rows, columns) + 0.3 * np.random.default_rng(seed).normal(size=(rows, columns))
 
 
-def literal_targets(points, labels, neighbours):
+def reference_targets(points, labels, neighbours):
     targets = []
     for i in range(len(points)):
         others = [j for j in range(len(points)) if j != i and labels[j] == labels[i]]
@@ -38,7 +38,7 @@ def literal_targets(points, labels, neighbours):
     return np.array(targets)
 
 
-def literal_objective(projection, points, labels, targets, push):
+def reference_objective(projection, points, labels, targets, push):
     def distance(a, b):
         return ((projection @ (points[a] - points[b])) ** 2).sum()
 
@@ -63,7 +63,7 @@ def block(request, monkeypatch):
 def test_targets_are_the_nearest_of_the_same_label_as_far_as_there_are_any():
     points, labels = made_points()
     targets = target_neighbours(points, labels, 3)
-    np.testing.assert_array_equal(targets, literal_targets(points, labels, 3))
+    np.testing.assert_array_equal(targets, reference_targets(points, labels, 3))
     assert sorted((targets >= 0).sum(axis=1)) == [0] + 2 * [1] + 3 * [2] + 18 * [3]
 
 
@@ -74,19 +74,19 @@ def test_only_eligible_points_become_targets():
     assert eligible[targets[targets >= 0]].all()
     np.testing.assert_array_equal(
         targets[eligible] >= 0,
-        literal_targets(points[eligible], labels[eligible], 2) >= 0,
+        reference_targets(points[eligible], labels[eligible], 2) >= 0,
     )
 
 
 @pytest.mark.usefixtures("block")
 @pytest.mark.parametrize("push", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("rows", [4, 2])
-def test_objective_is_the_literal_sum_over_triplets(push, rows):
+def test_objective_is_the_naive_sum_over_triplets(push, rows):
     points, labels = made_points()
     targets = target_neighbours(points, labels, 3)
     projection = made_projection(rows, 4)
     value, _ = objective(projection, points, labels, targets, push)
-    expected = literal_objective(projection, points, labels, targets, push)
+    expected = reference_objective(projection, points, labels, targets, push)
     assert value == pytest.approx(expected, rel=1e-10)
 
 
@@ -110,7 +110,7 @@ def test_loss_is_the_objective_of_the_points_that_have_targets():
     targets = target_neighbours(points, labels, 3)
     targets[::3] = -1
     projection = made_projection(4, 4)
-    expected = literal_objective(projection, points, labels, targets, 0.4)
+    expected = reference_objective(projection, points, labels, targets, 0.4)
     assert loss(projection, points, labels, targets, 0.4) == pytest.approx(expected, rel=1e-10)
 
 
@@ -157,7 +157,7 @@ def test_every_step_lowers_the_objective_and_the_last_projection_has_the_last_va
     fit = fit_lmnn(points, labels, neighbours=3, push=0.5, steps=60)
     assert (np.diff(fit.objective) < 0).all()
     targets = target_neighbours(points, labels, 3)
-    last = literal_objective(fit.projection.astype(float), points, labels, targets, 0.5)
+    last = reference_objective(fit.projection.astype(float), points, labels, targets, 0.5)
     assert fit.objective[-1] == pytest.approx(last, rel=1e-5)
 
 
@@ -168,17 +168,17 @@ def test_same_input_gives_the_same_bits():
     assert fits[0].objective.tobytes() == fits[1].objective.tobytes()
 
 
-def test_on_step_sees_every_step_and_stops_the_descent():
+def test_on_step_receives_every_step_and_stops_the_descent():
     points, labels = made_route()
-    seen = []
+    steps_reported = []
 
     def stop_at_three(step, projection):
-        seen.append((step, projection))
+        steps_reported.append((step, projection))
         return step == 3
 
     fit = fit_lmnn(points, labels, neighbours=3, push=0.5, steps=9, on_step=stop_at_three)
-    assert [step for step, _ in seen] == [1, 2, 3]
-    assert fit.projection is seen[-1][1]
+    assert [step for step, _ in steps_reported] == [1, 2, 3]
+    assert fit.projection is steps_reported[-1][1]
     assert len(fit.objective) == 4
 
 
@@ -204,7 +204,7 @@ def test_the_same_points_at_one_place_are_each_others_targets_and_impostors():
     targets = target_neighbours(points, labels, 2)
     assert targets[0].tolist() == [1, 3]
     value, _ = objective(np.eye(2), points, labels, targets, 0.4)
-    expected = literal_objective(np.eye(2), points, labels, targets, 0.4)
+    expected = reference_objective(np.eye(2), points, labels, targets, 0.4)
     assert value == pytest.approx(expected)
 
 

@@ -24,13 +24,13 @@ CUTS = ((12, 10, 11, 14, 13), (15, 9, 17, 10, 9))
 """Lengths of the segments of two channels, frames."""
 
 
-def made_looks(sizes: Sequence[int], *, noise_seed: int = 0, dimensions: int = 10) -> Array:
+def made_views(sizes: Sequence[int], *, noise_seed: int = 0, dimensions: int = 10) -> Array:
     """Looks that change with the segment, gradually inside it, and by noise of many dimensions."""
     rng = np.random.default_rng(3)
-    looks = np.repeat(rng.normal(size=(len(sizes), dimensions)), sizes, axis=0)
-    looks += 0.2 * np.cumsum(rng.normal(size=looks.shape), axis=0)
+    views = np.repeat(rng.normal(size=(len(sizes), dimensions)), sizes, axis=0)
+    views += 0.2 * np.cumsum(rng.normal(size=views.shape), axis=0)
     own = np.random.default_rng(noise_seed)
-    return (looks + 0.7 * own.normal(size=looks.shape)).astype(np.float32)
+    return (views + 0.7 * own.normal(size=views.shape)).astype(np.float32)
 
 
 def map_by(solver: str, raws: Array) -> Map:
@@ -59,13 +59,13 @@ def map_by(solver: str, raws: Array) -> Map:
 def smoothed(placemap: Map, raws: Array) -> list[tuple[int, float]]:
     recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}))
     for raw in raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     matches = recognizer.smoothed() + recognizer.finish()
     return [(each.match.place, each.match.score) for each in matches]
 
 
 def test_it_learns_the_same_metrics_and_so_gives_the_same_matches() -> None:
-    day, night = made_looks(CUTS[0]), made_looks(CUTS[0], noise_seed=1)
+    day, night = made_views(CUTS[0]), made_views(CUTS[0], noise_seed=1)
     ours, theirs = (map_by(solver, day) for solver in ("placefield", "metric-learn"))
     trained = ~held_back_places(len(day), seed=0)
     for channel, other in zip(ours.channels, theirs.channels, strict=True):
@@ -82,15 +82,15 @@ def test_it_learns_the_same_metrics_and_so_gives_the_same_matches() -> None:
 
 
 Fit = tuple[Array, NDArray[np.float64], int]
-"""The projection, the objective, and how often a step was told of."""
+"""The projection, the objective, and how many steps were reported."""
 
 
 def fits(points: Array, labels: Labels, *, by_metric_learn: bool, steps: int = 8) -> Fit:
-    told: list[int] = []
+    reported: list[int] = []
 
     def on_step(number: int, projection: Array) -> bool:
         assert projection.dtype == np.float32
-        told.append(number)
+        reported.append(number)
         return False
 
     fit = (fit_lmnn_by_metric_learn if by_metric_learn else fit_lmnn)(
@@ -102,13 +102,13 @@ def fits(points: Array, labels: Labels, *, by_metric_learn: bool, steps: int = 8
         start=np.eye(points.shape[1], dtype=np.float32),
         on_step=on_step,
     )
-    assert told == list(range(1, len(fit.objective)))
-    return fit.projection, fit.objective, len(told)
+    assert reported == list(range(1, len(fit.objective)))
+    return fit.projection, fit.objective, len(reported)
 
 
 def points_of(sizes: Sequence[int]) -> tuple[Array, Labels]:
-    looks = made_looks(sizes)
-    return looks - looks.mean(axis=0), np.repeat(np.arange(len(sizes)), sizes)
+    views = made_views(sizes)
+    return views - views.mean(axis=0), np.repeat(np.arange(len(sizes)), sizes)
 
 
 def test_step_for_step_the_objective_is_the_same_where_every_label_has_more_than_k_frames() -> None:

@@ -10,8 +10,8 @@ from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
 def looks_at_random(frames: int = 200) -> NDArray[np.float32]:
     """Of ten frames each."""
     rng = np.random.default_rng(0)
-    looks = np.repeat(rng.normal(size=(frames // 10, 30)), 10, axis=0)
-    return (looks + 0.5 * rng.normal(size=(frames, 30))).astype(np.float32)
+    views = np.repeat(rng.normal(size=(frames // 10, 30)), 10, axis=0)
+    return (views + 0.5 * rng.normal(size=(frames, 30))).astype(np.float32)
 
 
 def test_fuzzifiers_go_evenly_from_1_02_to_1_4() -> None:

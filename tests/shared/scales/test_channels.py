@@ -44,7 +44,7 @@ def test_same_seed_same_channels() -> None:
         np.testing.assert_array_equal(a.clusters, b.clusters)
 
 
-def test_the_asked_number_of_clusters_is_used() -> None:
+def test_the_given_number_of_clusters_is_used() -> None:
     (channel,) = make_channels(drive(), channels=1, clusters=5, min_scale=4, seed=0)
     assert set(channel.clusters) == set(range(5))
 

@@ -13,11 +13,11 @@ from placefield.scales.clustering import cluster, with_route_position
 
 
 def route(frames: int = 90, dimensions: int = 12, scale: float = 1.0) -> NDArray[np.float32]:
-    """Three stretches of looks, each drifting a little."""
+    """Three stretches of views, each drifting a little."""
     rng = np.random.default_rng(5)
-    looks = np.repeat(rng.normal(size=(3, dimensions)), frames // 3, axis=0)
+    views = np.repeat(rng.normal(size=(3, dimensions)), frames // 3, axis=0)
     drift = np.cumsum(rng.normal(scale=0.1, size=(frames, dimensions)), axis=0)
-    return (scale * (looks + drift)).astype(np.float32)
+    return (scale * (views + drift)).astype(np.float32)
 
 
 def powers_in_log_space(
@@ -68,12 +68,12 @@ def test_in_blocks_or_at_once_the_labels_are_equal(
     fuzzifier: float, weight: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vectors = with_route_position(route(900, 40), weight)
-    told: list[int] = []
-    at_once = cluster(vectors, 60, fuzzifier, 0, lambda done, total: told.append(done))
+    reported: list[int] = []
+    at_once = cluster(vectors, 60, fuzzifier, 0, lambda done, total: reported.append(done))
     monkeypatch.setattr(clustering, "_MOST_MEMBERSHIPS", 0)
-    in_blocks = cluster(vectors, 60, fuzzifier, 0, lambda done, total: told.append(-done))
+    in_blocks = cluster(vectors, 60, fuzzifier, 0, lambda done, total: reported.append(-done))
     np.testing.assert_array_equal(at_once.labels, in_blocks.labels)
-    assert told[: len(told) // 2] == [-done for done in told[len(told) // 2 :]]
+    assert reported[: len(reported) // 2] == [-done for done in reported[len(reported) // 2 :]]
 
 
 def test_a_frame_at_its_centre_belongs_to_it_alone() -> None:
@@ -101,10 +101,10 @@ def test_same_seed_same_clustering_and_the_global_generator_untouched() -> None:
     np.testing.assert_array_equal(np.random.random(3), untouched)  # noqa: NPY002
 
 
-def test_every_sweep_is_told_and_may_end_the_clustering() -> None:
-    told: list[int] = []
-    cluster(route(), 6, 1.1, 0, lambda done, total: told.append(done))
-    assert told == [*range(1, len(told) + 1)]
+def test_every_sweep_is_reported_and_may_end_the_clustering() -> None:
+    reported: list[int] = []
+    cluster(route(), 6, 1.1, 0, lambda done, total: reported.append(done))
+    assert reported == [*range(1, len(reported) + 1)]
 
     def end(done: int, total: int) -> None:
         raise InterruptedError
@@ -131,7 +131,7 @@ def test_memory_does_not_grow_with_frames_times_clusters_where_these_are_many(
     assert peak < 6000 * 600 * 8
 
 
-def test_refuses_what_cannot_be_clustered() -> None:
+def test_frames_that_cannot_be_clustered_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"fuzzifier 1 .* above 1"):
         cluster(route(), 3, 1.0, seed=0)
     with pytest.raises(MapError, match="90 frames cannot form 91 clusters"):

@@ -13,7 +13,7 @@ clusterings = st.lists(
 ).map(lambda runs: np.concatenate([np.full(length, label) for label, length in runs]))
 
 
-def literal_runs(clusters: NDArray[np.int64]) -> list[tuple[int, int]]:
+def reference_runs(clusters: NDArray[np.int64]) -> list[tuple[int, int]]:
     runs, first = [], 0
     for _, frames in groupby(clusters.tolist()):
         end = first + len(list(frames))
@@ -25,7 +25,7 @@ def literal_runs(clusters: NDArray[np.int64]) -> list[tuple[int, int]]:
 @given(clusterings, st.integers(1, 8))
 def test_encodes_as_the_two_rules_say(clusters: NDArray[np.int64], min_scale: int) -> None:
     labels = [0] * len(clusters)
-    active = [(a, b) for a, b in literal_runs(clusters) if b - a >= min_scale]
+    active = [(a, b) for a, b in reference_runs(clusters) if b - a >= min_scale]
     for number, (first, end) in enumerate(active, start=1):
         labels[first:end] = [number] * (end - first)
 
@@ -59,7 +59,7 @@ def test_a_standstill_is_long_in_frames_and_short_in_metres() -> None:
 
 
 @given(st.integers(2, 50))
-def test_the_smallest_scale_in_frames_is_what_was_asked_for(min_scale: int) -> None:
+def test_the_smallest_scale_in_frames_is_the_given_one(min_scale: int) -> None:
     assert smallest_scale(min_scale) == min_scale
 
 

@@ -9,8 +9,8 @@ from placefield.scales.clustering import with_route_position
 from placefield.scales.subtractive import PLACED, UNPLACED, Radius, estimate_clusters
 
 
-def literal_estimate(vectors: NDArray[np.float32], radius: float, apart: int) -> int:
-    """Count the centres as Chiu's paper words it, in plain loops."""
+def reference_estimate(vectors: NDArray[np.float32], radius: float, apart: int) -> int:
+    """Count the centres as Chiu's paper words it, in naive loops."""
     points = [[float(value) for value in vector] for vector in vectors]
     steps = [math.dist(a, b) ** 2 for a, b in zip(points, points[apart:], strict=False)]
     ra = radius * math.sqrt(sum(steps) / len(steps))
@@ -47,12 +47,12 @@ def blobs(count: int, size: int, dimensions: int) -> NDArray[np.float32]:
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("radius", [0.4, 0.8, 1.25])
 @pytest.mark.parametrize("apart", [4, 8])
-def test_counts_as_the_literal_loops_do(
+def test_counts_as_naive_loops_do(
     seed: int, radius: float, apart: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(subtractive, "_BLOCK", 17)
     vectors = walk(seed, 80, 3)
-    assert estimate_clusters(vectors, Radius(radius, apart)) == literal_estimate(
+    assert estimate_clusters(vectors, Radius(radius, apart)) == reference_estimate(
         vectors, radius, apart
     )
 
@@ -64,8 +64,8 @@ def test_finds_as_many_clusters_as_there_are_blobs(count: int) -> None:
 
 def changing_at_once(frames: int) -> NDArray[np.float32]:
     rng = np.random.default_rng(0)
-    looks = np.repeat(rng.normal(size=(frames // 10, 100)), 10, axis=0)
-    return (looks + rng.normal(size=(frames, 100))).astype(np.float32)
+    views = np.repeat(rng.normal(size=(frames // 10, 100)), 10, axis=0)
+    return (views + rng.normal(size=(frames, 100))).astype(np.float32)
 
 
 @pytest.mark.parametrize("frames", [200, 1200])
@@ -86,8 +86,8 @@ def test_descriptors_alone_want_a_narrower_circle(gradual: bool) -> None:
 def test_standing_still_for_most_of_the_route_adds_few_clusters() -> None:
     rng = np.random.default_rng(1)
     moving = walk(2, 200, 20)
-    standing = moving[99] + rng.normal(scale=1e-3, size=(300, 20))
-    with_stop = np.vstack([moving[:100], standing, moving[100:]]).astype(np.float32)
+    stationary = moving[99] + rng.normal(scale=1e-3, size=(300, 20))
+    with_stop = np.vstack([moving[:100], stationary, moving[100:]]).astype(np.float32)
     without = estimate_clusters(with_route_position(moving, 1.0), PLACED)
     assert estimate_clusters(with_route_position(with_stop, 1.0), PLACED) < without + 300 / 10
 

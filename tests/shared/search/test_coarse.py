@@ -1,4 +1,4 @@
-"""The coarse look at many places, and the exact one that follows where it finds them near."""
+"""The coarse search, and the re-ranking of the nearest places that follows."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ def route(places: int, dimensions: int, seed: int = 0) -> Array:
 
 def other_light(frames: Array, seed: int = 1) -> Array:
     noise = np.random.default_rng(seed).normal(size=frames.shape) / np.sqrt(frames.shape[1])
-    seen = frames + 0.5 * noise
-    return np.asarray(seen / np.linalg.norm(seen, axis=1, keepdims=True), np.float32)
+    observed = frames + 0.5 * noise
+    return np.asarray(observed / np.linalg.norm(observed, axis=1, keepdims=True), np.float32)
 
 
 @pytest.fixture(scope="module", params=["identity", "learned"])
@@ -76,42 +76,42 @@ def test_a_batch_gives_the_same_bits_as_one_by_one(
         assert alone.deviation == batched.deviation
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_distances_to_chosen_places_are_made_exact(
-    metric_and_query: tuple[MapMetric, Array], turned: bool
+@pytest.mark.parametrize("reversed", [False, True])
+def test_distances_to_chosen_places_are_reranked(
+    metric_and_query: tuple[MapMetric, Array], reversed: bool
 ) -> None:
     metric, query = metric_and_query
     (rough,) = MetricPlaces(metric, exact=False).compare(query[:1])
     (right,) = MetricPlaces(metric, exact=True).compare(query[:1])
     chosen = np.array([0, 17, 3000, 5999], np.int32)
-    if turned:
-        rough, right = rough.turned(), right.turned()
-    made = rough.made_exact(chosen)
+    if reversed:
+        rough, right = rough.reversed(), right.reversed()
+    made = rough.reranked(chosen)
     np.testing.assert_array_equal(made.distances[chosen], right.distances[chosen])
     others = np.setdiff1d(np.arange(6000), chosen)
     np.testing.assert_array_equal(made.distances[others], rough.distances[others])
-    assert made.is_turned == turned
+    assert made.is_reversed == reversed
 
 
-def test_few_dimensions_are_looked_along_all() -> None:
-    look = identity_metric(route(500, 20), coarse=True).coarse
-    assert look is not None
-    assert look.axes.shape == (20, 20)
-    np.testing.assert_allclose(look.axes @ look.axes.T, np.eye(20), atol=1e-5)
+def test_of_few_dimensions_all_are_used() -> None:
+    index = identity_metric(route(500, 20), coarse=True).coarse
+    assert index is not None
+    assert index.axes.shape == (20, 20)
+    np.testing.assert_allclose(index.axes @ index.axes.T, np.eye(20), atol=1e-5)
 
 
 def test_axes_are_those_along_which_places_vary_most() -> None:
     places = route(3000, 150)
-    look = identity_metric(places, coarse=True).coarse
-    assert look is not None
-    assert look.codes.shape == (3000, AXES)
-    assert look.codes.dtype == np.int8
-    kept = ((places @ look.axes.T) ** 2).sum()
+    index = identity_metric(places, coarse=True).coarse
+    assert index is not None
+    assert index.codes.shape == (3000, AXES)
+    assert index.codes.dtype == np.int8
+    kept = ((places @ index.axes.T) ** 2).sum()
     best = (np.linalg.svd(places, compute_uv=False)[:AXES] ** 2).sum()
     assert kept == pytest.approx(best, rel=1e-3)
 
 
-def test_what_is_within_reach_are_the_places_and_the_twelve_ahead() -> None:
+def test_what_is_within_reach_are_the_places_and_the_next_twelve() -> None:
     reached = within_reach(np.array([3, 4, 97, 99], np.int32), 100)
     assert reached.tolist() == [*range(3, 17), 97, 98, 99]
     assert within_reach(np.array([], np.int32), 100).tolist() == []

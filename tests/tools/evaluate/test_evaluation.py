@@ -234,7 +234,7 @@ def test_what_a_query_knows_of_its_odometry_goes_to_the_matchers(
     map_path: Path,
     query_dir: Path,
     tmp_path: Path,
-    told_odometry: list[float | None],
+    given_odometry: list[float | None],
     protocol: Protocol,
 ) -> None:
     files = sorted(copytree(query_dir, tmp_path / "measured").iterdir())
@@ -247,7 +247,7 @@ def test_what_a_query_knows_of_its_odometry_goes_to_the_matchers(
     if protocol == "aligned":
         expected = [10 + n / 2 for n in range(60)]
     streams = 3  # lags of 10 and 20 frames, and the whole drive
-    assert told_odometry == [reading for reading in expected for _ in range(streams)]
+    assert given_odometry == [reading for reading in expected for _ in range(streams)]
 
 
 def test_a_route_that_is_driven_the_other_way_is_recognised_here_and_by_the_services(

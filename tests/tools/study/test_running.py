@@ -13,7 +13,7 @@ from placefield.evaluation.truth import Truth
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
-from placefield.matching.odometry import Road
+from placefield.matching.odometry import RouteCells
 from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import methods_of, run_methods
@@ -83,8 +83,8 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
     trial: Trial,
     reference_dir: Path,
     query_dir: Path,
-    told_odometry: list[float | None],
-    told_roads: list[Road | None],
+    given_odometry: list[float | None],
+    given_routes: list[RouteCells | None],
 ) -> None:
     query = Query(str(query_dir), protocol="odometry", seed=3)
     driven = prepare(str(reference_dir), query, within_3, CONFIG)
@@ -95,13 +95,13 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
     drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
     assert drive.odometry is not None
     assert driven.metres.readings == drive.odometry.tolist()
-    told_odometry.clear()  # of the search for places that are the same
+    given_odometry.clear()  # of the search for places that are the same
     match_channels(
         driven.placemap.channels, driven.descriptors, driven.metres, driven.matching("filter")
     )
-    assert told_odometry == drive.odometry.tolist()
-    assert told_roads[-1] is not None
-    assert told_roads[-1].middles.tolist() == [*range(30)]
+    assert given_odometry == drive.odometry.tolist()
+    assert given_routes[-1] is not None
+    assert given_routes[-1].middles.tolist() == [*range(30)]
     assert trial.metres.readings == [None] * 60
     assert not len(trial.metres.places.travelled)
 

@@ -13,7 +13,7 @@ from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessag
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
 from placefield.fusion.match import FASTER
-from placefield.fusion.shards import ShardJoiner
+from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield_tools.dashboard.distances import DistanceColumns, Row

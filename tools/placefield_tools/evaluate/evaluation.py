@@ -14,7 +14,7 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.claims import Claims, claims
 from placefield.evaluation.curves import PrecisionRecall, precision_recall
-from placefield.evaluation.protocols import DEFAULT_EVERY, Drive, Protocol, aligned
+from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling, aligned
 from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
 from placefield.features.descriptor_stage import DescriptorStage
@@ -108,7 +108,7 @@ class Query:
             every = DEFAULT_EVERY if self.every is None else self.every
             return ResampledTraverse(query, self.protocol, other=other, seed=self.seed, every=every)
 
-    def numbered(self, drive: Drive) -> Drive:
+    def numbered(self, drive: Resampling) -> Resampling:
         """Return the drive by the numbers that its frames have in the query's source.
 
         Spaced frames have those of their own order.
@@ -161,7 +161,7 @@ class Evaluation:
     missing: int
 
 
-def drive_in(source: Source, count: int) -> tuple[Drive, int]:
+def drive_in(source: Source, count: int) -> tuple[Resampling, int]:
     """Return how a query's source drives, and how many frames the query has in its own order.
 
     Args:

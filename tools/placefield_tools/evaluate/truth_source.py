@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.errors import TruthError
 from placefield.evaluation.pose_truth import pose_truth
-from placefield.evaluation.protocols import Drive
+from placefield.evaluation.protocols import Resampling
 from placefield.evaluation.truth import Truth
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
@@ -59,7 +59,7 @@ class Sides:
     placemap: Map
     references: int
     queries: int
-    drive: Drive
+    drive: Resampling
     poses: Sequence[Pose | None]
     origin: Origin | None
     readings: Sequence[float | None]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError, SourceError
-from placefield.evaluation.protocols import DEFAULT_EVERY, Drive, Protocol, drive_of
+from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling, drive_of
 from placefield.features.frames import Frame
 from placefield.features.images import decode
 from placefield_tools.sources.source import Source
@@ -63,7 +63,7 @@ class ResampledTraverse(Source):
         self.origin = query.origin
         self.not_given = query.not_given + (Counter() if other is None else other.not_given)
         self.undriven_count = len(self._query)
-        self.drive: Drive = drive_of(
+        self.drive: Resampling = drive_of(
             protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every
         )
         self._seed = seed

@@ -1,4 +1,4 @@
-"""FAB-MAP 1.0: places recognised by the words that they show (Cummins and Newman, IJRR 2008)."""
+"""FAB-MAP 1.0: recognises places by their visual words (Cummins and Newman, IJRR 2008)."""
 
 from placefield.baselines.fabmap.chow_liu import ChowLiuTree, learn_tree
 from placefield.baselines.fabmap.posterior import FabMap, fabmap

@@ -1,4 +1,4 @@
-"""Which words appear together: the Chow-Liu tree over a vocabulary."""
+"""The Chow-Liu tree over a vocabulary: which words appear together."""
 
 from dataclasses import dataclass
 
@@ -42,11 +42,11 @@ def learn_tree(observations: NDArray[np.bool_]) -> ChowLiuTree:
 
     It is the spanning tree of highest total mutual information between neighbours (Chow and Liu,
     1968). All probabilities are relative frequencies with half a frame added to each of a pair's
-    four cases. FAB-MAP's lower bound on the mutual information of a pair saves memory in large
-    vocabularies and is left out here.
+    four cases. FAB-MAP's lower bound on the mutual information of a pair, which saves memory in
+    large vocabularies, is left out.
 
     Args:
-        observations: (K, W) bool, which words each of K frames shows; W at least 1.
+        observations: (K, W) bool, which words each of K frames has; W at least 1.
     """
     frames = len(observations) + 4 * _PSEUDO_COUNT
     shown = observations.astype(np.float64)
@@ -67,7 +67,7 @@ def learn_tree(observations: NDArray[np.bool_]) -> ChowLiuTree:
 def _mutual_information(
     both: NDArray[np.float64], present: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Give the mutual information of every pair of words in nats, (W, W).
+    """Return the mutual information of every pair of words in nats, (W, W).
 
     Args:
         both: (W, W), p(z_i = 1, z_j = 1).

@@ -1,4 +1,4 @@
-"""How likely a place is to give an observation: p(Z | L)."""
+"""The likelihood of an observation at a place: p(Z | L)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,13 +43,13 @@ def log_likelihoods(
 
 
 def _factors(tree: ChowLiuTree, detector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Tabulate p(z_q | z_p, L) by z_q, z_p, what the place's observation showed, and q."""
+    """Tabulate p(z_q | z_p, L) by z_q, z_p, the place's own observation of the word, and q."""
     detected = np.stack([1 - detector, detector])  # z, e
     prior = np.stack([1 - tree.present, tree.present])  # z, q; and e, q
     given_parent = np.stack([1 - tree.present_given, tree.present_given])  # z, z_p, q
 
     reported = detected[:, :, None, None] * (given_parent / prior[:, None])[:, None]
     reported /= reported.sum(axis=0)  # z, e, z_p, q
-    believed = detected[:, :, None] * prior[None]
-    believed /= believed.sum(axis=1, keepdims=True)  # observed, e, q
-    return np.asarray(np.einsum("zepq,leq->zplq", reported, believed), np.float64)
+    given_word = detected[:, :, None] * prior[None]
+    given_word /= given_word.sum(axis=1, keepdims=True)  # observed, e, q
+    return np.asarray(np.einsum("zepq,leq->zplq", reported, given_word), np.float64)

@@ -1,4 +1,4 @@
-"""Where a query frame was taken: Bayes' rule over the map's places and a new place."""
+"""The place of a query frame, by Bayes' rule over the map's places and a new place."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,14 @@ from placefield.matching.candidate import UNANSWERED
 
 @dataclass(frozen=True)
 class FabMap:
-    """What FAB-MAP assumes; the probabilities are openFABMAP's, all above 0 but the second.
+    """FAB-MAP's assumptions; the probabilities are openFABMAP's, all above 0 but the second.
 
     Attributes:
         detection: p(z = 1 | e = 1), that the detector reports a word that is there.
-        false_detection: p(z = 1 | e = 0), that it reports one that is not; less than `detection`.
-        new_place: prior probability that a frame was taken at none of the map's places.
-        samples: observations drawn to know how a new place looks.
+        false_detection: p(z = 1 | e = 0), that it reports a word that is not there; less than
+            `detection`.
+        new_place: prior probability that a frame is of none of the map's places.
+        samples: number of observations sampled for the likelihood of a new place.
     """
 
     detection: float = 0.39
@@ -42,16 +43,16 @@ def fabmap(
     """Match each query frame to the map's most probable place.
 
     Every frame is answered by itself: there is no motion model, as by default in openFABMAP. The
-    match is the best place of the map also where a new place is more probable, so that precision
-    and recall can be swept over the score; a negative score says that the frame was more probably
-    not taken there. A frame without words tells nothing, and is unanswered.
+    match is the best place of the map even if a new place is more probable, so that precision and
+    recall can be swept over the score; at a negative score a new place is more probable. A frame
+    without words is unanswered.
 
     Args:
-        reference: (K, W) bool, which words each place shows; K at least 1.
-        query: (Q, W) bool, which words each query frame shows.
+        reference: (K, W) bool, which words each place has; K at least 1.
+        query: (Q, W) bool, which words each query frame has.
         tree: learned on the reference.
-        settings: what is assumed.
-        seed: of the drawn observations.
+        settings: the assumptions.
+        seed: of the sampled observations.
 
     Returns:
         Q matches; the score is the log-odds of the place's posterior probability.
@@ -74,12 +75,11 @@ def log_posterior(
     settings: FabMap,
     seed: int,
 ) -> NDArray[np.float64]:
-    """Compute log p(L | Z) of every place and of a new place, the last; arguments as `fabmap`'s.
+    """Compute log p(L | Z) of every place and, last, of a new place; arguments as `fabmap`'s.
 
-    A new place's likelihood is the mean over places that show what is drawn from the tree. Drawing
-    from the training frames, the other way that FAB-MAP has, would draw from the map itself, and a
-    new place would keep its prior probability whatever the frame shows. A frame without words
-    leaves all as the prior has it.
+    A new place's likelihood is the mean over observations sampled from the tree. FAB-MAP can also
+    sample the training frames. Those are the map itself here, and a new place would keep its prior
+    probability for every frame. A frame without words does not change the prior.
 
     Returns:
         (Q, K + 1) float64, each row's probabilities summing to 1.

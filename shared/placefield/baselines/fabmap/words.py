@@ -1,4 +1,4 @@
-"""The words of a frame: its SIFT descriptors, each by the nearest centre of a vocabulary."""
+"""The visual words of a frame: its SIFT descriptors, each by the nearest centre of a vocabulary."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from scipy.cluster.vq import kmeans, vq
 
 from placefield.errors import MapError
 
-# Frames are brought to one width: small ones have hardly a keypoint otherwise, and large ones so
-# many that each frame shows most words.
+# Frames are resized to one width: else small ones would have few keypoints, and large ones so many
+# that each frame would have most words.
 _WIDTH = 320  # pixels
 
-_FROM_FRAME, _PER_WORD = 200, 30  # descriptors that the vocabulary is learned from, at most
-_CONVERGED = 1.0  # change of the mean distance to the nearest centre; that is some 250
+_FROM_FRAME, _PER_WORD = 200, 30  # most descriptors for the vocabulary, per frame and per word
+_CONVERGED = 1.0  # change of the mean distance to the nearest centre, which is some 250
 
 _NO_DESCRIPTORS: NDArray[np.float32] = np.empty((0, 128), np.float32)
 
@@ -31,25 +31,25 @@ class Vocabulary:
     centres: NDArray[np.float32]
 
     def observe(self, image: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Tell which words a grey image (H, W) uint8 shows, (W,) bool; none without keypoints."""
-        shown = np.zeros(len(self.centres), np.bool_)
+        """Return which words a grey image (H, W) uint8 has, (W,) bool; none without keypoints."""
+        observed = np.zeros(len(self.centres), np.bool_)
         descriptors = _sift(image)
         if len(descriptors):
             nearest, _ = vq(descriptors, self.centres)
-            shown[nearest] = True
-        return shown
+            observed[nearest] = True
+        return observed
 
 
 def learn_words(images: Iterable[NDArray[np.uint8]], words: int, seed: int) -> Vocabulary:
-    """Learn a vocabulary by k-means of SIFT descriptors drawn from the reference's frames.
+    """Learn a vocabulary by k-means of SIFT descriptors sampled from the reference's frames.
 
-    A frame should show no more than some 15 % of the words: on the sample routes, where it shows
-    100 to 700 keypoints, 1500 to 2000 words did better than 500.
+    A frame should have no more than some 15 % of the words: on the sample routes, with 100 to 700
+    keypoints per frame, 1500 to 2000 words did better than 500.
 
     Args:
         images: grey, (H, W) uint8 each.
-        words: W, at least 1; there are fewer where the frames give fewer different descriptors.
-        seed: of the draw.
+        words: W, at least 1; there are fewer if the frames have fewer different descriptors.
+        seed: of the sample.
 
     Raises:
         MapError: no image has a keypoint.

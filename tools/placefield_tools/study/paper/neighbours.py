@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.metric.distances import squared_distances
 from placefield.metric.lmnn import target_neighbours
+from placefield.metric.squared_distances import squared_distances
 from placefield_tools.plots import Neighbourhood
 from placefield_tools.study.paper.paper_results import Learned
 from placefield_tools.study.trial import Trial

@@ -12,8 +12,8 @@ Real = TypeVar("Real", bound=np.floating[Any])
 def squared_distances(rows: NDArray[Real], columns: NDArray[Real]) -> NDArray[Real]:
     """Compute ‖r − c‖² for every row r of rows (A, N) and c of columns (B, N), as (A, B).
 
-    Expanded to ‖r‖² + ‖c‖² − 2 r·c, so that one matrix product does the work; what rounding would
-    leave below zero is zero. Descriptors should be centred: a large common offset costs digits.
+    It is expanded to ‖r‖² + ‖c‖² − 2 r·c, so that one matrix product does the work; negative
+    rounding errors become 0. Descriptors should be centred: a large common offset costs digits.
     """
     distances: NDArray[Real] = rows @ columns.T
     distances *= -2

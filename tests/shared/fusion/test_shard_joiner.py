@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from placefield.fusion.shards import join_shards
+from placefield.fusion.shard_joiner import join_shards
 from placefield.matching.candidate import (
     NO_CANDIDATE,
     NO_EVIDENCE,
@@ -23,7 +23,7 @@ def evidence_of(first: int, values: list[float]) -> Candidate:
     return Candidate(first + best, values[best], NO_PLACES, np.array(values, np.float32))
 
 
-def test_what_shards_believe_in_is_believed_in_together() -> None:
+def test_the_beliefs_of_all_shards_are_joined() -> None:
     shards = [belief_in({3: 0.125, 9: 0.25}), belief_in({10: 0.5, 11: 0.0625})]
     joined = join_shards(shards, "filter")
     assert (joined.place, joined.score) == (10, 0.5)
@@ -32,12 +32,12 @@ def test_what_shards_believe_in_is_believed_in_together() -> None:
     assert (joined.places.dtype, joined.evidence.dtype) == (np.int32, np.float32)
 
 
-def test_a_shards_best_place_is_not_told_if_it_is_next_to_nothing() -> None:
+def test_a_shards_best_place_is_left_out_if_its_belief_is_negligible() -> None:
     joined = join_shards([belief_in({3: 1e-9}), belief_in({10: 0.5}), belief_in({20: 0})], "filter")
     assert joined.places.tolist() == [10]
 
 
-def test_the_best_of_all_is_told_even_if_it_is_next_to_nothing() -> None:
+def test_the_best_place_of_all_is_kept_even_if_its_belief_is_negligible() -> None:
     shards = [belief_in({3: 1e-9}), belief_in({10: 5e-8}), belief_in({20: 2e-8})]
     joined = join_shards(shards, "filter")
     assert joined.place == 10
@@ -63,11 +63,11 @@ def test_the_lowest_score_is_the_best() -> None:
     assert len(joined.places) == len(joined.evidence) == 0
 
 
-def test_how_likely_the_vehicle_is_too_fast_is_what_every_shard_says() -> None:
+def test_every_shard_has_the_same_posterior_of_too_fast() -> None:
     shards = [replace(belief_in({3: 0.125}), too_fast=0.75), belief_in({10: 0.0625})]
     shards[1] = replace(shards[1], too_fast=0.75)
     assert join_shards(shards, "filter").too_fast == 0.75
 
 
-def test_shards_that_have_no_answer_yet_have_none_together() -> None:
+def test_shards_without_a_candidate_have_none_together() -> None:
     assert join_shards([NO_CANDIDATE, NO_CANDIDATE], "filter") is NO_CANDIDATE

@@ -1,7 +1,7 @@
-"""AMS (Fan et al. 2017) written out in float64, from raw features to matches, for tests.
+"""AMS (Fan et al. 2017) in float64, from raw features to matches: the reference for tests.
 
-By the equations of the paper, and where it leaves something open by what placefield documents.
-Nothing that computes is placefield's. Frames and places are counted from 0.
+It follows the equations of the paper, and placefield's documentation where the paper is open.
+No computation is placefield's. Frames and places are counted from 0.
 """
 
 import math
@@ -36,7 +36,7 @@ class LiteralChannel:
 
 
 @dataclass(frozen=True)
-class LiteralMap:
+class ReferenceMap:
     """What the reference traverse has taught.
 
     Attributes:
@@ -58,7 +58,7 @@ class LiteralMap:
 
 def build(
     raws: Array, dimensions: int, fuzzifiers: Iterable[float], smallest: int, seed: int
-) -> LiteralMap:
+) -> ReferenceMap:
     """Learn from the raw features (K, D) of a reference traverse."""
     mean = raws.mean(axis=0)
     axes = np.linalg.svd(raws - mean, full_matrices=False)[2][: min(dimensions, len(raws) - 1)]
@@ -74,7 +74,7 @@ def build(
         LiteralChannel(labels, scales, learn(places, labels, trained, weight))
         for labels, scales in encoded
     ]
-    return LiteralMap(mean, axes, places, smallest, weight, channels)
+    return ReferenceMap(mean, axes, places, smallest, weight, channels)
 
 
 # Clusters: the paper's reference [33], and Eqs. 1 to 3.
@@ -154,11 +154,11 @@ def held_back(count: int, seed: int) -> Mask:
 def cross_validated(x: Array, labels: Labels, seed: int) -> float:
     """Return the λ of the fewest errors, and of several the smallest.
 
-    Blocks of 3 frames are dealt into 5 parts, each of which is held back once. An error is one of
-    its frames whose nearest one in the others is of another label.
+    Blocks of 3 frames are partitioned into 5 parts. Each part is held back once. An error is one of
+    its frames whose nearest frame in the other parts has another label.
     """
-    dealt = np.random.default_rng(seed).permutation(math.ceil(len(x) / 3))
-    part_of = np.array([dealt[frame // 3] % 5 for frame in range(len(x))])
+    part_of_block = np.random.default_rng(seed).permutation(math.ceil(len(x) / 3))
+    part_of = np.array([part_of_block[frame // 3] % 5 for frame in range(len(x))])
     errors = dict.fromkeys(LAMBDAS, 0)
     for weight in LAMBDAS:
         for part in range(5):
@@ -249,23 +249,23 @@ def distance(v: Array, x_i: Array, x_j: Array) -> float:
 # Matching: Eqs. 11 to 16.
 
 
-def match(literal: LiteralMap, raws: Array, blur: float = 0) -> list[list[Option]]:
+def match(reference: ReferenceMap, raws: Array, blur: float = 0) -> list[list[Option]]:
     """Return what may be the match of each frame of a query (Q, D): F(Y) and Y.
 
     That is one, unless scores are so near each other that a blur of so much in their square roots
     decides. It is none where no channel has an answer.
     """
-    descriptors = (raws - literal.mean) @ literal.axes.T
+    descriptors = (raws - reference.mean) @ reference.axes.T
     D_M = [
-        np.array([[distance(c.v, x, r) for r in literal.places] for x in descriptors])
-        for c in literal.channels
+        np.array([[distance(c.v, x, r) for r in reference.places] for x in descriptors])
+        for c in reference.channels
     ]
     answers = []
     for frame in range(len(descriptors)):
         hypotheses = [
-            hypothesis(D[frame:], literal.smallest, coarse, blur)
-            for D, channel in zip(D_M, literal.channels, strict=True)
-            for coarse in coarse_scales(channel.scales, literal.smallest)
+            hypothesis(D[frame:], reference.smallest, coarse, blur)
+            for D, channel in zip(D_M, reference.channels, strict=True)
+            for coarse in coarse_scales(channel.scales, reference.smallest)
             if coarse <= min(D[frame:].shape)
         ]
         answers.append(lowest_hypotheses(hypotheses, blur))

@@ -1,4 +1,4 @@
-"""What the filter learns along a drive, of the last hundred frames or so."""
+"""What the filter learns along a drive, from about the last hundred frames."""
 
 import math
 
@@ -9,15 +9,15 @@ Vector = NDArray[np.float64]
 
 _FORGET = 0.99  # of a frame's weight is left at the next
 _UNLEARNED = 10.0  # frames that the prior counts as
-_BASE = 0.2  # share of the prior of speeds that is not learned
-_LEAST_LOST = 0.75  # nats per frame that chance gives the best of places over an average one
-_TYPICAL = 1.5  # nats per frame that a place driven past is likelier than an average one
+_BASE = 0.2  # part of the prior of speeds that is not learned
+_LEAST_LOST = 0.75  # nats per frame by which the best place beats an average one by chance
+_TYPICAL = 1.5  # nats per frame by which a passed place beats an average one
 _LEAST_RATIO = 1e-6  # one frame of another place must not outweigh the others
-_LOST_SHARE = 0.55  # of what places driven past were likelier by: who is lost gets that
+_LOST_FRACTION = 0.55  # a lost vehicle's evidence, as a fraction of that of the passed places
 
 
-class Drive:
-    """What a drive has been like: its speeds, and how alike the frames and the places look."""
+class DriveStatistics:
+    """Statistics of a drive: its speeds, and how well its frames resemble the places."""
 
     def __init__(self, prior: Vector) -> None:
         """Begin a drive with this prior of its speeds, (S,)."""
@@ -28,7 +28,7 @@ class Drive:
 
     @property
     def prior(self) -> Vector:
-        """Chance of each speed after a change, (S,): a drive keeps its frame rate."""
+        """Chance of each speed after a change, (S,), learned: a drive keeps its frame rate."""
         count = float(self._speeds.sum())
         if count == 0:
             return self._prior
@@ -37,16 +37,16 @@ class Drive:
 
     @property
     def lost_evidence(self) -> float:
-        """Nats per frame by which a lost vehicle's frame is likelier than at an average place.
+        """Nats per frame by which a frame is likelier when lost than at an average place.
 
-        About half of what places had that the vehicle drove past: who sees the route well is soon
-        found out to have left it.
+        It is about half of the evidence that the passed places had. So a vehicle that recognises
+        the route well is soon found to have left it.
         """
         evidence = self._evidence + _TYPICAL * _UNLEARNED
-        return max(_LEAST_LOST, _LOST_SHARE * evidence / (self._weight + _UNLEARNED))
+        return max(_LEAST_LOST, _LOST_FRACTION * evidence / (self._weight + _UNLEARNED))
 
     def deviation(self, deviation: float) -> float:
-        """Return the mean deviation of the frames' distances, given that of the newest frame."""
+        """Add the newest frame's deviation of distances, and return the mean of all frames."""
         self._deviations = _FORGET * self._deviations + deviation
         self._frames = _FORGET * self._frames + 1
         return self._deviations / self._frames
@@ -57,8 +57,8 @@ class Drive:
         Args:
             speeds: (S,), posterior of each speed on the map.
             was_on_map: posterior that the vehicle was on the map before the frame.
-            ratio: how many times likelier the frame was where the vehicle was expected than at an
-                average place.
+            ratio: how many times likelier the frame was at the predicted places than at an average
+                one.
             novelty: of the frame, 0 to 1.
         """
         self._speeds = _FORGET * self._speeds + speeds

@@ -1,6 +1,6 @@
-"""The rule ``filter`` written out in float64 by docs/method.md, for tests.
+"""The rule ``filter`` after docs/method.md, in float64: the reference for tests.
 
-Predicting, updating and smoothing are the textbook's, which is tested by itself.
+Predict, update and smooth are those of the textbook version, which has tests of its own.
 """
 
 import math
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE
-from placefield.matching.odometry import Way, carry, road, speeds_of
+from placefield.matching.odometry import Displacement, carry, route_cells, speeds_of
 from placefield.matching.textbook import (
     Likelihood,
     Predicted,
@@ -31,27 +31,27 @@ REACH = 12
 PERSISTENCE = 60  # frames
 STOP = 5
 STEP_DEVIATION = 0.3
-STANDING = 0.05  # of the median step
+STATIONARY = 0.05  # of the median step
 SAMPLE = 250
 NATS_PER_DEVIATION = 1.25
 REPEATED = 1e-3
-MEMORY = 0.99
-LOST_SHARE = 0.55
+FORGET = 0.99
+LOST_FRACTION = 0.55
 AGAIN = 0.1
-SOME = 1000
+SAMPLED = 1000
 NOVEL = 0.25
 
 
 @dataclass(frozen=True)
-class Driven:
-    """A step that odometry tells of.
+class OdometryStep:
+    """A step with odometry.
 
     Attributes:
         speeds: (S,), chance of each.
-        chances: (2, K, K), of getting from each place to each, on the map and on its reverse.
+        chances: (2, K, K), of a step from each place to each, on the map and on its reverse.
         likelihood: (K,), of the observed step, by the place that it leads to.
         lost_likelihood: the same when lost.
-        jump: the same of one that jumps.
+        jump: the same for a vehicle that jumps.
     """
 
     speeds: Points
@@ -61,42 +61,42 @@ class Driven:
     jump: float
 
     def predict(self, state: State) -> Predicted:
-        of_place = state.placed.sum(axis=1)
-        count, here = of_place.shape[1], np.einsum("hii->hi", self.chances)
-        moved = np.einsum("hi,hij->hj", of_place, self.chances)
+        by_place = state.placed.sum(axis=1)
+        count, here = by_place.shape[1], np.einsum("hii->hi", self.chances)
+        moved = np.einsum("hi,hij->hj", by_place, self.chances)
         kept = (1 - LOSE) * self.speeds[:, None] * self.likelihood
         adrift = self.lost_likelihood * float(state.lost.sum()) * self.speeds
         found = FIND * HYPOTHESES[:, None, None] * adrift[:, None] / count
-        left = LOSE * self.jump * float(of_place.sum()) * self.speeds
-        stayed = (of_place * here)[:, None]
-        came = (moved - of_place * here)[:, None]
+        left = LOSE * self.jump * float(by_place.sum()) * self.speeds
+        stayed = (by_place * here)[:, None]
+        came = (moved - by_place * here)[:, None]
         return Predicted(kept * stayed, kept * came + found, (1 - FIND) * adrift + left)
 
     def predict_backward(self, backward: State, likelihood: Likelihood) -> State:
         count, here = len(self.likelihood), np.einsum("hii->hi", self.chances)
-        ahead = np.einsum("s,hsk->hk", self.speeds, backward.placed)
-        anew = ahead * likelihood.anew
+        message = np.einsum("s,hsk->hk", self.speeds, backward.placed)
+        anew = message * likelihood.anew
         when_lost = float(self.speeds @ backward.lost)
         found = float((HYPOTHESES[:, None] * anew).sum()) / count
         lost = self.lost_likelihood * ((1 - FIND) * when_lost + FIND * found)
-        there, again = anew * self.likelihood, ahead * likelihood.again * self.likelihood
+        there, again = anew * self.likelihood, message * likelihood.again * self.likelihood
         reached = np.einsum("hij,hj->hi", self.chances, there) + here * (again - there)
         placed = (1 - LOSE) * reached + LOSE * self.jump * when_lost
         shape = backward.placed.shape
         return State(np.broadcast_to(placed[:, None], shape), np.full(len(SPEEDS), lost))
 
 
-class LiteralFilter:
-    """The distribution over all states, frame by frame, and what the smoother needs of them."""
+class ReferenceFilter:
+    """The distribution over all states, frame by frame, and the data that the smoother needs."""
 
     def __init__(self, places: Points, travelled: Points | None = None) -> None:
-        """Take the places (K, M), and the metres up to each (K,)."""
-        self.road = None if travelled is None else road(travelled)
+        """Prepare for places (K, M), at these metres along the route (K,)."""
+        self.route = None if travelled is None else route_cells(travelled)
         self.places = places
         count = len(places)
         self.apart = [self.lengths_of_steps(step) for step in range(1, 7)]
         self.typical = float(np.median(self.apart[0])) or 1.0
-        self.standing = STANDING * self.typical
+        self.stationary = STATIONARY * self.typical
         self.some = range(0, count, math.ceil(count / SAMPLE))
         self.state: State | None = None
         self.last: Points | None = None
@@ -104,37 +104,39 @@ class LiteralFilter:
         self.evidence, self.weight = 0.0, 0.0
         self.deviations, self.deviation_weight = 0.0, 0.0
         self.filtered: list[State] = []
-        self.steps: list[Step | Driven] = []
+        self.steps: list[Step | OdometryStep] = []
         self.likelihoods: list[Likelihood] = []
         self.frames: list[int | None] = []
-        """Which of these each frame has; None before the first observation."""
+        """Index of each frame in these lists; None before the first observation."""
 
     def lengths_of_steps(self, step: int) -> Points:
-        """To each place; before one can be made, the mean of those that can."""
+        """Return the step length to each place; the mean at the map's beginning."""
         if step >= len(self.places):
             return np.zeros(len(self.places)) if step == 1 else self.lengths_of_steps(step - 1)
         made = np.linalg.norm(self.places[step:] - self.places[:-step], axis=1)
         return np.concatenate([np.full(step, made.mean()), made])
 
-    def update(self, frame: Points | None, way: Way | None = None) -> None:
-        """Take the next frame (M,), or a missing observation, and the way to it if it is known."""
+    def update(self, frame: Points | None, displacement: Displacement | None = None) -> None:
+        """Add the next frame (M,), or a missing observation, and its displacement if known."""
         repeated = (
             frame is not None and self.last is not None and math.dist(frame, self.last) <= REPEATED
         )
         if not repeated and (frame is not None or self.filtered):
-            self.take(frame, way)
+            self.advance(frame, displacement)
         self.frames.append(len(self.filtered) - 1 if self.filtered else None)
 
-    def take(self, frame: Points | None, way: Way | None) -> None:
+    def advance(self, frame: Points | None, displacement: Displacement | None) -> None:
         known = frame is not None and self.last is not None
         length = math.dist(frame, self.last) if known else None  # type: ignore[arg-type]
-        step = self.step(length) if way is None else self.driven(length, way)
+        step = (
+            self.step(length) if displacement is None else self.odometry_step(length, displacement)
+        )
         novelty, evidence, lost_evidence = self.observe(frame, length)
-        some = evidence[:: math.ceil(len(evidence) / SOME)]
+        some = evidence[:: math.ceil(len(evidence) / SAMPLED)]
         against_lost = evidence - math.log(np.exp(some).mean()) - lost_evidence
         most = math.log(len(evidence))
         against_lost = np.minimum(against_lost, most + (against_lost - most) / 50)
-        again, anew = (min(share, novelty / NOVEL) for share in (AGAIN, 1))
+        again, anew = (min(weight, novelty / NOVEL) for weight in (AGAIN, 1))
         likelihood = Likelihood(np.exp(again * against_lost), np.exp(anew * against_lost))
         before = self.state
         moved = initial(PRIOR, len(evidence)) if before is None else self.moved(before, step)
@@ -152,7 +154,7 @@ class LiteralFilter:
         if length is None:
             every = np.ones((len(SPEEDS), len(self.places)))
             return Step(self.prior(), PRIOR, change, chances, every, np.ones(len(SPEEDS)), 1.0)
-        walked = max(length, self.standing)
+        walked = max(length, self.stationary)
         likelihood = student(walked - np.array([self.expected(speed) for speed in SPEEDS]))
         lost_likelihood = likelihood[:, self.some].mean(axis=1)
         there = [(place - len(self.places) // 2) % len(self.places) for place in self.some]
@@ -160,49 +162,54 @@ class LiteralFilter:
         jump = float(student(length - jumps).mean())
         return Step(self.prior(), PRIOR, change, chances, likelihood, lost_likelihood, jump)
 
-    def moved(self, before: State, step: Step | Driven) -> Predicted:
-        return step.predict(before) if isinstance(step, Driven) else predict(before, step)
+    def moved(self, before: State, step: Step | OdometryStep) -> Predicted:
+        return step.predict(before) if isinstance(step, OdometryStep) else predict(before, step)
 
-    def driven(self, length: float | None, way: Way) -> Driven:
-        assert self.road is not None
-        count, pace = len(self.places), way.pace / self.road.spacing
+    def odometry_step(self, length: float | None, displacement: Displacement) -> OdometryStep:
+        assert self.route is not None
+        count, pace = len(self.places), displacement.pace / self.route.spacing
         chances = np.zeros((2, count, count))
         for place in range(count):
             arrived = np.zeros((2, 2, count), np.float32)
             carry(
-                np.array([place], np.int32), np.ones((1, 2), np.float32), self.road, way, 0, arrived
+                np.array([place], np.int32),
+                np.ones((1, 2), np.float32),
+                self.route,
+                displacement,
+                0,
+                arrived,
             )
             chances[:, place] = arrived.sum(axis=0)
         likelihood, lost_likelihood, jump = np.ones(count), 1.0, 1.0
-        if length is not None and pace <= 6 and way.is_measured:
-            likelihood = student(max(length, self.standing) - self.expected(pace))
+        if length is not None and pace <= 6 and displacement.is_measured:
+            likelihood = student(max(length, self.stationary) - self.expected(pace))
             lost_likelihood = float(likelihood[self.some].mean())
             jump = self.step(length).jump
-        return Driven(speeds_of(pace), chances, likelihood, lost_likelihood, jump)
+        return OdometryStep(speeds_of(pace), chances, likelihood, lost_likelihood, jump)
 
     def step_chances(self, speed: float) -> list[float]:
-        """Means over the speeds that one stands for."""
+        """Return the means over the speeds that one represents."""
         widths = [0, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 4]
         width = [*widths, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 1][SPEEDS.index(speed)]
-        around = [speed + width * (share / 100 - 1) for share in range(201)]
+        around = [speed + width * (part / 100 - 1) for part in range(201)]
         return [
             sum(max(1 - abs(each - step), 0) for each in around) / 201 for step in range(REACH + 1)
         ]
 
     def expected(self, speed: float) -> Points:
-        """Length of a step at a speed, by the place that it leads to."""
+        """Return the length of a step at a speed, by the place that it leads to."""
         if speed < 1:
-            one = np.maximum(self.apart[0], self.standing)
-            return np.asarray(self.standing + (one - self.standing) * math.sqrt(speed))
+            one = np.maximum(self.apart[0], self.stationary)
+            return np.asarray(self.stationary + (one - self.stationary) * math.sqrt(speed))
         low = math.floor(speed)
         shorter, longer = self.apart[min(low, 6) - 1], self.apart[min(low, 5)]
-        return np.maximum(shorter + (speed - low) * (longer - shorter), self.standing)
+        return np.maximum(shorter + (speed - low) * (longer - shorter), self.stationary)
 
     def prior(self) -> Points:
         count = self.speeds.sum()
         learned = 0.8 * count / (count + 10)
-        share = self.speeds / count if count > 0 else PRIOR
-        return np.asarray((1 - learned) * PRIOR + learned * share)
+        learned_speeds = self.speeds / count if count > 0 else PRIOR
+        return np.asarray((1 - learned) * PRIOR + learned * learned_speeds)
 
     def observe(self, frame: Points | None, length: float | None) -> tuple[float, Points, float]:
         """Return the novelty, the log likelihood at each place, and the evidence when lost."""
@@ -212,15 +219,15 @@ class LiteralFilter:
         distances = ((self.places - frame) ** 2).sum(axis=1)
         if math.isclose(distances.var(), 0, abs_tol=1e-12):
             return 0.0, nothing, 0.0
-        self.deviations = MEMORY * self.deviations + distances.std()
-        self.deviation_weight = MEMORY * self.deviation_weight + 1
+        self.deviations = FORGET * self.deviations + distances.std()
+        self.deviation_weight = FORGET * self.deviation_weight + 1
         novelty = 1.0 if length is None else min(1.0, length / self.typical)
         around = [distances[max(j - 1, 0) : j + 2].min() for j in range(len(distances))]
         near = (distances + around) / 2
         deviation = self.deviations / self.deviation_weight
         evidence = -NATS_PER_DEVIATION * (near - near.min()) / deviation
         mean_evidence = (self.evidence + 1.5 * 10) / (self.weight + 10)
-        return novelty, evidence, max(0.75, LOST_SHARE * mean_evidence)
+        return novelty, evidence, max(0.75, LOST_FRACTION * mean_evidence)
 
     def learn(self, before: State, moved: Predicted, odds: Points, novelty: float) -> None:
         """Learn, given the log odds of the frame at each place to that at an average one."""
@@ -229,9 +236,9 @@ class LiteralFilter:
         ratio = float(expected @ np.exp(odds) / expected.sum())
         was_on_map = float(before.placed[0].sum())
         nats = math.log(max(ratio, 1e-6))
-        self.evidence = MEMORY * self.evidence + was_on_map * novelty * nats
-        self.weight = MEMORY * self.weight + was_on_map * novelty
-        self.speeds = MEMORY * self.speeds + self.state.placed[0].sum(axis=1)
+        self.evidence = FORGET * self.evidence + was_on_map * novelty * nats
+        self.weight = FORGET * self.weight + was_on_map * novelty
+        self.speeds = FORGET * self.speeds + self.state.placed[0].sum(axis=1)
 
     def belief(self) -> Points:
         """Posterior of each place on the map, (K,), at a speed that it resolves."""
@@ -249,12 +256,12 @@ class LiteralFilter:
         ]
 
     def smooth(self) -> list[State]:
-        """As the textbook does, over steps of both kinds."""
+        """Smooth as the textbook does, over steps of both kinds."""
         last = self.filtered[-1]
         backward, smoothed = State(np.ones_like(last.placed), np.ones_like(last.lost)), [last]
         for frame in range(len(self.filtered) - 1, 0, -1):
             step, likelihood = self.steps[frame], self.likelihoods[frame]
-            if isinstance(step, Driven):
+            if isinstance(step, OdometryStep):
                 backward = step.predict_backward(backward, likelihood)
             else:
                 backward = predict_backward(backward, step, likelihood)

@@ -10,25 +10,25 @@ from placefield.search.quantized import (
     _WORTH_BLAS,
     DESCRIPTOR_UNIT,
     LONGEST,
-    CodedProjection,
-    Codes,
-    codes_of,
+    Quantized,
+    QuantizedProjection,
     products,
     projected_unit,
+    quantize,
 )
 
 FEW_AND_MANY = [1, 2, _WORTH_BLAS - 1, _WORTH_BLAS, _WORTH_BLAS + 1, 70]
-SLACK = 15  # that rounding may add to the longest, in codes
+SLACK = 15  # that rounding may add to the longest, in units
 
 
-def random_codes(count: int, dimensions: int, seed: int) -> Codes:
-    """Codes of vectors as long as a descriptor's, in all directions."""
+def random_quantized(count: int, dimensions: int, seed: int) -> Quantized:
+    """Quantized of vectors as long as a descriptor's, in all directions."""
     vectors = np.random.default_rng(seed).normal(size=(count, dimensions))
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
-    return codes_of(vectors.astype(np.float32), DESCRIPTOR_UNIT)
+    return quantize(vectors.astype(np.float32), DESCRIPTOR_UNIT)
 
 
-def exact(rows: Codes, vectors: Codes) -> list[list[int]]:
+def exact(rows: Quantized, vectors: Quantized) -> list[list[int]]:
     made: list[list[int]] = (vectors.astype(np.int64) @ rows.astype(np.int64).T).tolist()
     return made
 
@@ -36,7 +36,7 @@ def exact(rows: Codes, vectors: Codes) -> list[list[int]]:
 @pytest.mark.parametrize("count", FEW_AND_MANY)
 @pytest.mark.parametrize("rows", [1, _BLOCK - 1, _BLOCK, _BLOCK + 1, 2 * _BLOCK, 1000])
 def test_products_are_exact(rows: int, count: int) -> None:
-    places, vectors = random_codes(rows, 50, seed=1), random_codes(count, 50, seed=2)
+    places, vectors = random_quantized(rows, 50, seed=1), random_quantized(count, 50, seed=2)
     made = products(places, vectors)
     assert made.dtype == np.int32
     assert made.tolist() == exact(places, vectors)
@@ -62,7 +62,7 @@ def test_products_of_the_longest_vectors_are_exact(dimensions: int, count: int) 
 def test_rows_may_be_read_only_mapped_from_a_file_or_every_other_one(
     tmp_path: Path, count: int
 ) -> None:
-    rows, vectors = random_codes(600, 50, seed=1), random_codes(count, 50, seed=2)
+    rows, vectors = random_quantized(600, 50, seed=1), random_quantized(count, 50, seed=2)
     expected = exact(rows, vectors)
     np.save(tmp_path / "rows.npy", rows)
     mapped = np.lib.format.open_memmap(tmp_path / "rows.npy", mode="r")
@@ -73,17 +73,17 @@ def test_rows_may_be_read_only_mapped_from_a_file_or_every_other_one(
 
 
 def test_no_vectors_have_no_products() -> None:
-    assert products(random_codes(5, 50, seed=1), np.empty((0, 50), np.int16)).shape == (0, 5)
+    assert products(random_quantized(5, 50, seed=1), np.empty((0, 50), np.int16)).shape == (0, 5)
 
 
-def test_codes_are_the_nearest_multiples_of_their_unit() -> None:
+def test_quantized_values_are_the_nearest_multiples_of_their_unit() -> None:
     vectors = np.random.default_rng(1).normal(size=(40, 300))
     vectors = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
-    codes = codes_of(vectors, DESCRIPTOR_UNIT)
-    assert codes.dtype == np.int16
-    np.testing.assert_allclose(codes * DESCRIPTOR_UNIT, vectors, atol=0.501 * DESCRIPTOR_UNIT)
-    np.testing.assert_array_equal(codes_of(vectors[3], DESCRIPTOR_UNIT), codes[3])
-    lengths = np.linalg.norm(codes.astype(np.float64), axis=1)
+    quantized = quantize(vectors, DESCRIPTOR_UNIT)
+    assert quantized.dtype == np.int16
+    np.testing.assert_allclose(quantized * DESCRIPTOR_UNIT, vectors, atol=0.501 * DESCRIPTOR_UNIT)
+    np.testing.assert_array_equal(quantize(vectors[3], DESCRIPTOR_UNIT), quantized[3])
+    lengths = np.linalg.norm(quantized.astype(np.float64), axis=1)
     assert np.all(lengths <= LONGEST + SLACK)
 
 
@@ -102,8 +102,8 @@ def projections(draw: st.DrawFn) -> np.ndarray:
 def test_a_projection_of_many_is_that_of_each_to_the_last_bit(
     projection: np.ndarray, seed: int, splits: list[int]
 ) -> None:
-    project = CodedProjection(projection, projected_unit(projection))
-    descriptors = random_codes(60, projection.shape[1], seed)
+    project = QuantizedProjection(projection, projected_unit(projection))
+    descriptors = random_quantized(60, projection.shape[1], seed)
     alone = np.concatenate([project(one[None]) for one in descriptors])
     batched = np.concatenate([project(batch) for batch in np.split(descriptors, splits)])
     assert alone.dtype == batched.dtype == np.int16
@@ -113,8 +113,8 @@ def test_a_projection_of_many_is_that_of_each_to_the_last_bit(
 @given(projections(), st.integers(0, 99))
 def test_a_projection_is_the_exact_one_but_for_rounding(projection: np.ndarray, seed: int) -> None:
     unit = projected_unit(projection)
-    descriptors = random_codes(20, projection.shape[1], seed)
-    projected = CodedProjection(projection, unit)(descriptors)
+    descriptors = random_quantized(20, projection.shape[1], seed)
+    projected = QuantizedProjection(projection, unit)(descriptors)
     expected = DESCRIPTOR_UNIT * descriptors @ projection.T.astype(np.float64) / unit
     # Of each of the N products of a row, half a code of its factor is rounded off, at most.
     rows, columns = projection.shape
@@ -124,13 +124,13 @@ def test_a_projection_is_the_exact_one_but_for_rounding(projection: np.ndarray, 
 
 
 @given(projections())
-def test_the_longest_that_a_projection_makes_is_as_long_as_codes_may_be(
+def test_the_longest_vector_of_a_projection_has_the_greatest_length(
     projection: np.ndarray,
 ) -> None:
-    """The descriptor that it stretches the most, and the one that is turned around."""
+    """The descriptor that it stretches the most, and the one that is reversed around."""
     _, _, directions = np.linalg.svd(projection.astype(np.float64))
-    longest = codes_of(directions[:1].astype(np.float32), DESCRIPTOR_UNIT)
-    project = CodedProjection(projection, projected_unit(projection))
+    longest = quantize(directions[:1].astype(np.float32), DESCRIPTOR_UNIT)
+    project = QuantizedProjection(projection, projected_unit(projection))
     for descriptor in (longest, -longest):
         projected = project(descriptor).astype(np.int64)
         length = np.linalg.norm(projected)
