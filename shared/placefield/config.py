@@ -193,6 +193,16 @@ class MetricConfig(_Section):
         return self.push
 
 
+class BuildConfig(_Section):
+    """How a map is built for the search of places."""
+
+    coarse_from: int = Field(
+        200_000,
+        ge=1,
+        description="a map of so many places or more is built with a coarse search of all places",
+    )
+
+
 class MatchingConfig(_Section):
     """How candidates are made and fused."""
 
@@ -213,11 +223,6 @@ class MatchingConfig(_Section):
         10, ge=0, description="evidence: places on either side that a margin disregards"
     )
     reverse: bool = Field(False, description="the route is driven the other way")
-    coarse_from: int = Field(
-        200_000,
-        ge=1,
-        description="a map of so many places is built for a coarse look at all of them first",
-    )
     exact: bool = Field(
         False, description="filter: compare exactly with every place, whatever the map is built for"
     )
@@ -253,6 +258,7 @@ class Config(_Section):
     features: FeatureConfig = FeatureConfig()
     scales: ScaleConfig = ScaleConfig()
     metric: MetricConfig = MetricConfig()
+    build: BuildConfig = BuildConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
     monitoring: MonitoringConfig = MonitoringConfig()

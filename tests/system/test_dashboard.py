@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 from hosting import Answer, Host, Listener, Process, placefield, refusal, wait_until
 
+from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.common.host_process import free_endpoint
 
 pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
@@ -107,8 +108,8 @@ def assert_shows(shown: Shown, answer: Answer) -> None:
     header, match = answer
     shown.await_text("frames", str(header.sequence + 1))
     shown.await_text("place", str(match.place))
-    shown.await_text("verdict", "known" if match.known else "unknown")
-    shown.await_text("probability", f"{match.probability:.3f}")
+    shown.await_text("verdict", str(certainty_of(match)))
+    shown.await_text("probability", percent(match.probability or 0.0))
     shown.await_text("score", f"{match.score:.2f}")
 
 

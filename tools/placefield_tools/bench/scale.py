@@ -54,7 +54,7 @@ def _figures_of(walk: Array) -> list[Figure]:
     query = list(seen_again(walk[drive], _LIGHT, seed=2))
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         path = Path(folder) / f"walk{SUFFIX}"
-        placemap = made_map(walk, coarse=size >= config.matching.coarse_from)
+        placemap = made_map(walk, coarse=size >= config.build.coarse_from)
         model = fingerprint(placemap.model)
         save_map(placemap, path)
         del placemap
@@ -77,7 +77,7 @@ def _figures_of(walk: Array) -> list[Figure]:
         ]
         if size == _SHARDED:
             figures += bench_shards(path, model, query, matches)
-        if size >= config.matching.coarse_from:
+        if size >= config.build.coarse_from:
             figures += _beside_exact(size, path, model, query, matches)
     return figures
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,8 +35,8 @@ def _chaos(
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second")] = 12.0,
     seed: Annotated[int, typer.Option(min=0, help="of the schedule of faults")] = 0,
     as_json: options.Json = False,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:

@@ -2,7 +2,7 @@
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 
 def add_to(app: typer.Typer) -> None:
@@ -11,7 +11,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _config(
-    preset: options.PresetOption = None,
+    preset: options_map.PresetOption = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:

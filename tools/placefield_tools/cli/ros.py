@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,7 +21,7 @@ def _ros(
         str | None,
         typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
     ] = None,
-    spacing: options.Spacing = None,
+    spacing: options_frames.Spacing = None,
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS")] = 0,
     run: options.Run = None,
     endpoint: options.Endpoint = None,

@@ -7,7 +7,7 @@ import typer
 
 from placefield.config import FusionConfig
 from placefield.errors import ConfigError
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 
 def add_to(app: typer.Typer) -> None:
@@ -66,9 +66,9 @@ def _channel(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    exact: options.Exact = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    exact: options_map.Exact = None,
     metrics_port: options.MetricsPort = None,
     digest: options.Digest = None,
     log_json: options.LogJson = False,
@@ -117,9 +117,9 @@ def _fuser(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    precision: options.Precision = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    precision: options_map.Precision = None,
     deadline: Annotated[
         float | None,
         typer.Option(

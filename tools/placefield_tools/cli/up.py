@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 _ROLES = {
     "featurizer": "featurizer",
@@ -36,10 +36,10 @@ def _up(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    precision: options.Precision = None,
-    exact: options.Exact = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    precision: options_map.Precision = None,
+    exact: options_map.Exact = None,
     ros: Annotated[
         str | None,
         typer.Option(
@@ -102,7 +102,7 @@ def _up(
         raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
-    options.check_preset(effective, map_path)
+    options_map.check_preset(effective, map_path)
     manifest, digest = read_identified(map_path)
     manifest.features.check_rule(effective.matching.rule)
     channels = manifest.channels

@@ -9,6 +9,7 @@ from placefield.bus.message import Header
 from placefield.bus.messages import SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
+from placefield_tools.common.certainty import percent
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.charts import certainty_chart, set_certainty
 from placefield_tools.dashboard.site import Site, card, chart, svg
@@ -98,7 +99,7 @@ class MatchPanel:
         self._verdict.classes(replace=f"verdict {answer.verdict.replace(' ', '-')}")
         self._place.text = "none" if match.place < 0 else str(match.place)
         probability = match.probability
-        self._probability.text = "not told" if probability is None else f"{probability:.3f}"
+        self._probability.text = "none" if probability is None else percent(probability)
         self._score.text = f"{match.score:.2f}"
         self._frames.text = str(answer.header.sequence + 1)
         self._pose.text = self._where(answer)
@@ -110,7 +111,7 @@ class MatchPanel:
         place = "no place" if match.place < 0 else f"place {match.place}"
         parts = [f"frame {header.sequence + 1}: {place}"]
         if match.probability is not None:
-            parts.append(f"{match.probability:.3f}")
+            parts.append(percent(match.probability))
         if match.too_fast:
             parts.append(FASTER)
         self._smoothed.text = ", ".join([*parts, f"{match.lag} frames later"])
@@ -121,7 +122,7 @@ class MatchPanel:
 
     def _where(self, answer: Answer) -> str:
         if answer.match.pose is None:
-            return "not told"
+            return "none"
         x, y, _ = answer.match.pose
         if self._origin is not None:
             latitude, longitude = self._origin.to_degrees(x, y)

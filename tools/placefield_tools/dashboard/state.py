@@ -12,10 +12,10 @@ from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
-from placefield.fusion.match import FASTER
 from placefield.fusion.shards import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
+from placefield_tools.common.certainty import certainty_of
 from placefield_tools.dashboard.distances import DistanceColumns, Row
 from placefield_tools.dashboard.fields import thinned
 
@@ -52,11 +52,7 @@ class Answer:
         """What the match comes to, in a few words."""
         if self.match.place < 0:
             return "no answer"
-        if self.match.known is None:
-            return "matched"
-        if self.match.too_fast:
-            return FASTER
-        return "known" if self.match.known else "unknown"
+        return certainty_of(self.match) or "matched"
 
 
 @dataclass
