@@ -246,14 +246,14 @@ def test_a_page_with_nothing_to_show_says_so_and_one_whose_host_is_gone_turns_gr
             assert [shown.text(f"channel-{number}") for number in range(3)] == ["no frame yet"] * 3
             pictures = [shown.page.locator(f"img[data-shown={name}]") for name in _PICTURES]
             assert not any(picture.is_visible() for picture in pictures)
-            assert not shown.page.locator("[data-shown=lacking]").is_visible()
+            assert not shown.page.locator("[data-shown=missing-services]").is_visible()
             host.replay(query_dir)
             shown.await_text("frames", "60")
             wait_until(lambda: all(one.is_visible() for one in pictures), "there are pictures")
             stale = shown.page.locator(".stale")
             assert stale.count() == 0
             host.stop()
-            shown.await_text("lacking", "not current; missing: featurizer; fuser; channel")
+            shown.await_text("missing-services", "not current; missing: featurizer; fuser; channel")
             assert stale.count() == 1
             assert shown.text("place") == "59"
         finally:
