@@ -61,7 +61,7 @@ def test_memory_that_hosts_have_not_is_said(map_path: Path) -> None:
     little = "--memory", "0.1"
     ended = run_plan(map_path, *little)
     assert ended.exit_code == 1, ended.output
-    assert "too little memory: a host would take 0.5 GB" in ended.output
+    assert "too little memory: a host would need 0.5 GB" in ended.output
     assert not json.loads(run_plan(map_path, *little, "--json").output)["suffices"]
 
 

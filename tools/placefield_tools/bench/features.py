@@ -10,8 +10,8 @@ from placefield.features.gist import DIMENSIONS, gist
 from placefield.features.images import decode
 from placefield.features.shrink import small_grey
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
-from placefield_tools.bench.plain_gist import PlainGist
+from placefield_tools.bench.naive_gist import PlainGist
+from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
 
 _BATCH = 16

@@ -17,10 +17,10 @@ from placefield.maps.store import save_map
 from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import started
-from placefield_tools.bench.shards import bench_shards
+from placefield_tools.bench.random_walks import drive_along, observed_again, random_walk
+from placefield_tools.bench.shard_speed import bench_shards
 from placefield_tools.bench.start import bench_start
 from placefield_tools.bench.synthetic import made_map
-from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 from placefield_tools.common.progress import tracked
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
@@ -51,7 +51,7 @@ def bench_scale() -> list[Figure]:
 def _figures_of(walk: Array) -> list[Figure]:
     size, config = len(walk), Config()
     drive = drive_along(size, _FRAMES, seed=1)
-    query = list(seen_again(walk[drive], _LIGHT, seed=2))
+    query = list(observed_again(walk[drive], _LIGHT, seed=2))
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         path = Path(folder) / f"walk{SUFFIX}"
         placemap = made_map(walk, coarse=size >= config.build.coarse_from)

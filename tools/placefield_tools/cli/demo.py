@@ -52,7 +52,7 @@ def _demo(
 
 def _render(folder: Path, light: "Light") -> str:
     from placefield_tools.common.progress import progress_bar
-    from placefield_tools.demo.traverse import render_traverse
+    from placefield_tools.demo.rendered_traverse import render_traverse
 
     target = folder / light
     with progress_bar() as bar:

@@ -41,10 +41,10 @@ def _doctor(
       placefield doctor
       placefield doctor --camera rtsp://192.168.1.20/stream
     """
-    from placefield_tools.doctor.cameras import cameras
+    from placefield_tools.doctor.camera_check import cameras
     from placefield_tools.doctor.installation import installation
     from placefield_tools.doctor.machine import machine
-    from placefield_tools.doctor.network import network
+    from placefield_tools.doctor.network_check import network
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials

@@ -6,8 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import CENTRE, EYE, FOCAL, HEIGHT, HORIZON, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import (
+    CENTRE,
+    EYE,
+    FOCAL,
+    HEIGHT,
+    HORIZON,
+    WIDTH,
+    PinholeCamera,
+)
 from placefield_tools.demo.route import LEAD, Route
 from placefield_tools.demo.street import SIGHT, Building, Street
 from placefield_tools.demo.surface import (

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import FOCAL, HEIGHT, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image
+from placefield_tools.demo.pinhole_camera import FOCAL, HEIGHT, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.street import SIGHT
 from placefield_tools.demo.texture import Texture
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield_tools.demo.buildings import building_panels
-from placefield_tools.demo.camera import EYE, NEAR, PinholeCamera
 from placefield_tools.demo.cars import car_mesh
 from placefield_tools.demo.ground import Ground, draw_ground, paint_ground
 from placefield_tools.demo.lamps import LampPost, draw_lamp_post, make_lamp_post
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import EYE, NEAR, PinholeCamera
 from placefield_tools.demo.render import (
     Billboard,
     Mesh,

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import FOCAL, HEIGHT, HORIZON, WIDTH
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import FOCAL, HEIGHT, HORIZON, WIDTH
 from placefield_tools.demo.texture import fractal_noise
 
 AROUND = round(2 * np.pi * FOCAL)  # columns of the panorama

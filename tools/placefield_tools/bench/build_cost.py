@@ -21,7 +21,7 @@ from placefield.maps.build import build_map
 from placefield.maps.traverse import Traverse
 from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbours
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
 from placefield_tools.common.parallel import cores, map_in_order
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield_tools.demo.layout import make_street
 from placefield_tools.demo.street import SIGHT
+from placefield_tools.demo.street_layout import make_street
 
 seeds = st.integers(min_value=0, max_value=10_000)
 

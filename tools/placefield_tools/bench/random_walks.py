@@ -30,7 +30,7 @@ def random_walk(places: int, dimensions: int, seed: int) -> Array:
     return _in_place_unit_length(walk)
 
 
-def seen_again(places: Array, strength: float, seed: int) -> Array:
+def observed_again(places: Array, strength: float, seed: int) -> Array:
     """See places (Q, N) again, in another light: with noise of this strength."""
     noise = _noise(np.random.default_rng(seed), places.shape)
     noise *= strength / np.linalg.norm(_spreads(places.shape[1]))

@@ -11,9 +11,9 @@ import numpy as np
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
+from placefield_tools.bench.street_frames import street_frames
 
 CAMERAS = 16
 _RATE = 10.0  # frames per second and camera

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from placefield_tools.bench.plain_gist import PlainGist
+from placefield_tools.bench.naive_gist import PlainGist
 
 
 def test_values_are_those_of_the_authors_code() -> None:
