@@ -173,7 +173,7 @@ def test_a_replay_is_started_and_stopped_from_the_page(
     wait_until(lambda: "nothing" in shown.text("replay") and not replays(shown), "it has failed")
     shown.page.get_by_label("Source").fill(str(query_dir))
     shown.page.get_by_label("Frames per second").fill("40")
-    shown.page.get_by_role("checkbox", name="begin again").click()
+    shown.page.get_by_role("checkbox", name="repeat from").click()
     shown.press("start")
     answers = listener.answers(count=70)
     assert not any(match.missing for _, match in answers)

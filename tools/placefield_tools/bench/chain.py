@@ -80,7 +80,7 @@ def _bus(chain: Chain) -> Iterator[Bus]:
 
 
 def shape_of(bus: Bus, frames: Sequence[bytes]) -> Shape:
-    """Look at the real chain: which worker has which channels, how large the messages are."""
+    """Measure the real chain: the channels of each worker and the size of the messages."""
     features, candidates = _Sizes(bus, _KEYS.feature), _Sizes(bus, _KEYS.all_candidates)
     play([LiveCamera(bus, _KEYS.run)], frames, rate=_RATE, seconds=_WARM_UP_S)
     workers: defaultdict[str, list[int]] = defaultdict(list)

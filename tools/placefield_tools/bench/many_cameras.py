@@ -1,4 +1,4 @@
-"""Many cameras on one map: one set of services for all, beside a set for each."""
+"""Many cameras on one map: one set of services for all, beside one set per camera."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -80,7 +80,7 @@ def load_figures(together: Load, separate: Load) -> list[Figure]:
 
 
 def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]) -> Load:
-    """Let all cameras play through sets of services of which each serves some runs."""
+    """Publish the frames of all cameras to sets of services; each set serves some runs."""
     commands = [_up(map_path, runs) for runs in sets]
     with started(commands) as chains, _cameras(chains, sets) as cameras:
         play(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)

@@ -101,7 +101,7 @@ class _Soak:
         return list(self._stream(laps * len(self._query)))
 
     def _stream(self, frames: int) -> Iterator[MatchMessage]:
-        """Yield the matches of a stream as they come; it goes no faster than they are taken."""
+        """Yield the matches of a stream as they come; the stream waits for the reader."""
         stop = threading.Event()
         with open_bus(self._config.bus) as bus, ThreadPoolExecutor(1) as aside:
             matches = MatchQueue(bus, Keys(self._config.run))

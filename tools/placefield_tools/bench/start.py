@@ -1,4 +1,4 @@
-"""Channel workers of a map of a gigabyte: how long they take to start, and what they share."""
+"""Channel workers of a map of a gigabyte: their start time, and the memory they share."""
 
 import statistics
 import subprocess

@@ -1,4 +1,4 @@
-"""Maps of made descriptors, with nothing to look at."""
+"""Maps of synthetic descriptors, without images."""
 
 import numpy as np
 from numpy.typing import NDArray

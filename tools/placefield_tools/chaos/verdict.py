@@ -93,8 +93,8 @@ def judge(
     """Compare the answers, by frame, with those of the undisturbed run, in order of frames.
 
     The system has recovered from a fault at the first answer with all channels to a frame sent
-    after the fault. If all services that cached the stream died, later answers are flagged as forgotten
-    to the end of the stream; this still counts as recovered.
+    after the fault. If all services that cached the stream died, later answers are flagged as
+    forgotten to the end of the stream; this still counts as recovered.
     """
     complete = {frame: each for frame, each in answers.items() if not each.match.missing}
     whole = {frame: each for frame, each in complete.items() if not each.match.forgotten}

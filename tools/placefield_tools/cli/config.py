@@ -15,10 +15,10 @@ def _config(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Print the settings in force, as TOML that --config takes.
+    """Print the settings in force, as TOML for --config.
 
-    Flags win over the environment (PLACEFIELD_SCALES__CHANNELS=8), that over the file of --config,
-    that over the preset, and that over the defaults.
+    The order of precedence is: flags, the environment (PLACEFIELD_SCALES__CHANNELS=8), the file of
+    --config, the preset, the defaults.
 
     Examples:
       placefield config > placefield.toml

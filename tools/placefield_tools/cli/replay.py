@@ -1,4 +1,4 @@
-"""``placefield replay``: a source of frames onto the bus."""
+"""``placefield replay``: publishes the frames of a source."""
 
 from collections import Counter
 from typing import Annotated
@@ -28,7 +28,7 @@ def _replay(
             min=0.01, help="frames per second", show_default="as fast as the services answer"
         ),
     ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="repeat from the start")] = False,
     start: options_frames.Start = 0,
     stop: options_frames.Stop = None,
     stride: options_frames.Stride = 1,
@@ -80,8 +80,10 @@ def _replay(
     with opened as frames, open_bus(effective.bus, stopped) as bus:
         odometry.listen(bus, keys)
         replayed = replay(frames, bus, effective, stopped, rate=rate, loop=loop and not frames.live)
-    counts = Counter(replayed.unseen) + frames.not_given
+    counts = Counter(replayed.unobserved) + frames.not_given
     faults = ", ".join(f"{count} {what}" for what, count in counts.items())
     print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
     if replayed.sent == counts["unreadable"] and (replayed.sent or counts["missing"]):
-        raise SourceError(f"{without_secrets(source)}: no frame of it could be read; mend them")
+        raise SourceError(
+            f"{without_secrets(source)}: none of its frames could be read; check the files"
+        )

@@ -59,9 +59,7 @@ def _channel(
     ],
     shard: Annotated[
         str,
-        typer.Option(
-            help="which part of the places, of how many: 0/4 to 3/4, each at a worker of its own"
-        ),
+        typer.Option(help="part of the places, for example 0/4 to 3/4 for four workers"),
     ] = "0/1",
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
@@ -123,7 +121,7 @@ def _fuser(
     deadline: Annotated[
         float | None,
         typer.Option(
-            help="for the candidates of a frame, seconds",
+            help="seconds to wait for the candidates of a frame",
             show_default=f"{FusionConfig().deadline_s:g}",
         ),
     ] = None,

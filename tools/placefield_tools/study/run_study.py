@@ -1,4 +1,4 @@
-"""A reference and a query to a study."""
+"""Runs a study of a reference and a query."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -99,7 +99,9 @@ def prepare(
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
         if whole.live:
             camera = without_secrets(reference)
-            raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
+            raise SourceError(
+                f"{camera}: a study needs to read the frames twice; record a traverse"
+            )
         query, source = _agreed(query, whole)
         vocabulary = _vocabulary(source, config.seed) if words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
@@ -107,7 +109,7 @@ def prepare(
     with query.open() as driven:
         described_query, readings, poses = describe_query_frames(driven, feature, vocabulary)
     drive, undriven = drive_in(driven, len(described_query.raws))
-    if drive.odometry is not None:  # which takes it for a metre from place to place
+    if drive.odometry is not None:  # which assumes one metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
@@ -138,7 +140,7 @@ def prepare(
 
 
 def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
-    """Return the query with its protocol's n, and the reference, thinned by it if it is to be."""
+    """Return the query with its protocol's n, and the reference, thinned by n if needed."""
     if query.protocol not in TAKES_EVERY:
         return query, reference
     count = sum(1 for _ in reference)
@@ -152,10 +154,10 @@ def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
 def _fitting_map(
     traverse: Traverse, config: Config, network: Network | None, *, thinned: bool
 ) -> tuple[Map, Config]:
-    """Build our map; where thinning left too few places, with shorter segments, and tell so.
+    """Build our map; if thinning left too few places, use shorter segments and log it.
 
     Returns:
-        The map, and the configuration that it was built by: the same one if that did.
+        The map, and the configuration that it was built with.
     """
     tried = config
     while True:
@@ -171,7 +173,7 @@ def _fitting_map(
 
 
 def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
-    """Learn FAB-MAP's words; None where the reference has none."""
+    """Learn FAB-MAP's words; None if the reference has no keypoints."""
     try:
         return learn_vocabulary(source, seed)
     except MapError:
