@@ -35,10 +35,10 @@ Array = NDArray[np.float32]
 
 
 def bench_scale() -> list[Figure]:
-    """Measure channel workers and fuser on made descriptors, as they are sent by a featurizer.
+    """Measure channel workers and fuser on synthetic descriptors, in place of a featurizer.
 
-    Each channel has a metric of its own, as if all had been learned; one worker per core. Where a
-    map is large enough for a coarse look, it is compared exactly, too.
+    Each channel has its own metric, as if it had been learned; there is one worker per core. A map
+    with a coarse search is also measured with the exact search.
     """
     walk = random_walk(max(SIZES), DIMENSIONS, seed=0)
     figures: list[Figure] = []

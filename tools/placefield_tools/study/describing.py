@@ -44,7 +44,7 @@ class Described:
     words: NDArray[np.bool_]
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def observed(self) -> NDArray[np.bool_]:
         """Whether each frame is readable, (n,) bool."""
         return np.array([raw is not None for raw in self.raws], np.bool_)
 

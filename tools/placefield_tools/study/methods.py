@@ -64,8 +64,8 @@ class Method:
 def methods_of(trial: Trial) -> list[Method]:
     """Return all methods, with the windows that fit the route.
 
-    Those that can look ahead are there a second time with the lag in force, unless that is 0. MS
-    and AMS as published have the paper's windows, which all look ahead.
+    Methods that can use later frames run a second time with the configured lag, unless it is 0. MS
+    and AMS as published have the windows of the paper, which all use later frames.
     """
     lag = trial.config.matching.lag
     lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
@@ -207,9 +207,9 @@ PUBLISHED_RIVALS = (
 
 def _fill_missing_observations(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
     """Give a missing observation the mean distance of the other frames to every place."""
-    seen = trial.query.seen
-    mean = distances[seen].mean() if seen.any() else np.float32(0)
-    return np.where(seen[:, None], distances, mean)
+    observed = trial.query.observed
+    mean = distances[observed].mean() if observed.any() else np.float32(0)
+    return np.where(observed[:, None], distances, mean)
 
 
 def _in_driving_order(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:

@@ -56,15 +56,15 @@ def run_study(
 
     Args:
         reference: source of the reference's frames.
-        query: to match, and how it is driven.
+        query: the query, and how it is driven.
         truth_of: gives the truth of the query in its own order.
         config: of our map, its matching and all that is random.
-        tolerance: for the record; None where a ground truth was given, or metres.
-        asked: what else says what is right, see ``ground_of``.
+        tolerance: shown in the report; None if a ground truth or metres were given.
+        asked: the other options of the ground truth, see ``ground_of``.
 
     Raises:
-        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or nobody
-            knows what is right. Another method that fails is reported, and the others go on.
+        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or there
+            is no ground truth. If another method fails, this is reported, and the others continue.
     """
     trial = prepare(reference, query, truth_of, config, asked=asked)
     return Study(
@@ -106,17 +106,17 @@ def prepare(
         vocabulary = _vocabulary(source, config.seed) if words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
-    with query.open() as driven:
-        described_query, readings, poses = describe_query_frames(driven, feature, vocabulary)
-    drive, undriven = drive_in(driven, len(described_query.raws))
+    with query.open() as opened:
+        described_query, readings, poses = describe_query_frames(opened, feature, vocabulary)
+    drive, whole_drive = drive_in(opened, len(described_query.raws))
     if drive.odometry is not None:  # which assumes one metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
     ground = ground_of(
-        Sides(placemap, references, undriven, drive, poses, driven.origin, readings),
-        lambda: truth_of(undriven, references, drive.every),
+        Sides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
+        lambda: truth_of(whole_drive, references, drive.every),
         asked,
     )
     if ground.truth is None:
