@@ -198,6 +198,16 @@ class MetricConfig(_Section):
         return self.push
 
 
+class BuildConfig(_Section):
+    """How a map is built for the search of places."""
+
+    coarse_from: int = Field(
+        200_000,
+        ge=1,
+        description="a map of so many places or more is built with a coarse search of all places",
+    )
+
+
 class MatchingConfig(_Section):
     """How candidates are made and fused."""
 
@@ -216,11 +226,6 @@ class MatchingConfig(_Section):
         10, ge=0, description="evidence: places on either side that the margin ignores"
     )
     reverse: bool = Field(False, description="the vehicle travels the route in reverse")
-    coarse_from: int = Field(
-        200_000,
-        ge=1,
-        description="a map of at least so many places is built for coarse search and re-ranking",
-    )
     exact: bool = Field(
         False,
         description="filter: compare exactly with every place, even if the map has a coarse index",
@@ -263,6 +268,7 @@ class Config(_Section):
     features: FeatureConfig = FeatureConfig()
     scales: ScaleConfig = ScaleConfig()
     metric: MetricConfig = MetricConfig()
+    build: BuildConfig = BuildConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
     monitoring: MonitoringConfig = MonitoringConfig()

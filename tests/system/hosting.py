@@ -239,7 +239,7 @@ class Listener:
     def alive(self, service: str) -> set[str]:
         return self.bus.alive(self.keys.all_alive(service))
 
-    def take(self) -> tuple[Header, MatchMessage | None]:
+    def get(self) -> tuple[Header, MatchMessage | None]:
         """Return the next match; what is no match is left out."""
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
@@ -252,7 +252,7 @@ class Listener:
         """Return the next answers, of frames from ``first`` on: so many, or all of the stream."""
         answers: list[Answer] = []
         while count is None or len(answers) < count:
-            header, match = self.take()
+            header, match = self.get()
             assert header.sequence == first + len(answers), "an answer is missing or out of turn"
             if match is None:
                 assert count is None, "the stream ended too early"

@@ -8,14 +8,14 @@ from placefield.config import Config, MatchingConfig
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.recognizer import Recognizer
+from placefield_tools.bench.random_walks import drive_along, observed_again, random_walk
 from placefield_tools.bench.synthetic import made_map
-from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 
 
 def test_a_coarse_map_and_an_exact_search_of_it_agree(tmp_path: Path) -> None:
     walk = random_walk(30_000, 120, seed=0)
     drive = drive_along(len(walk), 150, seed=1)
-    query = seen_again(walk[drive], 0.7, seed=2)
+    query = observed_again(walk[drive], 0.7, seed=2)
     save_map(made_map(walk, coarse=True), tmp_path / "walk.pfmap")
     placemap = open_map(tmp_path / "walk.pfmap")
     assert all(metric.coarse is not None for metric in placemap.metrics)
@@ -29,7 +29,7 @@ def test_a_coarse_map_and_an_exact_search_of_it_agree(tmp_path: Path) -> None:
 
 def test_other_rules_compare_exactly_whatever_the_map(tmp_path: Path) -> None:
     walk = random_walk(5000, 60, seed=0)
-    query = seen_again(walk[100:140], 0.5, seed=1)
+    query = observed_again(walk[100:140], 0.5, seed=1)
     answers = []
     for coarse in (False, True):
         recognizer = Recognizer(

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 from hosting import Answer, Host, Listener, Process, placefield, refusal, wait_until
 
+from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.common.host_process import free_endpoint
 
 pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
@@ -107,8 +108,8 @@ def assert_shows(shown: Shown, answer: Answer) -> None:
     header, match = answer
     shown.await_text("frames", str(header.sequence + 1))
     shown.await_text("place", str(match.place))
-    shown.await_text("verdict", "known" if match.known else "unknown")
-    shown.await_text("probability", f"{match.probability:.3f}")
+    shown.await_text("verdict", str(certainty_of(match)))
+    shown.await_text("probability", percent(match.probability or 0.0))
     shown.await_text("score", f"{match.score:.2f}")
 
 
@@ -172,7 +173,7 @@ def test_a_replay_is_started_and_stopped_from_the_page(
     wait_until(lambda: "nothing" in shown.text("replay") and not replays(shown), "it has failed")
     shown.page.get_by_label("Source").fill(str(query_dir))
     shown.page.get_by_label("Frames per second").fill("40")
-    shown.page.get_by_role("checkbox", name="begin again").click()
+    shown.page.get_by_role("checkbox", name="repeat from").click()
     shown.press("start")
     answers = listener.answers(count=70)
     assert not any(match.missing for _, match in answers)
@@ -245,14 +246,14 @@ def test_a_page_with_nothing_to_show_says_so_and_one_whose_host_is_gone_turns_gr
             assert [shown.text(f"channel-{number}") for number in range(3)] == ["no frame yet"] * 3
             pictures = [shown.page.locator(f"img[data-shown={name}]") for name in _PICTURES]
             assert not any(picture.is_visible() for picture in pictures)
-            assert not shown.page.locator("[data-shown=lacking]").is_visible()
+            assert not shown.page.locator("[data-shown=missing-services]").is_visible()
             host.replay(query_dir)
             shown.await_text("frames", "60")
             wait_until(lambda: all(one.is_visible() for one in pictures), "there are pictures")
             stale = shown.page.locator(".stale")
             assert stale.count() == 0
             host.stop()
-            shown.await_text("lacking", "not current; missing: featurizer; fuser; channel")
+            shown.await_text("missing-services", "not current; missing: featurizer; fuser; channel")
             assert stale.count() == 1
             assert shown.text("place") == "59"
         finally:

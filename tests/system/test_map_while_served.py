@@ -11,8 +11,8 @@ from hosting import Host, answers_of, offline, placefield, refusal, wait_until
 from placefield.maps.map import Map, fingerprint
 from placefield.maps.store import save_map
 from placefield_tools.bench.feeding import Feeder
+from placefield_tools.bench.random_walks import drive_along, observed_again, random_walk
 from placefield_tools.bench.synthetic import made_map
-from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 
 
 def test_a_small_map_is_served_on_whatever_becomes_of_its_files(
@@ -49,7 +49,7 @@ def test_a_mapped_file_that_is_spoilt_ends_its_worker_with_one_line_and_no_answe
     logs: Path, tmp_path: Path, spoil: Callable[[Path], None]
 ) -> None:
     walk = random_walk(10_000, 60, seed=0)
-    query = seen_again(walk[drive_along(len(walk), 60, seed=1)], 0.5, seed=2)
+    query = observed_again(walk[drive_along(len(walk), 60, seed=1)], 0.5, seed=2)
     placemap, path = made_map(walk), tmp_path / "walk.pfmap"
     save_map(placemap, path)
     file = path / "metrics/0/places.npy"

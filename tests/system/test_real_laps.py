@@ -11,11 +11,11 @@ import pytest
 from placefield.config import Config
 from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import map_of
-from placefield_tools.cli import options
+from placefield_tools.cli import options_truth
 from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate
 
 LAP = 200  # frames
-TRUTH = partial(options.truth_of, tolerance=3, truth=None)
+TRUTH = partial(options_truth.truth_of, tolerance=3, truth=None)
 # A deadline as long as the test: a machine that is busy with others misses none of its own.
 CONFIG = Config.model_validate({"fusion": {"deadline_s": 300}})
 

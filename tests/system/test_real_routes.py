@@ -11,7 +11,7 @@ from placefield.config import Config, Rule
 from placefield.evaluation.curves import PrecisionRecall
 from placefield.evaluation.truth import Truth
 from placefield_tools.build.map_from_sources import map_of
-from placefield_tools.cli import options
+from placefield_tools.cli import options_truth
 from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate, judge
 from placefield_tools.study import describing
 from placefield_tools.study.matching import match_channels
@@ -141,7 +141,7 @@ def test_so_are_they_at_a_speed_that_varies(
     trial = prepare(
         str(data_dir / route.reference),
         Query(str(data_dir / route.query), protocol="speed"),
-        partial(options.truth_of, tolerance=route.tolerance, truth=None),
+        partial(options_truth.truth_of, tolerance=route.tolerance, truth=None),
         Config.model_validate({"matching": {"tolerance": route.tolerance}}),
     )
 
@@ -166,7 +166,7 @@ def test_with_odometry_the_speed_does_not_matter(
     trial = prepare(
         str(data_dir / route.reference),
         Query(str(data_dir / route.query), protocol="odometry"),
-        partial(options.truth_of, tolerance=route.tolerance, truth=None),
+        partial(options_truth.truth_of, tolerance=route.tolerance, truth=None),
         Config.model_validate({"matching": {"tolerance": route.tolerance}}),
     )
     channels, matching = trial.placemap.channels, trial.matching("filter")

@@ -38,8 +38,8 @@ def listeners(shared_host: Host) -> Iterator[dict[str, Listener]]:
 
 def test_two_runs_share_the_workers_and_each_core_a_featurizer_and_fuser(shared_host: Host) -> None:
     assert shared_host.out.startswith("ready: runs 'day', 'night' at ")
-    lots = min(2, cores())
-    assert len(shared_host.children()) == cores() + 2 * lots + 1  # the map server
+    groups = min(2, cores())
+    assert len(shared_host.children()) == cores() + 2 * groups + 1  # the map server
 
 
 def test_two_runs_at_once_give_each_what_it_gives_alone(

@@ -11,7 +11,13 @@ from placefield.bus.inbox import Received
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
-from placefield_tools.chaos.garbage import SPOILERS, ReceivedTraffic, be_strange, publish, query
+from placefield_tools.chaos.garbage import (
+    SPOILERS,
+    ReceivedTraffic,
+    declare_unknown_services,
+    publish,
+    query,
+)
 
 SERVICES = ("featurizer", "channel", "fuser")
 MALFORMED = ("noise", "cut", "another version", "other values", "large")
@@ -20,12 +26,14 @@ GROWTH = 64 * 2**20
 """Bytes that a process may grow by, however many messages come: queues and allocators fill up."""
 
 
-def overhear_a_replay(
-    heard: ReceivedTraffic, host: Host, query_dir: Path
+def record_a_replay(
+    received: ReceivedTraffic, host: Host, query_dir: Path
 ) -> dict[str, list[Received]]:
     host.replay(query_dir)
-    wait_until(lambda: sum("/stats/" in topic for topic in heard.topics) >= 4, "counts are heard")
-    return dict(heard.topics)
+    wait_until(
+        lambda: sum("/stats/" in topic for topic in received.topics) >= 4, "counts are received"
+    )
+    return dict(received.topics)
 
 
 def wait_until_digested(listener: Listener) -> None:
@@ -60,12 +68,12 @@ def test_thousands_of_bad_messages_change_no_answer_take_no_memory_and_are_count
     with Host(logs, map_path, "--workers", "2") as host:
         with open_bus(BusConfig(endpoint=host.endpoint)) as bus, host.listener() as listener:
             keys = listener.keys
-            heard = overhear_a_replay(ReceivedTraffic(bus, keys), host, query_dir)
-            be_strange(bus, keys)
-            publish(bus, heard, 300, seed=1)
+            received = record_a_replay(ReceivedTraffic(bus, keys), host, query_dir)
+            declare_unknown_services(bus, keys)
+            publish(bus, received, 300, seed=1)
             wait_until_digested(listener)
             before = memory(host)
-            published = publish(bus, heard, EACH, seed=2)
+            published = publish(bus, received, EACH, seed=2)
             replies = list(query(bus, keys.cache(keys.feature), 4, seed=3))
             wait_until_digested(listener)
             after = memory(host)

@@ -194,8 +194,7 @@ def test_listen_says_where_the_place_is_which_channels_are_missing_and_what_is_t
         assert listen.out.splitlines() == [
             "frame 0: place 7, score 1.50, at x 1.00 m, y -2.50 m, yaw 0.25 rad",
             "frame 1: no place, score 0.00, without channels 0, 3",
-            "frame 2: place 7, score -2.00, faster than the map resolves, right with probability "
-            "0.125",
+            "frame 2: place 7, score -2.00, faster than the map resolves, 12.5 %",
         ]
 
 

@@ -6,6 +6,7 @@ from importlib import import_module
 import pytest
 
 from placefield_tools.bench.figure import Figure
+from placefield_tools.cli.bench import _MODULES
 from placefield_tools.cli.main import main
 
 PARTS = ("match", "features", "build", "chain", "scale", "soak")
@@ -16,7 +17,7 @@ def part(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     """A part of the benchmarks that measures nothing."""
     name: str = request.param
     figures = [Figure("speedup", 9.5, "how much faster", at_least=8), Figure("lost", 2, "frames")]
-    module = import_module(f"placefield_tools.bench.{name}")
+    module = import_module(f"placefield_tools.bench.{_MODULES[name]}")
     monkeypatch.setattr(module, f"bench_{name}", lambda **_: figures)
     return name
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.loading import ENV_PREFIX
-from placefield_tools.cli.options import effective_config, min_scale_flags
+from placefield_tools.cli.options import effective_config
+from placefield_tools.cli.options_map import min_scale_flags
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -61,7 +61,7 @@ def test_memory_that_hosts_have_not_is_said(map_path: Path) -> None:
     little = "--memory", "0.1"
     ended = run_plan(map_path, *little)
     assert ended.exit_code == 1, ended.output
-    assert "too little memory: a host would take 0.5 GB" in ended.output
+    assert "too little memory: a host would need 0.5 GB" in ended.output
     assert not json.loads(run_plan(map_path, *little, "--json").output)["suffices"]
 
 
@@ -69,7 +69,7 @@ def test_memory_that_hosts_have_not_is_said(map_path: Path) -> None:
 def test_hosts_are_a_number_or_names_each_once(map_path: Path, hosts: str) -> None:
     ended = run_plan(map_path, f"--hosts={hosts}")
     assert isinstance(ended.exception, ConfigError)
-    assert str(ended.exception).startswith(f"--hosts {hosts!r}: write how many")
+    assert str(ended.exception).startswith(f"--hosts {hosts!r}: write their number")
 
 
 def test_a_map_that_lacks_a_file_is_refused(tmp_path: Path) -> None:

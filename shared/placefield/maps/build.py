@@ -134,7 +134,7 @@ def build_map(
     order = _trained_first(held_back, len(traverses))
     reference = _centred(descriptors, order)
     del descriptors  # the reference has them all
-    identity = identity_metric(places, coarse=len(places) >= config.matching.coarse_from)
+    identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
     labels = [np.tile(channel.encoding.labels, len(traverses))[order] for channel in encoded]

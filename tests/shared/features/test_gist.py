@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.features.gist import DIMENSIONS, GRID, ORIENTATIONS, SCALES, gist
-from placefield_tools.bench.plain_gist import PlainGist
+from placefield_tools.bench.naive_gist import PlainGist
 
 
 def published_image(size: int) -> NDArray[np.float32]:

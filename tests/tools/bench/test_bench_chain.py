@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from placefield_tools.bench.cameras import Load, load_figures
 from placefield_tools.bench.chain import latency_figures, rate_figures
 from placefield_tools.bench.figure import as_object
 from placefield_tools.bench.load import Answers
+from placefield_tools.bench.many_cameras import Load, load_figures
 
 
 def answers(sent: int, *milliseconds: float) -> Answers:

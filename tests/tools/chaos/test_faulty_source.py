@@ -27,24 +27,24 @@ class SetClock:
 
 
 def test_a_fault_happens_at_its_frames_turn_and_ends_at_its_ends(query_dir: Path) -> None:
-    clock, told = SetClock(), list[tuple[str, int, int]]()
+    clock, calls = SetClock(), list[tuple[str, int, int]]()
     stopped, killed = Fault("stop channel", 2, 5, 0), Fault("kill router", 62, 62, 0)
-    taken = 0
-    disturbing = FaultySource(
+    read = 0
+    faulty = FaultySource(
         open_source(str(query_dir)),
         64,
         [stopped, killed],
-        lambda fault: told.append(("begin", fault.at, taken)),
-        lambda fault: told.append(("end", fault.at, taken)),
+        lambda fault: calls.append(("begin", fault.at, read)),
+        lambda fault: calls.append(("end", fault.at, read)),
         clock,
     )
     images = []
-    for frame in disturbing:
+    for frame in faulty:
         images.append(frame.image)
-        taken += 1
+        read += 1
         clock.now += 0.5
-    assert told == [("begin", 2, 2), ("end", 2, 5), ("begin", 62, 62)]
-    assert disturbing.happened == [Happened(stopped, 2, 1.0), Happened(killed, 62, 31.0)]
+    assert calls == [("begin", 2, 2), ("end", 2, 5), ("begin", 62, 62)]
+    assert faulty.happened == [Happened(stopped, 2, 1.0), Happened(killed, 62, 31.0)]
     files = [file.read_bytes() for file in sorted(query_dir.iterdir())]
     assert images == (files + files)[:64]
 
@@ -71,7 +71,7 @@ class FakeProcess:
         return 0
 
 
-def test_what_is_killed_is_started_again_and_what_is_dead_takes_no_signal() -> None:
+def test_a_killed_service_is_started_again_and_a_dead_one_gets_no_signal() -> None:
     clock, started = SetClock(), list[FakeProcess]()
 
     def start(command: Sequence[str]) -> "subprocess.Popen[bytes]":

@@ -11,7 +11,7 @@ from placefield_tools.dashboard.charts import (
 )
 
 
-def test_certainty_shows_what_was_told() -> None:
+def test_certainty_shows_probability_score_and_unknown_frames() -> None:
     chart = certainty_chart()
     set_certainty(chart, [(0, -1.0, 0.25, False), (1, 2.0, 0.9, True), (2, 3.0, None, None)])
     data = {series["name"]: series["data"] for series in chart["series"]}

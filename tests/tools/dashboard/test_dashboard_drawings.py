@@ -44,10 +44,10 @@ def test_a_window_cuts_the_bars_at_its_edges(route_map: Map) -> None:
 def test_what_fires_is_the_segment_of_the_candidate(route_map: Map) -> None:
     [channel, *_] = route_map.channels
     first, end = channel.segments[1].tolist()
-    told = Candidate(first, 0.5, np.array([first], np.int32), np.array([0.5], np.float32))
+    candidate = Candidate(first, 0.5, np.array([first], np.int32), np.array([0.5], np.float32))
     names = {
         part.get("class"): part
-        for part in drawn(firing_drawing(channel, told, "filter", Window(0, 60)))
+        for part in drawn(firing_drawing(channel, candidate, "filter", Window(0, 60)))
     }
     assert set(names) == {"field", "firing", "evidence", "candidate"}
     field = names["field"]
@@ -56,8 +56,8 @@ def test_what_fires_is_the_segment_of_the_candidate(route_map: Map) -> None:
 
 
 def test_what_is_outside_of_the_window_is_not_drawn(route_map: Map) -> None:
-    told = Candidate(50, 0.5, np.array([50], np.int32), np.array([0.5], np.float32))
-    assert firing_drawing(route_map.channels[0], told, "filter", Window(0, 10)) == ""
+    candidate = Candidate(50, 0.5, np.array([50], np.int32), np.array([0.5], np.float32))
+    assert firing_drawing(route_map.channels[0], candidate, "filter", Window(0, 10)) == ""
     assert match_drawing(50, Window(0, 10)) == ""
     assert match_drawing(-1, Window(0, 10)) == ""
 

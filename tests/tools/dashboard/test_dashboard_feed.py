@@ -19,8 +19,8 @@ from placefield_tools.dashboard.state import LiveState
 KEYS = Keys("day")
 
 
-class PlainBus:
-    """Hands messages to who subscribed, at once."""
+class FakeBus:
+    """Hands messages to the subscribers at once."""
 
     def __init__(self) -> None:
         self.receive: dict[str, Callable[[Received], None]] = {}
@@ -52,8 +52,8 @@ class PlainBus:
 
 
 @pytest.fixture
-def bus() -> PlainBus:
-    return PlainBus()
+def bus() -> FakeBus:
+    return FakeBus()
 
 
 @pytest.fixture
@@ -62,11 +62,11 @@ def state(route_map: Map) -> LiveState:
 
 
 @pytest.fixture
-def feed(bus: PlainBus, state: LiveState) -> Feed:
+def feed(bus: FakeBus, state: LiveState) -> Feed:
     return Feed(cast(Bus, bus), KEYS, state)
 
 
-def test_a_match_waits_for_what_it_was_made_of(bus: PlainBus, feed: Feed, state: LiveState) -> None:
+def test_a_match_waits_for_what_it_was_made_of(bus: FakeBus, feed: Feed, state: LiveState) -> None:
     bus.put(KEYS.match, 0, MatchMessage(map=NO_DIGEST, place=1, score=1.0).encode())
     feed.drain()
     assert not state.answers
@@ -76,7 +76,7 @@ def test_a_match_waits_for_what_it_was_made_of(bus: PlainBus, feed: Feed, state:
     assert state.frame(answer) == b"a frame"
 
 
-def test_the_newest_smoothed_match_is_told(bus: PlainBus, feed: Feed, state: LiveState) -> None:
+def test_the_newest_smoothed_match_is_kept(bus: FakeBus, feed: Feed, state: LiveState) -> None:
     for sequence in (4, 5, 3):
         smoothed = SmoothedMessage(map=NO_DIGEST, place=sequence, score=1.0, lag=7)
         bus.put(KEYS.smoothed, sequence, smoothed.encode())
@@ -86,7 +86,7 @@ def test_the_newest_smoothed_match_is_told(bus: PlainBus, feed: Feed, state: Liv
 
 
 def test_garbage_is_counted_and_holds_nothing_up(
-    bus: PlainBus, feed: Feed, state: LiveState
+    bus: FakeBus, feed: Feed, state: LiveState
 ) -> None:
     for key in (KEYS.feature, KEYS.all_candidates, KEYS.match):
         bus.put(key, 0, b"garbage")
@@ -98,32 +98,32 @@ def test_garbage_is_counted_and_holds_nothing_up(
     assert [answer.header.sequence for answer in state.answers] == [1]
 
 
-def test_the_services_stand_as_they_tell(bus: PlainBus, feed: Feed) -> None:
+def test_the_status_is_what_the_services_report(bus: FakeBus, feed: Feed) -> None:
     bus.change(KEYS.alive("fuser", "ab"), True)
     bus.change(KEYS.alive("featurizer", "cd"), True)
     bus.change(KEYS.alive("featurizer", "cd"), False)
     bus.put(KEYS.feature, 9, b"")
     stats = StatsMessage(service="fuser", counts={"gaps": 2}, stream="s", sequence=7, channels=1)
     bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), stats.encode())
-    standing = feed.standing()
-    [fuser] = standing.services
+    status = feed.status()
+    [fuser] = status.services
     assert (fuser.behind, fuser.counts) == (2, {"gaps": 2})
-    assert standing.missing == ("featurizer", "channel 0")
+    assert status.missing == ("featurizer", "channel 0")
 
 
 def test_a_fuser_with_another_map_than_the_page_shows_is_no_fuser_of_the_run(
-    bus: PlainBus, feed: Feed
+    bus: FakeBus, feed: Feed
 ) -> None:
     for service, process in (("fuser", "ab"), ("featurizer", "cd"), ("channel", "ef")):
         bus.change(KEYS.alive(service, f"0-{process}" if service == "channel" else process), True)
         stats = StatsMessage(service=service, counts={}, channels=1, map=NO_DIGEST)
         bus.receive_raw[KEYS.all_stats](KEYS.stats(service, process), stats.encode())
-    assert feed.standing().missing == ()
-    assert can_answer(feed.standing())
+    assert feed.status().missing == ()
+    assert can_answer(feed.status())
     other = StatsMessage(service="fuser", counts={}, channels=1, map="f" * 16)
     bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), other.encode())
-    assert feed.standing().missing == (f"fuser ab on map {NO_DIGEST}: it has {'f' * 16}",)
-    assert not can_answer(feed.standing())
+    assert feed.status().missing == (f"fuser ab on map {NO_DIGEST}: it has {'f' * 16}",)
+    assert not can_answer(feed.status())
 
 
 def received(sequence: int, size: int = 1) -> Received:
@@ -134,7 +134,7 @@ def sequences(newest: Newest) -> list[int]:
     return [message.header.sequence for message in newest.get_batch()]
 
 
-def test_what_was_received_is_taken_once_and_in_order() -> None:
+def test_messages_are_read_once_and_in_order() -> None:
     newest = Newest()
     for sequence in range(3):
         newest.offer(received(sequence))

@@ -42,16 +42,16 @@ def test_of_much_evidence_the_best_is_kept() -> None:
 
 
 def test_beliefs_are_drawn_where_their_places_are() -> None:
-    told = Candidate(
+    candidate = Candidate(
         5, 0.6, np.array([1, 5, 6, 90], np.int32), np.array([0.1, 0.6, 0.2, 0.9], np.float32)
     )
-    found = heights(told, "filter", Window(0, 10), 5)
+    found = heights(candidate, "filter", Window(0, 10), 5)
     np.testing.assert_allclose(found, [0.1, 0, 0.6, 0.2, 0])
 
 
 def test_evidence_is_drawn_from_the_worst_to_the_best() -> None:
-    told = Candidate(1, -3.0, np.arange(3, dtype=np.int32), np.array([1, -3, -1], np.float32))
-    np.testing.assert_allclose(heights(told, "evidence", Window(0, 3), 3), [0, 1, 0.5])
+    candidate = Candidate(1, -3.0, np.arange(3, dtype=np.int32), np.array([1, -3, -1], np.float32))
+    np.testing.assert_allclose(heights(candidate, "evidence", Window(0, 3), 3), [0, 1, 0.5])
 
 
 def test_the_field_that_fires_is_the_segment_of_the_place(route_map: Map) -> None:

@@ -37,10 +37,10 @@ def candidate(channel: int, place: int, belief: float = 0.5) -> ChannelCandidate
 
 
 def candidates(
-    *told: ChannelCandidate, rule: Rule = "filter", shard: int = 0, of: int = 1
+    *parts: ChannelCandidate, rule: Rule = "filter", shard: int = 0, of: int = 1
 ) -> bytes:
     return CandidatesMessage(
-        map=NO_DIGEST, rule=rule, candidates=told, shard=shard, shards=of
+        map=NO_DIGEST, rule=rule, candidates=parts, shard=shard, shards=of
     ).encode()
 
 
@@ -57,16 +57,16 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
     descriptor = np.zeros(len(route_map.model.components), np.float32)
     descriptor[0] = 1
     feature = FeatureMessage(model=fingerprint(route_map.model), descriptor=descriptor)
-    state.take_frame(header(7), b"a frame")
-    state.take_feature(header(7), feature.encode())
-    state.take_candidates(header(7), candidates(candidate(0, 3), candidate(2, 4)))
-    state.take_candidates(header(7), candidates(candidate(1, 5)))
-    state.take_match(header(7), match())
+    state.add_frame(header(7), b"a frame")
+    state.add_feature(header(7), feature.encode())
+    state.add_candidates(header(7), candidates(candidate(0, 3), candidate(2, 4)))
+    state.add_candidates(header(7), candidates(candidate(1, 5)))
+    state.add_match(header(7), match())
 
     [answer] = state.answers
     assert answer.match.place == 3
     assert answer.rule == "filter"
-    assert {number: told.place for number, told in answer.candidates.items()} == {0: 3, 1: 5, 2: 4}
+    assert {number: part.place for number, part in answer.candidates.items()} == {0: 3, 1: 5, 2: 4}
     assert state.frame(answer) == b"a frame"
     [expected] = distance_matrix(route_map.channels[0].metric, [descriptor], 0)
     assert answer.distances is not None
@@ -74,7 +74,7 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
 
 
 @pytest.mark.parametrize(
-    ("told", "verdict"),
+    ("given", "verdict"),
     [
         (MatchMessage(map=NO_DIGEST, place=-1, score=0.0), "no answer"),
         (MatchMessage(map=NO_DIGEST, place=3, score=1.0), "matched"),
@@ -89,49 +89,49 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
     ],
 )
 def test_the_verdict_says_what_the_match_comes_to(
-    state: LiveState, told: MatchMessage, verdict: str
+    state: LiveState, given: MatchMessage, verdict: str
 ) -> None:
-    state.take_match(header(0), told.encode())
+    state.add_match(header(0), given.encode())
     assert state.answers[0].verdict == verdict
 
 
-def test_shards_of_a_channel_are_told_as_one(state: LiveState) -> None:
-    state.take_candidates(header(0), candidates(candidate(0, 3, 0.2), shard=0, of=2))
-    state.take_candidates(header(0), candidates(candidate(0, 40, 0.7), shard=1, of=2))
-    state.take_match(header(0), match(40))
-    told = state.answers[0].candidates[0]
-    assert told.place == 40
-    assert told.places.tolist() == [3, 40]
+def test_shards_of_a_channel_are_joined_to_one(state: LiveState) -> None:
+    state.add_candidates(header(0), candidates(candidate(0, 3, 0.2), shard=0, of=2))
+    state.add_candidates(header(0), candidates(candidate(0, 40, 0.7), shard=1, of=2))
+    state.add_match(header(0), match(40))
+    joined = state.answers[0].candidates[0]
+    assert joined.place == 40
+    assert joined.places.tolist() == [3, 40]
 
 
 def test_a_frame_that_was_answered_before_is_no_new_answer(state: LiveState) -> None:
     for sequence in (0, 1, 1, 0, 2):
-        state.take_match(header(sequence), match())
+        state.add_match(header(sequence), match())
     assert numbers(state) == [0, 1, 2]
 
 
 def test_answers_missed_in_a_lossless_stream_are_counted(state: LiveState) -> None:
     for sequence in (4, 5, 9):  # what was before the first was before this state
-        state.take_match(header(sequence), match())
+        state.add_match(header(sequence), match())
     assert state.counts["missed"] == 3
     for sequence in (0, 5):
-        state.take_match(header(sequence, "live", live=True), match())
+        state.add_match(header(sequence, "live", live=True), match())
     assert state.counts["missed"] == 3
 
 
-def test_the_end_of_a_stream_is_told_until_another_is_answered(state: LiveState) -> None:
-    state.take_match(header(0), match())
-    state.take_match(header(1, end=True), b"")
+def test_the_end_of_a_stream_is_kept_until_another_is_answered(state: LiveState) -> None:
+    state.add_match(header(0), match())
+    state.add_match(header(1, end=True), b"")
     assert state.ended == header(1, end=True)
     assert numbers(state) == [0]
-    state.take_match(header(0, "t"), match())
+    state.add_match(header(0, "t"), match())
     assert state.ended is None
 
 
 def test_one_looks_back_within_a_stream(state: LiveState) -> None:
     for stream in ("s", "t"):
         for sequence in range(5):
-            state.take_match(header(sequence, stream), match(sequence))
+            state.add_match(header(sequence, stream), match(sequence))
     seventh = state.at(7)
     assert seventh is not None
     assert [one.number for one in state.before(seventh, 2)] == [6, 7]
@@ -145,14 +145,14 @@ def test_descriptors_of_another_map_are_counted_and_not_compared(
 ) -> None:
     size = len(route_map.model.components)
     feature = FeatureMessage(model="another", descriptor=np.zeros(size, np.float32))
-    state.take_feature(header(0), feature.encode())
+    state.add_feature(header(0), feature.encode())
     assert state.counts["foreign"] == 1
     feature = FeatureMessage(
         model=fingerprint(route_map.model), descriptor=np.zeros(size + 1, np.float32)
     )
     with pytest.raises(MessageError):
-        state.take_feature(header(0), feature.encode())
-    state.take_match(header(0), match())
+        state.add_feature(header(0), feature.encode())
+    state.add_match(header(0), match())
     assert state.answers[0].distances is None
 
 
@@ -165,15 +165,15 @@ def test_evidence_that_is_not_of_its_places_is_refused(state: LiveState) -> None
         evidence=np.array([0.5], np.float32),
     )
     with pytest.raises(MessageError, match="channel 0"):
-        state.take_candidates(header(0), candidates(bad))
+        state.add_candidates(header(0), candidates(bad))
 
 
 def test_what_is_kept_is_bounded(state: LiveState) -> None:
     large = bytes(2**20)
     for sequence in range(KEPT + 50):
-        state.take_frame(header(sequence), large)
-        state.take_candidates(header(sequence), candidates(candidate(0, 1)))
-        state.take_match(header(sequence), match())
+        state.add_frame(header(sequence), large)
+        state.add_candidates(header(sequence), candidates(candidate(0, 1)))
+        state.add_match(header(sequence), match())
     assert len(state.answers) == KEPT
     kept = [state.frame(answer) is not None for answer in state.answers]
     assert sum(kept) == 64  # MiB
@@ -182,31 +182,31 @@ def test_what_is_kept_is_bounded(state: LiveState) -> None:
 
 def test_what_is_never_answered_is_forgotten(state: LiveState) -> None:
     for sequence in range(2000):
-        state.take_candidates(header(sequence), candidates(candidate(0, 1)))
-    state.take_match(header(0), match())
+        state.add_candidates(header(sequence), candidates(candidate(0, 1)))
+    state.add_match(header(0), match())
     assert not state.answers[0].candidates
 
 
 @given(st.binary(max_size=60))
 def test_no_garbage_does_more_than_raise_message_error(route_map: Map, garbage: bytes) -> None:
     state = LiveState(route_map)
-    state.take_frame(header(0), garbage)
-    for take in (state.take_feature, state.take_candidates, state.take_match):
+    state.add_frame(header(0), garbage)
+    for add in (state.add_feature, state.add_candidates, state.add_match):
         with pytest.raises(MessageError):
-            take(header(0), garbage)
+            add(header(0), garbage)
     assert not state.answers
 
 
 def test_what_is_of_another_map_is_counted_and_not_shown(state: LiveState) -> None:
     other = {"map": "f" * 16}
-    told = candidate(0, 7)
-    state.take_candidates(
-        header(0), CandidatesMessage(**other, rule="filter", candidates=(told,)).encode()
+    foreign = candidate(0, 7)
+    state.add_candidates(
+        header(0), CandidatesMessage(**other, rule="filter", candidates=(foreign,)).encode()
     )
-    state.take_match(header(0), MatchMessage(**other, place=7, score=1.0).encode())
-    state.take_smoothed(header(0), SmoothedMessage(**other, place=7, score=1.0, lag=1).encode())
+    state.add_match(header(0), MatchMessage(**other, place=7, score=1.0).encode())
+    state.add_smoothed(header(0), SmoothedMessage(**other, place=7, score=1.0, lag=1).encode())
     assert not state.answers
     assert state.smoothed is None
     assert state.counts["foreign"] == 3
-    state.take_match(header(0), match())
+    state.add_match(header(0), match())
     assert state.answers[-1].candidates == {}

@@ -1,9 +1,17 @@
 import numpy as np
 import pytest
 
-from placefield_tools.demo.camera import CENTRE, FOCAL, HEIGHT, HORIZON, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.cars import MODELS, car_mesh
 from placefield_tools.demo.light import LIGHTINGS
+from placefield_tools.demo.pinhole_camera import (
+    CENTRE,
+    FOCAL,
+    HEIGHT,
+    HORIZON,
+    NEAR,
+    WIDTH,
+    PinholeCamera,
+)
 from placefield_tools.demo.render import Panel, View, draw_mesh, draw_panel
 from placefield_tools.demo.route import make_route
 from placefield_tools.demo.street import Car

@@ -101,35 +101,35 @@ def test_channels_of_one_metric_stay_together(
 def test_the_costliest_worker_is_within_a_third_of_the_best_there_is(
     places: int, channels: list[int], cores: int
 ) -> None:
-    """All ways to deal the metrics and to cut the lots are tried, without services beside them."""
+    """Try all partitions of the metrics into groups and shards, without other services."""
     loads = made_loads(places, channels)
     placed = plan(loads, [], places, hosts=1, cores=cores, rate=1e6)
     best = min(
         max(
             cost_s(
-                tuple(load for load, own in zip(loads, dealt, strict=True) if own == lot),
+                tuple(load for load, own in zip(loads, assigned, strict=True) if own == group),
                 places,
                 cut,
             )
-            for lot, cut in enumerate(cuts)
+            for group, cut in enumerate(cuts)
         )
-        for lots in range(1, min(len(loads), cores) + 1)
-        for dealt in product(range(lots), repeat=len(loads))
-        for cuts in product(range(1, cores + 1), repeat=lots)
+        for groups in range(1, min(len(loads), cores) + 1)
+        for assigned in product(range(groups), repeat=len(loads))
+        for cuts in product(range(1, cores + 1), repeat=groups)
         if sum(cuts) <= cores and all(cut == 1 or places // cut >= LEAST_SHARD for cut in cuts)
     )
     assert max(worker.frame_s for worker in workers_of(placed)) <= 4 / 3 * best + 1e-12
 
 
 @cache
-def cost_s(lot: tuple[MetricLoad, ...], places: int, shards: int) -> float:
-    """Return what a worker of this lot costs, as a plan says that has nothing to choose."""
-    if not lot:
+def cost_s(group: tuple[MetricLoad, ...], places: int, shards: int) -> float:
+    """Return the cost of a worker of this group, from a plan without a choice."""
+    if not group:
         return 0.0
     one = MetricLoad(
-        tuple(channel for load in lot for channel in load.channels),
-        sum(load.read_bytes for load in lot),
-        sum(load.projected_bytes for load in lot),
+        tuple(channel for load in group for channel in load.channels),
+        sum(load.read_bytes for load in group),
+        sum(load.projected_bytes for load in group),
         0,
     )
     placed = plan([one], [], places, hosts=1, cores=shards, rate=1e6)

@@ -4,13 +4,13 @@ from pathlib import Path
 import pytest
 
 from placefield.config import Config
-from placefield_tools.cli import options
+from placefield_tools.cli import options_truth
 from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study import describing
 from placefield_tools.study.run_study import prepare
 from placefield_tools.study.trial import Trial
 
-TRUTH = partial(options.truth_of, tolerance=3, truth=None)
+TRUTH = partial(options_truth.truth_of, tolerance=3, truth=None)
 
 
 def config() -> Config:

@@ -147,7 +147,7 @@ def test_a_query_frame_that_cannot_be_read_is_one_that_was_not_seen(
     damaged = copytree(query_dir, tmp_path / "damaged")
     (damaged / "0007.jpg").write_bytes(b"no image")
     trial = prepare(str(reference_dir), Query(str(damaged)), within_3, CONFIG)
-    assert np.flatnonzero(~trial.query.seen).tolist() == [7]
+    assert np.flatnonzero(~trial.query.observed).tolist() == [7]
     assert trial.descriptors[7] is None
     assert not trial.query.words[7].any()
 

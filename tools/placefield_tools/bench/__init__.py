@@ -1,1 +1,1 @@
-"""Benchmarks: our way against the plain one."""
+"""Benchmarks: Placefield beside naive implementations."""

@@ -17,12 +17,12 @@ from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.store import save_map
-from placefield_tools.bench.cameras import camera_figures
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames, write_frames
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.idle_chain import Shape
 from placefield_tools.bench.load import Answers, LiveCamera, play
+from placefield_tools.bench.many_cameras import camera_figures
+from placefield_tools.bench.street_frames import street_frames, write_frames
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import open_source
@@ -80,7 +80,7 @@ def _bus(chain: Chain) -> Iterator[Bus]:
 
 
 def shape_of(bus: Bus, frames: Sequence[bytes]) -> Shape:
-    """Look at the real chain: which worker has which channels, how large the messages are."""
+    """Measure the real chain: the channels of each worker and the size of the messages."""
     features, candidates = _Sizes(bus, _KEYS.feature), _Sizes(bus, _KEYS.all_candidates)
     play([LiveCamera(bus, _KEYS.run)], frames, rate=_RATE, seconds=_WARM_UP_S)
     workers: defaultdict[str, list[int]] = defaultdict(list)

@@ -1,4 +1,4 @@
-"""GIST beside a plain rendering of its definition, and a frame's way to its descriptor."""
+"""GIST beside a naive implementation, and a frame's way to its descriptor."""
 
 import cv2
 import numpy as np
@@ -10,8 +10,8 @@ from placefield.features.gist import DIMENSIONS, gist
 from placefield.features.images import decode
 from placefield.features.shrink import small_grey
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
-from placefield_tools.bench.plain_gist import PlainGist
+from placefield_tools.bench.naive_gist import NaiveGist
+from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
 
 _BATCH = 16
@@ -28,24 +28,24 @@ def bench_features() -> list[Figure]:
 
 
 def _gist_figures(images: Array) -> list[Figure]:
-    plain = PlainGist(GIST_SIZE)
-    expected = np.array([plain(image) for image in images])
+    naive = NaiveGist(GIST_SIZE)
+    expected = np.array([naive(image) for image in images])
     difference = np.abs(gist(images) - expected).max() / np.abs(expected).max()
     times = Timings.of(
         [
-            lambda: [plain(image) for image in images],
+            lambda: [naive(image) for image in images],
             lambda: [gist(image) for image in images],
             lambda: gist(images),
         ],
         rounds=_ROUNDS,
     )
     return [
-        Figure("gist_speedup", times.ratio(0, 1), "plain GIST over ours, by frame", at_least=8),
+        Figure("gist_speedup", times.ratio(0, 1), "naive GIST over ours, by frame", at_least=8),
         Figure("gist_batch_speedup", times.ratio(0, 2), f"in batches of {_BATCH}", at_least=8),
         Figure(
             "gist_difference",
             float(difference),
-            "largest difference from the plain one, over its largest value",
+            "largest difference from the naive one, over its largest value",
             at_most=1e-5,
         ),
         Figure("gist_ms", 1e3 * times.median(1) / _BATCH, "ours, a frame"),

@@ -1,4 +1,4 @@
-"""Descriptors onto the bus, in the featurizer's place."""
+"""Publishes descriptors in place of the featurizer."""
 
 import threading
 import time
@@ -25,7 +25,7 @@ class Feeder:
     """Publishes descriptors as a lossless stream and collects its matches."""
 
     def __init__(self, bus: Bus, run: str, model: str) -> None:
-        """Take the run, and the fingerprint of the model that the descriptors are of."""
+        """Keep the run, and the fingerprint of the descriptors' model."""
         keys = Keys(run)
         self._model = model
         self._publisher = bus.publisher(keys.feature)

@@ -1,4 +1,4 @@
-"""What a benchmark found out, for a person and as JSON."""
+"""The figures of a benchmark, as a table and as JSON."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -17,10 +17,10 @@ from placefield.maps.store import save_map
 from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import started
-from placefield_tools.bench.shards import bench_shards
+from placefield_tools.bench.random_walks import drive_along, observed_again, random_walk
+from placefield_tools.bench.shard_speed import bench_shards
 from placefield_tools.bench.start import bench_start
 from placefield_tools.bench.synthetic import made_map
-from placefield_tools.bench.walks import drive_along, random_walk, seen_again
 from placefield_tools.common.progress import tracked
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
@@ -35,10 +35,10 @@ Array = NDArray[np.float32]
 
 
 def bench_scale() -> list[Figure]:
-    """Measure channel workers and fuser on made descriptors, as they are sent by a featurizer.
+    """Measure channel workers and fuser on synthetic descriptors, in place of a featurizer.
 
-    Each channel has a metric of its own, as if all had been learned; one worker per core. Where a
-    map is large enough for a coarse look, it is compared exactly, too.
+    Each channel has its own metric, as if it had been learned; there is one worker per core. A map
+    with a coarse search is also measured with the exact search.
     """
     walk = random_walk(max(SIZES), DIMENSIONS, seed=0)
     figures: list[Figure] = []
@@ -51,10 +51,10 @@ def bench_scale() -> list[Figure]:
 def _figures_of(walk: Array) -> list[Figure]:
     size, config = len(walk), Config()
     drive = drive_along(size, _FRAMES, seed=1)
-    query = list(seen_again(walk[drive], _LIGHT, seed=2))
+    query = list(observed_again(walk[drive], _LIGHT, seed=2))
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         path = Path(folder) / f"walk{SUFFIX}"
-        placemap = made_map(walk, coarse=size >= config.matching.coarse_from)
+        placemap = made_map(walk, coarse=size >= config.build.coarse_from)
         model = fingerprint(placemap.model)
         save_map(placemap, path)
         del placemap
@@ -77,7 +77,7 @@ def _figures_of(walk: Array) -> list[Figure]:
         ]
         if size == _SHARDED:
             figures += bench_shards(path, model, query, matches)
-        if size >= config.matching.coarse_from:
+        if size >= config.build.coarse_from:
             figures += _beside_exact(size, path, model, query, matches)
     return figures
 

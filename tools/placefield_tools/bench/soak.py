@@ -17,8 +17,8 @@ from placefield.features.frames import Frame
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.store import save_map
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames, write_frames
 from placefield_tools.bench.host_chain import Chain, started
+from placefield_tools.bench.street_frames import street_frames, write_frames
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.listen.match_queue import MatchQueue
 from placefield_tools.replay.replay_source import replay
@@ -101,7 +101,7 @@ class _Soak:
         return list(self._stream(laps * len(self._query)))
 
     def _stream(self, frames: int) -> Iterator[MatchMessage]:
-        """Yield the matches of a stream as they come; it goes no faster than they are taken."""
+        """Yield the matches of a stream as they come; the stream waits for the reader."""
         stop = threading.Event()
         with open_bus(self._config.bus) as bus, ThreadPoolExecutor(1) as aside:
             matches = MatchQueue(bus, Keys(self._config.run))

@@ -1,4 +1,4 @@
-"""Channel workers of a map of a gigabyte: how long they take to start, and what they share."""
+"""Channel workers of a map of a gigabyte: their start time, and the memory they share."""
 
 import statistics
 import subprocess
@@ -24,8 +24,8 @@ from placefield.maps.map import fingerprint
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.random_walks import random_walk
 from placefield_tools.bench.synthetic import CHANNELS, made_map
-from placefield_tools.bench.walks import random_walk
 from placefield_tools.common.host_process import free_endpoint
 
 _PLACES, _DIMENSIONS = 400_000, 300  # 2 bytes each, 4 metrics: 0.96 GB

@@ -1,4 +1,4 @@
-"""Maps of made descriptors, with nothing to look at."""
+"""Maps of synthetic descriptors, without images."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, Places
 from placefield.maps.metrics import learned_metric
-from placefield_tools.bench.walks import near_identity
+from placefield_tools.bench.random_walks import near_identity
 
 CHANNELS = 4
 SCALES = (4, 6, 8, 11, 14, 18, 22, 27, 33, 39, 45, 52)

@@ -27,7 +27,9 @@ class Timings:
         rounds: int,
         clock: Callable[[], float] = time.perf_counter,
     ) -> Self:
-        """Time the ways in turn, round after round, so that all see the same moods of the machine.
+        """Time the ways in turn, round after round.
+
+        So a slow moment of the machine affects all of them.
 
         A first round warms up and is not counted.
         """

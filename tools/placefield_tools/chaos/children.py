@@ -1,4 +1,4 @@
-"""Services that are killed and stopped, and started again when they have died."""
+"""Runs services as child processes, signals them, and restarts those that died."""
 
 import signal
 import subprocess
@@ -21,16 +21,16 @@ def start_process(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     """Start a service that ends when this process does."""
     return subprocess.Popen(
         command,
-        stdin=subprocess.PIPE,  # its end tells the child that this process is gone
+        stdin=subprocess.PIPE,  # it closes with this process, and the child notices
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,  # they will complain of one another
+        stderr=subprocess.DEVNULL,  # services log the faults of the others
         env=child_environment(),
         start_new_session=True,
     )
 
 
 class Children:
-    """Services by name. Inside a ``with`` all are kept running; at its end all are stopped."""
+    """Services by name. A ``with`` block keeps all of them running, and stops them at its end."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Children:
         clock: Clock,
         start: Start = start_process,
     ) -> None:
-        """Take the command lines, by the names of the services."""
+        """Keep the command lines, by name of the service."""
         self._commands = commands
         self._clock = clock
         self._start = start
@@ -59,12 +59,12 @@ class Children:
         self.stop()
 
     def start(self) -> None:
-        """Start all."""
+        """Start all services."""
         for name, command in self._commands.items():
             self._running[name] = self._start(command)
 
     def stop(self) -> None:
-        """Stop all."""
+        """Stop all services."""
         for process in self._running.values():
             process.send_signal(signal.SIGCONT)
             process.terminate()
@@ -72,11 +72,11 @@ class Children:
             _finish(process)
 
     def names(self, service: str) -> list[str]:
-        """Return the names that begin with this one."""
+        """Return the names that begin with ``service``."""
         return [name for name in self._commands if name.startswith(service)]
 
     def signal(self, name: str, number: signal.Signals) -> None:
-        """Send a signal; one that is dead just now is left as it is."""
+        """Send a signal to a service; a dead service gets none."""
         with self._lock, suppress(KeyError):
             self._running[name].send_signal(number)
 
@@ -86,7 +86,7 @@ class Children:
             self._clock.sleep(_POLL_S)
 
     def keep_running(self) -> None:
-        """Start again what died some time ago."""
+        """Restart services that died half a second ago or earlier."""
         now = self._clock.monotonic()
         with self._lock:
             for name, process in list(self._running.items()):

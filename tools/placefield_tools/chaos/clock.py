@@ -1,26 +1,26 @@
-"""Time, so that what goes by it can be tested without waiting."""
+"""A clock that tests can replace, to test without waiting."""
 
 import time
 from typing import Protocol
 
 
 class Clock(Protocol):
-    """Seconds since any time that is past."""
+    """A monotonic clock, in seconds."""
 
     def monotonic(self) -> float:
-        """Return what time it is."""
+        """Return the seconds since a fixed time."""
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for so many seconds."""
 
 
 class RealClock:
-    """The machine's."""
+    """The clock of the machine."""
 
     def monotonic(self) -> float:
-        """Return what time it is."""
+        """Return the seconds since a fixed time."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for so many seconds."""
         time.sleep(seconds)

@@ -1,4 +1,4 @@
-"""A replay that is disturbed by a schedule of faults, through services of its own."""
+"""Replays frames through its own services, with faults from a schedule."""
 
 import sys
 import tempfile
@@ -40,17 +40,17 @@ def disturbed_replay(
     frames: int,
     rate: float,
 ) -> Verdict:
-    """Replay frames through services while faults befall them; judge the answers.
+    """Replay frames through services while faults are injected, and judge the answers.
 
     Args:
-        map_path: of the services.
-        source: of the frames; it begins again at its end. Not a live one.
-        faults: by ascending frame.
-        config: of the services; they have a port of their own.
-        clock: by which faults and answers are timed.
-        channels: of each channel worker.
-        frames: how many to replay.
-        rate: frames per second at most.
+        map_path: map of the services.
+        source: frames to replay, not a live source; it repeats from its start.
+        faults: faults in ascending order of frames.
+        config: configuration of the services, which use a port of their own.
+        clock: clock that times faults and answers.
+        channels: channels of each channel worker.
+        frames: number of frames to replay.
+        rate: frames per second, at most.
 
     Raises:
         BusError: the services do not start.
@@ -67,30 +67,30 @@ def disturbed_replay(
         open_bus(config.bus) as bus,
     ):
         _await_ready(bus, Keys(config.run), channels, clock)
-        mischief = FaultInjector(children, bus, Keys(config.run))
-        disturbing = FaultySource(source, frames, faults, mischief.begin, mischief.end, clock)
+        injector = FaultInjector(children, bus, Keys(config.run))
+        faulty = FaultySource(source, frames, faults, injector.begin, injector.end, clock)
         with open_bus(config.bus) as apart, _listening(apart, config, clock) as answers:
-            sent = replay(disturbing, bus, config, threading.Event(), rate=rate).sent
-    return judge(undisturbed, answers, disturbing.happened, sent)
+            sent = replay(faulty, bus, config, threading.Event(), rate=rate).sent
+    return judge(undisturbed, answers, faulty.happened, sent)
 
 
 @contextmanager
 def _listening(bus: Bus, config: Config, clock: Clock) -> Iterator[dict[int, Answered]]:
-    """Gather the answers by frame; at the end of the block the last ones are awaited."""
+    """Collect the answers by frame; the end of the block waits for the last ones."""
     answers: dict[int, Answered] = {}
     matches = MatchQueue(bus, Keys(config.run))
-    patience = threading.Event()  # set: an end that is long in coming does not come
+    patience = threading.Event()  # set: stop if no match comes for a while
 
     def gather() -> None:
         left = _LAST_MATCH_S
         while left > 0:
-            taken = None
+            answer = None
             with suppress(MessageError):
-                taken = matches.get(_POLL_S)
-            if taken is None:
+                answer = matches.get(_POLL_S)
+            if answer is None:
                 left -= _POLL_S * patience.is_set()
                 continue
-            header, match = taken
+            header, match = answer
             if match is None:
                 return
             answers[header.sequence] = Answered(match.match, clock.monotonic())

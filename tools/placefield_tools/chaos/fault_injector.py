@@ -1,4 +1,4 @@
-"""Faults inflicted on a run: services killed and stopped, and messages that should not be."""
+"""Injects faults into a run: kills and stops services, and publishes bad messages."""
 
 import random
 import signal
@@ -15,20 +15,20 @@ from placefield_tools.chaos.schedule import Fault
 _KEPT = 256  # messages of all topics
 
 _SORTS = ("noise", "cut", "another version", "large")
-"""Garbage that names no stream but the one that is on: whoever may publish frames may as well
-begin a stream of his own, which ends this one."""
+"""Garbage that names only the current stream. A new stream would end it: whoever may publish frames
+may start a stream."""
 
 _OF_EACH = 50
-"""Messages of a sort in one burst, over all topics."""
+"""Messages of one sort in one burst, over all topics."""
 
 
 class FaultInjector:
-    """Does what a schedule says, to services that are children and on their bus."""
+    """Injects scheduled faults into child processes and on their bus."""
 
     def __init__(self, children: Children, bus: Bus, keys: Keys) -> None:
         self._children = children
         self._bus = bus
-        self._overheard = ReceivedTraffic(bus, keys)
+        self._received = ReceivedTraffic(bus, keys)
         self._newest: deque[Received] = deque(maxlen=_KEPT)
         self._lock = threading.Lock()
         answers = keys.match, keys.smoothed, keys.ack
@@ -40,7 +40,7 @@ class FaultInjector:
             self._newest.append(received)
 
     def begin(self, fault: Fault) -> None:
-        """Let a fault happen, or begin."""
+        """Inject a fault, or begin one that lasts."""
         verb, _, services = fault.kind.partition(" ")
         if verb == "kill":
             for service in services.split(" and "):
@@ -48,13 +48,13 @@ class FaultInjector:
         elif verb == "stop":
             self._children.signal(self._one_of(services, fault), signal.SIGSTOP)
         elif verb == "garbage":
-            heard = dict(self._overheard.topics)
-            publish(self._bus, heard, _OF_EACH, fault.draw, _SORTS)
+            topics = dict(self._received.topics)
+            publish(self._bus, topics, _OF_EACH, fault.draw, _SORTS)
         else:
             self._repeat(random.Random(fault.draw))
 
     def end(self, fault: Fault) -> None:
-        """Let what has begun end."""
+        """End a fault that lasts."""
         if fault.kind == "stop channel":
             self._children.signal(self._one_of("channel", fault), signal.SIGCONT)
 

@@ -1,4 +1,4 @@
-"""A source whose stream is disturbed: at a frame's turn, what is due happens first."""
+"""A source that injects faults: each fault happens just before its frame."""
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +11,7 @@ from placefield_tools.sources import Source
 
 
 class FaultySource(Source):
-    """So many frames of a source, which begins again at its end, and the faults on the way."""
+    """A number of frames of a repeated source, with faults between them."""
 
     live = False
 
@@ -24,7 +24,7 @@ class FaultySource(Source):
         end: Callable[[Fault], None],
         clock: Clock,
     ) -> None:
-        """Call ``begin`` and ``end`` with each fault, on the thread that takes the frames."""
+        """Call ``begin`` and ``end`` with each fault, on the thread that reads the frames."""
         self.count = self._frames = frames
         self.happened: list[Happened] = []
         self._source = source
@@ -46,5 +46,5 @@ class FaultySource(Source):
 
 
 def looped(source: Source, frames: int) -> Iterator[Frame]:
-    """Yield so many frames of a source that is not live, from its start again at its end."""
+    """Yield so many frames of a source that is not live, and repeat it from its start."""
     return itertools.islice(itertools.chain.from_iterable(itertools.repeat(source)), frames)

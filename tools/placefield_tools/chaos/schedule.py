@@ -1,6 +1,6 @@
-"""Which faults befall a stream, and at which of its frames: drawn by chance, the same by one seed.
+"""Draws a random schedule of faults; one seed gives one schedule.
 
-Faults are told by frames rather than by seconds, so that a run that failed can be run again.
+Faults are scheduled by frame, not by time, so that a failed run can be repeated.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ FaultKind = Literal[
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 
 APART = 60
-"""Frames between two faults at least: before the next one, all is well again."""
+"""Minimum number of frames between two faults: the system recovers before the next fault."""
 
 _EDGE = 10
 """The first fault comes within so many frames of the stream's start, the last one of its end."""
@@ -36,14 +36,14 @@ _STOPPED = 30  # frames for which a worker is stopped
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that goes wrong.
+    """One fault.
 
     Attributes:
-        kind: what it is.
-        at: number of the frame before which it happens.
-        end: of the frame before which it is over; ``at`` if it only happens.
-        draw: what is left to chance in it: which worker, which messages.
-        is_last: whether the stream ends too soon after it to show that all is well again.
+        kind: kind of the fault.
+        at: number of the frame before which it begins.
+        end: number of the frame before which it ends; ``at`` if it does not last.
+        draw: random number that selects the worker or the messages.
+        is_last: whether the stream ends too soon after the fault to show a recovery.
     """
 
     kind: FaultKind
@@ -56,11 +56,11 @@ class Fault:
 def schedule(seed: int, frames: int, faults: int) -> list[Fault]:
     """Draw so many faults over a stream of so many frames, by ascending frame.
 
-    Each kind comes once before any comes again. The first is among the first frames, and the last
-    of several among the last ones.
+    Each kind comes once before any comes again. The first fault is among the first frames,
+    and the last of several among the last frames.
 
     Raises:
-        ConfigError: the stream is too short for them.
+        ConfigError: the stream is too short for so many faults.
     """
     if frames < (faults + 1) * APART:
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""What a stream that was disturbed has come to, against one that was not."""
+"""Compares the answers of a stream with faults with those of an undisturbed one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -10,12 +10,12 @@ from placefield_tools.chaos.schedule import Fault
 
 @dataclass(frozen=True)
 class Happened:
-    """A fault, and when.
+    """A fault that happened.
 
     Attributes:
-        fault: which one.
-        sent: how many frames had been sent.
-        at: monotonic seconds.
+        fault: the fault.
+        sent: number of frames sent before it.
+        at: its time, in monotonic seconds.
     """
 
     fault: Fault
@@ -25,7 +25,7 @@ class Happened:
 
 @dataclass(frozen=True)
 class Answered:
-    """The match of a frame, and when it came, monotonic seconds."""
+    """The match of a frame, and the time it came, in monotonic seconds."""
 
     match: Match
     at: float
@@ -33,7 +33,7 @@ class Answered:
 
 @dataclass(frozen=True)
 class Recovery:
-    """How long after a fault all was well; None: it never was."""
+    """The seconds from a fault to recovery; None if the system did not recover."""
 
     fault: Fault
     seconds: float | None
@@ -41,15 +41,15 @@ class Recovery:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was counted.
+    """The counts of a run with faults.
 
     Attributes:
-        sent: frames.
-        answered: frames.
-        partial: frames answered without some channels, or after the stream's memory was lost, and
-            flagged so.
-        wrong: frames answered otherwise than undisturbed, and not flagged.
-        recoveries: by fault.
+        sent: number of frames sent.
+        answered: number of frames answered.
+        partial: number of answers flagged as partial: without some channels, or after the services
+            forgot a part of the stream.
+        wrong: number of answers without a flag that differ from the undisturbed ones.
+        recoveries: recovery from each fault.
     """
 
     sent: int
@@ -60,9 +60,9 @@ class Verdict:
 
     @property
     def recover_s(self) -> float | None:
-        """The longest that anything took to be well again; None: it never was.
+        """The longest recovery, in seconds; None if the system did not recover from a fault.
 
-        What happened just before the end counts only if the stream still showed it.
+        A fault just before the end counts only if the stream still showed the recovery.
         """
         seconds = [
             recovery.seconds
@@ -74,11 +74,11 @@ class Verdict:
 
     @property
     def holds(self) -> bool:
-        """Whether nothing was lost, nothing wrong, and all was well again."""
+        """Whether no frame was lost, no answer was wrong, and every fault was recovered from."""
         return not self.wrong and self.answered == self.sent and self.recover_s is not None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the counts, and the faults with the time that each took."""
+        """Return the counts, and the faults with their recovery times."""
         faults = [asdict(each.fault) | {"recover_s": each.seconds} for each in self.recoveries]
         counts = {name: getattr(self, name) for name in ("sent", "answered", "partial", "wrong")}
         return counts | {"recover_s": self.recover_s, "faults": faults}
@@ -90,11 +90,11 @@ def judge(
     happened: Sequence[Happened],
     sent: int,
 ) -> Verdict:
-    """Hold the answers, by frame, against those of the undisturbed run, in order of frames.
+    """Compare the answers, by frame, with those of the undisturbed run, in order of frames.
 
-    A system has recovered from a fault when it first answers with all channels a frame that was
-    sent after it; what was under way at the fault says nothing. Where all who remembered the stream
-    died, later answers are marked so to its end, and it has recovered all the same.
+    The system has recovered from a fault at the first answer with all channels to a frame sent
+    after the fault. If all services that cached the stream died, later answers are flagged as
+    forgotten to the end of the stream; this still counts as recovered.
     """
     complete = {frame: each for frame, each in answers.items() if not each.match.missing}
     whole = {frame: each for frame, each in complete.items() if not each.match.forgotten}

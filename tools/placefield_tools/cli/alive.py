@@ -1,4 +1,4 @@
-"""``placefield alive``: whether a service is there, for probes and scripts."""
+"""``placefield alive``: whether a service is alive, for probes and scripts."""
 
 from typing import Annotated, Literal
 
@@ -16,10 +16,11 @@ def add_to(app: typer.Typer) -> None:
 
 def _alive(
     service: Annotated[
-        _Service | None, typer.Argument(help="none: only the router", show_default=False)
+        _Service | None,
+        typer.Argument(help="a service; without it only the router is checked", show_default=False),
     ] = None,
     channel: Annotated[
-        int | None, typer.Option(min=0, help="number of the channel, where one is meant")
+        int | None, typer.Option(min=0, help="check the worker of this channel")
     ] = None,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
@@ -27,7 +28,7 @@ def _alive(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """End with code 0 if a service is alive in every run, and with 1 if not, saying so.
+    """Exit with code 0 if a service is alive in every run, else with code 1 and an error line.
 
     Examples:
       placefield alive fuser
@@ -38,7 +39,7 @@ def _alive(
     from placefield.errors import BusError, ConfigError
 
     if channel is not None and service != "channel":
-        raise ConfigError("--channel: is of 'placefield alive channel'")
+        raise ConfigError("--channel: only for 'placefield alive channel'; leave it out")
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )

@@ -1,4 +1,4 @@
-"""``placefield bench``: our way against the plain one, in one run."""
+"""``placefield bench``: speed of Placefield beside a naive implementation, in one run."""
 
 import json
 from collections.abc import Sequence
@@ -14,8 +14,18 @@ from placefield_tools.cli import options
 if TYPE_CHECKING:
     from placefield_tools.bench.figure import Figure
 
+_MODULES = {
+    "match": "match_speed",
+    "features": "features",
+    "build": "build_cost",
+    "chain": "chain",
+    "scale": "scale",
+    "soak": "soak",
+}
+"""The module of ``placefield_tools.bench`` behind each command."""
+
 _app = typer.Typer(
-    help="Measure speed, as ratios in one run, beside the bars it is held to.",
+    help="Measure speed as ratios, in one run, and compare with the targets.",
     no_args_is_help=True,
 )
 
@@ -27,25 +37,25 @@ def add_to(app: typer.Typer) -> None:
 
 @_app.command("match")
 def _match(as_json: options.Json = False) -> None:
-    """Query frames to candidates: beside the equations, and beside bare distances."""
+    """Matching: compare with the bare equations, and with distances alone."""
     _measure("match", as_json)
 
 
 @_app.command("features")
 def _features(as_json: options.Json = False) -> None:
-    """Frames to descriptors: beside a plain rendering of GIST, and beside decoding alone."""
+    """Descriptors: compare with a naive GIST, and with decoding alone."""
     _measure("features", as_json)
 
 
 @_app.command("build")
 def _build(as_json: options.Json = False) -> None:
-    """Frames to maps: beside metric-learn's LMNN, with time and memory of the command."""
+    """Building maps: compare with metric-learn's LMNN; time and memory of the command."""
     _measure("build", as_json)
 
 
 @_app.command("chain")
 def _chain(as_json: options.Json = False) -> None:
-    """Frames through the services: beside processes that do no work; then of 16 cameras."""
+    """All services: compare with processes that do no work; then with 16 cameras."""
     _measure("chain", as_json)
 
 
@@ -53,10 +63,11 @@ def _chain(as_json: options.Json = False) -> None:
 def _scale(
     as_json: options.Json = False,
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="draw time and memory by size: a PNG")
+        Path | None,
+        typer.Option(metavar="FILE", help="draw time and memory by map size into this PNG"),
     ] = None,
 ) -> None:
-    """Maps of a thousand to a million places: what a frame costs, and what memory they take."""
+    """Maps of a thousand to a million places: time of a frame, and memory."""
     figures = _measure("scale", as_json)
     if picture is not None:
         from placefield_tools.bench.figure import as_object
@@ -69,17 +80,21 @@ def _scale(
 @_app.command("soak")
 def _soak(
     frames: Annotated[
-        int, typer.Option(min=1, help="how many; a camera's day at 12 per second: an hour's run")
+        int,
+        typer.Option(
+            min=1,
+            help="number of frames; default: a day at 12 per second, which takes an hour",
+        ),
     ] = 1_000_000,
     as_json: options.Json = False,
 ) -> None:
-    """A day's frames in one stream: whether memory grows, and answers stay the same."""
+    """A day of frames in one stream: whether memory grows, and whether answers stay the same."""
     _measure("soak", as_json, frames=frames)
 
 
 def _measure(part: str, as_json: bool, **how: int) -> "Sequence[Figure]":
     try:
-        module = import_module(f"placefield_tools.bench.{part}")
+        module = import_module(f"placefield_tools.bench.{_MODULES[part]}")
         from placefield_tools.bench.figure import as_object, print_figures
     except ModuleNotFoundError as missing:
         raise ConfigError(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames, options_map
 
 
 def add_to(app: typer.Typer) -> None:
@@ -18,48 +18,48 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route, frame for frame the same places; or "
-            "the parts of one drive",
+            help="folders, videos or recordings of one route that show the same places frame by "
+            "frame; or the parts of one drive",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="a map of this name that is there already")
+        bool, typer.Option("--overwrite", help="replace a map of this name")
     ] = False,
-    start: options.Start = 0,
-    stop: options.Stop = None,
-    stride: options.Stride = 1,
-    leave_out_bad: options.LeaveOutBad = False,
+    start: options_frames.Start = 0,
+    stop: options_frames.Stop = None,
+    stride: options_frames.Stride = 1,
+    leave_out_bad: options_frames.LeaveOutBad = False,
     one_drive: Annotated[
         bool | None,
         typer.Option(
             "--one-drive/--traverses",
             help="whether the references are parts of one drive, or traverses of one route",
-            show_default="parts where one begins as another ends",
+            show_default="parts if one begins where another ends",
         ),
     ] = None,
-    spacing: options.Spacing = None,
-    topic: options.Topic = None,
-    odometry_topic: options.OdometryTopic = None,
-    poses: options.PoseFile = None,
-    pose_axes: options.PoseAxesOption = None,
-    preset: options.PresetOption = None,
-    feature: options.Feature = None,
-    standardise: options.Standardise = None,
-    channels: options.Channels = None,
-    clusters: options.Clusters = None,
-    position_weight: options.PositionWeight = None,
-    min_scale: options.MinScale = None,
-    metric: options.Metric = None,
-    seed: options.Seed = None,
+    spacing: options_frames.Spacing = None,
+    topic: options_frames.Topic = None,
+    odometry_topic: options_frames.OdometryTopic = None,
+    poses: options_frames.PoseFile = None,
+    pose_axes: options_frames.PoseAxesOption = None,
+    preset: options_map.PresetOption = None,
+    feature: options_map.Feature = None,
+    standardise: options_map.Standardise = None,
+    channels: options_map.Channels = None,
+    clusters: options_map.Clusters = None,
+    position_weight: options_map.PositionWeight = None,
+    min_scale: options_map.MinScale = None,
+    metric: options_map.Metric = None,
+    seed: options_map.Seed = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
     """Build a map from one or more traverses of a route.
 
-    The places are the first traverse's frames, and --poses theirs; the metric and the PCA learn
-    from all. --start, --stop and --stride are of each traverse; with --leave-out-bad a frame that
-    cannot be read in one is left out of all.
+    The places are the frames of the first traverse, and --poses are their poses. The metric and the
+    PCA learn from all traverses. --start, --stop and --stride apply to each traverse. With
+    --leave-out-bad, a frame that cannot be read in one traverse is left out of all.
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
@@ -79,15 +79,15 @@ def _build(
         scales__channels=channels,
         scales__clusters=clusters,
         scales__position_weight=position_weight,
-        **options.min_scale_flags(min_scale),
+        **options_map.min_scale_flags(min_scale),
         metric__kind=metric,
         seed=seed,
     )
     check_map_path(output)
     if output.exists() and not overwrite:
         raise ConfigError(
-            f"{output}: a map is there already, which services may be using; choose another name, "
-            "or give --overwrite"
+            f"{output}: is there already, and services may be using it; choose another name, or "
+            "give --overwrite"
         )
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     built = build_from(

@@ -1,4 +1,4 @@
-"""``placefield chaos``: what becomes of a replay whose services are killed, stopped and lied to."""
+"""``placefield chaos``: a replay whose services are killed, stopped and sent bad messages."""
 
 import json
 import logging
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,27 +24,28 @@ def _chaos(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="SOURCE", help="a folder of frames or a video; it begins again at its end"
+            metavar="SOURCE", help="a folder of frames or a video; it repeats from its start"
         ),
     ],
-    faults: Annotated[int, typer.Option(min=0, help="how many")] = 11,
+    faults: Annotated[int, typer.Option(min=0, help="number of faults")] = 11,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, help="how many to replay", show_default="as the faults need"),
+        typer.Option(min=1, help="number of frames to replay", show_default="as the faults need"),
     ] = None,
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second")] = 12.0,
-    seed: Annotated[int, typer.Option(min=0, help="of the schedule of faults")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the schedule of faults")] = 0,
     as_json: options.Json = False,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Replay frames through services of its own while faults befall them.
+    """Replay frames through its own services while it injects faults.
 
-    Services and router are killed, alone, in pairs and three at once, a channel worker is stopped
-    for a while, garbage and old messages come. Every frame must be answered, and as offline where
-    the answer isn't flagged as partial; else the exit code is 1. One seed gives one schedule.
+    It kills services and the router, up to three at once; it stops a channel worker for a while; it
+    publishes garbage and old messages. Every frame must be answered, and every answer must be the
+    same as offline or be flagged as partial. Otherwise the exit code is 1. One seed gives one
+    schedule.
 
     Examples:
       placefield chaos route.pfmap dusk/ --seed 7
@@ -56,12 +57,14 @@ def _chaos(
     from placefield_tools.chaos.clock import RealClock
     from placefield_tools.chaos.disturbed_run import disturbed_replay
     from placefield_tools.chaos.schedule import APART, schedule
-    from placefield_tools.cli.up import deal
+    from placefield_tools.cli.up import partition
     from placefield_tools.common.parallel import cores
     from placefield_tools.sources import open_source
     from placefield_tools.sources.secrets import without_secrets
 
-    logging.getLogger("placefield").setLevel(logging.ERROR)  # garbage is dropped as it should be
+    logging.getLogger("placefield").setLevel(
+        logging.ERROR
+    )  # warnings about dropped garbage are expected
     effective = options.effective_config(config, settings, preset=preset, matching__rule=rule)
     metrics = [channel.metric for channel in read_manifest(map_path).channels]
     count = frames or (faults + 1) * APART
@@ -69,14 +72,14 @@ def _chaos(
     with open_source(source) as opened:
         if opened.live:
             camera = without_secrets(source)
-            raise ConfigError(f"{camera}: a camera gives no frame twice; give a folder or a video")
+            raise ConfigError(f"{camera}: a camera cannot be replayed; give a folder or a video")
         verdict = disturbed_replay(
             map_path,
             opened,
             drawn,
             effective,
             RealClock(),
-            channels=deal(metrics, max(2, cores())),
+            channels=partition(metrics, max(2, cores())),
             frames=count,
             rate=rate,
         )
@@ -91,7 +94,7 @@ def _chaos(
 def _tables(verdict: "Verdict", seed: int) -> "tuple[Table, Table]":
     from rich.table import Table
 
-    faults = Table("frame", "fault", "well again after", title=f"faults of seed {seed}")
+    faults = Table("frame", "fault", "recovered after", title=f"faults of seed {seed}")
     for each in verdict.recoveries:
         faults.add_row(str(each.fault.at), each.fault.kind, _seconds(each.seconds))
     counts = Table("sent", "answered", "partial", "wrong", "recovered", title="verdict")

@@ -2,7 +2,7 @@
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 
 def add_to(app: typer.Typer) -> None:
@@ -11,14 +11,14 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _config(
-    preset: options.PresetOption = None,
+    preset: options_map.PresetOption = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Print the settings in force, as TOML that --config takes.
+    """Print the settings in force, as TOML for --config.
 
-    Flags win over the environment (PLACEFIELD_SCALES__CHANNELS=8), that over the file of --config,
-    that over the preset, and that over the defaults.
+    The order of precedence is: flags, the environment (PLACEFIELD_SCALES__CHANNELS=8), the file of
+    --config, the preset, the defaults.
 
     Examples:
       placefield config > placefield.toml

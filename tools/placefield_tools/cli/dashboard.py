@@ -15,15 +15,15 @@ def add_to(app: typer.Typer) -> None:
 def _dashboard(
     map_path: options.MapPath,
     run: options.Run = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="to serve the pages at")] = 8080,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="port of the pages")] = 8080,
     host: Annotated[
-        str, typer.Option(help="address to serve them at; 0.0.0.0: to all who reach this host")
+        str, typer.Option(help="address of the pages; 0.0.0.0: exposed to the network")
     ] = "127.0.0.1",
     name: Annotated[
         list[str] | None,
         typer.Option(
-            help="that browsers know this host by, besides its own and its addresses; may be "
-            "repeated",
+            help="a further name of this host in browsers, besides its own and its addresses; "
+            "may be repeated",
             show_default=False,
         ),
     ] = None,
@@ -34,8 +34,8 @@ def _dashboard(
 ) -> None:
     """Show a run in the browser: its frames and matches, its services, and its map.
 
-    It only listens, and leaves out what it cannot follow; Start on the page runs 'placefield
-    replay' here. All is served from here: it needs no internet.
+    The dashboard only listens. If it is too slow, it leaves frames out and does not block the
+    pipeline. Start on the page runs 'placefield replay' on this host. No internet is needed.
 
     Examples:
       placefield dashboard route.pfmap

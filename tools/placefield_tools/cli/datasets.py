@@ -8,9 +8,11 @@ import typer
 from placefield.errors import ConfigError
 from placefield_tools.cli import options
 
-_Name = Annotated[str, typer.Argument(metavar="NAME", help="of a benchmark", show_default=False)]
+_Name = Annotated[
+    str, typer.Argument(metavar="NAME", help="name of a benchmark", show_default=False)
+]
 _Folder = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="in which it lies", show_default=False)
+    Path, typer.Argument(metavar="FOLDER", help="folder of the benchmark", show_default=False)
 ]
 
 
@@ -40,7 +42,7 @@ def _list(context: typer.Context) -> None:
 
 
 def _show(name: _Name) -> None:
-    """Tell a benchmark's layout, tolerance, ground truth and licence, and how to run it here.
+    """Print a benchmark's layout, tolerance, ground truth and licence, and how to run it here.
 
     Examples:
       placefield datasets show nordland
@@ -54,7 +56,7 @@ def _show(name: _Name) -> None:
 def _get(
     name: _Name,
     into: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="where to make the benchmark's folder")
+        Path, typer.Option(metavar="FOLDER", help="parent of the benchmark's folder")
     ] = Path(),
 ) -> None:
     """Download a benchmark where its licence lets a program do so, check it and unpack it.

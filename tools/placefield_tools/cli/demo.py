@@ -1,4 +1,4 @@
-"""``placefield demo``: from frames to figures in one go."""
+"""``placefield demo``: from frames to figures in one command."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,7 +26,7 @@ def _demo(
         typer.Argument(metavar="REF", help="a folder or video", show_default="rendered"),
     ] = None,
     query: Annotated[
-        str | None, typer.Argument(metavar="QUERY", help="the same route at another time")
+        str | None, typer.Argument(metavar="QUERY", help="a second drive of the same route")
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="folder for all files")] = Path(
         "demo"
@@ -34,7 +34,7 @@ def _demo(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Build a map of a route, run the services, stream a second traverse, and show how it went.
+    """Build a map of a route, run the services, stream a second traverse, and show the accuracy.
 
     Without REF and QUERY, a street is rendered by day and at dusk.
 
@@ -52,7 +52,7 @@ def _demo(
 
 def _render(folder: Path, light: "Light") -> str:
     from placefield_tools.common.progress import progress_bar
-    from placefield_tools.demo.traverse import render_traverse
+    from placefield_tools.demo.rendered_traverse import render_traverse
 
     target = folder / light
     with progress_bar() as bar:

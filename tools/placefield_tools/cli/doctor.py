@@ -1,4 +1,4 @@
-"""``placefield doctor``: whether this machine can run it."""
+"""``placefield doctor``: checks whether this machine can run Placefield."""
 
 import json
 import sys
@@ -24,7 +24,7 @@ def add_to(app: typer.Typer) -> None:
 def _doctor(
     camera: Annotated[
         str | None,
-        typer.Option(metavar="SOURCE", help="a camera to take a frame of, as camera:0"),
+        typer.Option(metavar="SOURCE", help="a camera to read a frame from, for example camera:0"),
     ] = None,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
@@ -33,18 +33,18 @@ def _doctor(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Examine this machine: versions, cores, memory, the router, services, the camera.
+    """Check this machine: versions, cores, memory, the router, services, the camera.
 
-    Says what to do about what it finds, and ends with code 1 if something is bad.
+    Each problem comes with advice. The exit code is 1 if something is bad.
 
     Examples:
       placefield doctor
       placefield doctor --camera rtsp://192.168.1.20/stream
     """
-    from placefield_tools.doctor.cameras import cameras
+    from placefield_tools.doctor.camera_check import cameras
     from placefield_tools.doctor.installation import installation
     from placefield_tools.doctor.machine import machine
-    from placefield_tools.doctor.network import network
+    from placefield_tools.doctor.network_check import network
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials

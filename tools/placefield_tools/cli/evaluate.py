@@ -1,4 +1,4 @@
-"""``placefield evaluate``: how well a query is recognised."""
+"""``placefield evaluate``: the accuracy of a query."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import typer
 from placefield.errors import ConfigError
 from placefield.evaluation.protocols import THINS_REFERENCE, Protocol
 from placefield.maps.manifest import SUFFIX
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames, options_map, options_truth
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,43 +25,43 @@ def _evaluate(
         typer.Argument(metavar="REF", help="a folder, video or recording, or a map: NAME.pfmap"),
     ],
     query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
-    tolerance: options.Tolerance = None,
-    truth: options.TruthFile = None,
-    aligned: options.Aligned = False,
-    same_frame: options.SameFrame = False,
-    protocol: options.ProtocolOption = "aligned",
-    every: options.Every = None,
-    other: options.Other = None,
+    tolerance: options_truth.Tolerance = None,
+    truth: options_truth.TruthFile = None,
+    aligned: options_truth.Aligned = False,
+    same_frame: options_truth.SameFrame = False,
+    protocol: options_truth.ProtocolOption = "aligned",
+    every: options_truth.Every = None,
+    other: options_truth.Other = None,
     services: Annotated[
         bool, typer.Option("--services", help="match through the services, not in this process")
     ] = False,
-    output: Annotated[Path, typer.Option("-o", "--output", help="folder for the pictures")] = Path(
+    output: Annotated[Path, typer.Option("-o", "--output", help="folder for the plots")] = Path(
         "evaluation"
     ),
     as_json: options.Json = False,
-    start: options.Start = 0,
-    stop: options.Stop = None,
-    stride: options.Stride = 1,
-    leave_out_bad: options.LeaveOutBad = False,
-    spacing: options.Spacing = None,
-    topic: options.Topic = None,
-    odometry_topic: options.OdometryTopic = None,
-    poses: options.PoseFile = None,
-    pose_axes: options.PoseAxesOption = None,
-    preset: options.PresetOption = None,
-    feature: options.Feature = None,
-    channels: options.Channels = None,
-    min_scale: options.MinScale = None,
-    metric: options.Metric = None,
-    precision: options.Precision = None,
-    seed: options.Seed = None,
+    start: options_frames.Start = 0,
+    stop: options_frames.Stop = None,
+    stride: options_frames.Stride = 1,
+    leave_out_bad: options_frames.LeaveOutBad = False,
+    spacing: options_frames.Spacing = None,
+    topic: options_frames.Topic = None,
+    odometry_topic: options_frames.OdometryTopic = None,
+    poses: options_frames.PoseFile = None,
+    pose_axes: options_frames.PoseAxesOption = None,
+    preset: options_map.PresetOption = None,
+    feature: options_map.Feature = None,
+    channels: options_map.Channels = None,
+    min_scale: options_map.MinScale = None,
+    metric: options_map.Metric = None,
+    precision: options_map.Precision = None,
+    seed: options_map.Seed = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Build a map from REF, or take one, match QUERY by every rule, and say how well it did.
+    """Match QUERY against REF by every rule, and report the accuracy. REF is a map, or frames.
 
-    --start, --stop and --stride are of QUERY, whose frames keep their numbers; --leave-out-bad is
-    of REF: a frame of QUERY that cannot be read is matched as one not seen.
+    --start, --stop and --stride choose frames of QUERY; the frames keep their numbers.
+    --leave-out-bad is about REF. An unreadable frame of QUERY is a missing observation.
 
     Examples:
       placefield evaluate route.pfmap dusk/ --tolerance 3
@@ -76,15 +76,15 @@ def _evaluate(
     from placefield_tools.evaluate.truth_source import Asked
     from placefield_tools.sources import Parts
 
-    options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
-    places, metres = options.places_or_metres(tolerance)
+    options_truth.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
+    places, metres = options_truth.places_or_metres(tolerance)
     effective = options.effective_config(
         config,
         settings,
         preset=preset,
         features__kind=feature,
         scales__channels=channels,
-        **options.min_scale_flags(min_scale),
+        **options_map.min_scale_flags(min_scale),
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
@@ -94,16 +94,16 @@ def _evaluate(
     if truth is None:
         asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
     within = None if truth is not None or metres is not None else effective.matching.tolerance
-    options.check_other(protocol, other)
-    options.check_every(protocol, every)
+    options_truth.check_other(protocol, other)
+    options_truth.check_every(protocol, every)
     _refuse_to_thin(protocol)
     if Path(reference).suffix == SUFFIX:
-        options.check_preset(effective, Path(reference))
+        options_map.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     feature_asked = feature is not None
     parts_of_query = Parts(topic, odometry_topic, start=start, stop=stop, stride=stride)
-    driven = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
+    asked_query = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
     parts = Parts(topic, odometry_topic, poses, pose_axes)
     with map_of(
         reference,
@@ -115,8 +115,8 @@ def _evaluate(
     ) as map_path:
         evaluation = evaluate(
             map_path,
-            driven,
-            partial(options.truth_of, tolerance=effective.matching.tolerance, truth=truth),
+            asked_query,
+            partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth),
             effective,
             services=services,
             asked=asked,
@@ -133,7 +133,7 @@ def _evaluate(
 def _refuse_to_thin(protocol: Protocol) -> None:
     if protocol in THINS_REFERENCE:
         raise ConfigError(
-            f"--protocol {protocol}: it thins the reference, and a map has all of its places; run "
+            f"--protocol {protocol}: it thins the reference, and a map cannot be thinned; run "
             f"'placefield study REFERENCE QUERY --protocol {protocol}' on the reference's frames"
         )
 
@@ -141,10 +141,12 @@ def _refuse_to_thin(protocol: Protocol) -> None:
 def _refuse_to_rebuild(
     reference: str, flags: Sequence[object], settings: Sequence[str] | None
 ) -> None:
-    """Refuse what says how a map is to be built, for one that is built already."""
+    """Refuse options about building a map if the map exists already."""
     sections = [setting.partition(".")[0].strip() for setting in settings or ()]
-    if any(flag is not None for flag in flags) or {"features", "scales", "metric"} & {*sections}:
+    if any(flag is not None for flag in flags) or {"features", "scales", "metric", "build"} & {
+        *sections
+    }:
         raise ConfigError(
-            "--channels, --min-scale, --metric, --poses, and --set of features, scales or metric: "
-            f"{reference} is built already; leave them out, or give the frames to build from"
+            "--channels, --min-scale, --metric, --poses, and --set of features, scales, metric or "
+            f"build: {reference} is built already; leave them out, or give the frames instead"
         )

@@ -20,33 +20,36 @@ def _export(
         typer.Argument(metavar="MATCHES", help="a recording of matches: .jsonl or .csv"),
     ],
     out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="where to: OUT.g2o, .tum, .geojson or .gpx")
+        Path, typer.Argument(metavar="OUT", help="file to write: OUT.g2o, .tum, .geojson or .gpx")
     ],
-    map_path: Annotated[
-        Path, typer.Option("--map", metavar="MAP", help="the map that was matched against")
-    ],
-    unknown: Annotated[bool, typer.Option("--all", help="matches that are not known, too")] = False,
+    map_path: Annotated[Path, typer.Option("--map", metavar="MAP", help="the map of the matches")],
+    unknown: Annotated[
+        bool, typer.Option("--all", help="also export matches that are not known")
+    ] = False,
     stream: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="which stream, or how its name begins", show_default="the only one"
+            metavar="NAME",
+            help="name of the stream, or its first letters",
+            show_default="the only stream",
         ),
     ] = None,
     tolerance: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="a match is right within so many places: how exact a loop closure is",
+            help="a match is right within so many places; sets the precision of loop closures",
             show_default=str(MatchingConfig().tolerance),
         ),
     ] = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Make recorded matches into a file for other programs.
+    """Convert recorded matches to a file for other programs.
 
-    .g2o holds loop closures, as edges between query frames and places; .tum a trajectory, as evo
-    reads it; .geojson and .gpx one on earth, of a map whose frames had latitude and longitude.
+    .g2o has loop closures: edges between query frames and places. .tum has a trajectory for evo.
+    .geojson and .gpx have a trajectory in latitude and longitude, which the frames of the map must
+    have.
 
     Examples:
       placefield export drive.jsonl drive.tum --map route.pfmap

@@ -1,4 +1,4 @@
-"""``placefield fetch``: a map from a host that has it."""
+"""``placefield fetch``: downloads a map from another host."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,18 +15,19 @@ def add_to(app: typer.Typer) -> None:
 
 def _fetch(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="of a map that a host serves", show_default=False)
+        str,
+        typer.Argument(metavar="NAME", help="name of a map that a host serves", show_default=False),
     ],
-    to: Annotated[Path, typer.Option(help="folder to put it in")] = Path(),
+    to: Annotated[Path, typer.Option(help="folder for the map")] = Path(),
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Fetch a map from a host that has it.
+    """Fetch a map from a host that serves it.
 
-    It gives up when nothing has come for bus.connect_timeout_s; the same command then goes on where
-    it ended.
+    The command stops if nothing comes for bus.connect_timeout_s. Run it again to continue where it
+    stopped.
 
     Examples:
       placefield fetch route --endpoint tcp/10.0.0.2:7557
@@ -40,7 +41,7 @@ def _fetch(
 
     name = name.removesuffix(SUFFIX)
     if not name or "/" in name:
-        raise ConfigError(f"{name!r}: give the name of a map; --to says which folder to put it in")
+        raise ConfigError(f"{name!r}: give the name of a map; give its folder with --to")
     path = to / f"{name}{SUFFIX}"
     effective = options.effective_config(
         config, settings, bus__endpoint=endpoint, bus__credentials=credentials

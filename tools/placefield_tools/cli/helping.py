@@ -1,4 +1,4 @@
-"""Docstrings of commands as a terminal of any width shows them."""
+"""Formats the docstrings of commands for terminals of any width."""
 
 import inspect
 from collections.abc import Callable

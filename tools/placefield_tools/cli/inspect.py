@@ -1,4 +1,4 @@
-"""``placefield inspect``: a map for a person."""
+"""``placefield inspect``: the contents of a map."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def _inspect(
         ),
     ] = None,
 ) -> None:
-    """Print what a map holds, and draw its segments per channel.
+    """Print the contents of a map, and draw its segments per channel.
 
     Examples:
       placefield inspect route.pfmap -o segments.png

@@ -2,14 +2,15 @@
 
 import json
 import logging
+from functools import partial
 from typing import Annotated
 
 import typer
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
-from placefield.fusion.match import FASTER
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
+from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.record.records import as_object
 
 log = logging.getLogger(__name__)
@@ -23,6 +24,7 @@ def add_to(app: typer.Typer) -> None:
 def _listen(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON lines")] = False,
     run: options.Run = None,
+    precision: options_map.Precision = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     config: options.ConfigFile = None,
@@ -30,7 +32,9 @@ def _listen(
 ) -> None:
     """Print the matches of a run as they come, a line each, until Ctrl-C.
 
-    A frame has its match at once, and a smoothed one, which knows frames after it, later.
+    Each frame has a match at once, and a smoothed match later, which uses the frames after it.
+    A match is known, or likely, or unknown. Give --precision as the services have it, for the
+    percentage asked.
 
     Examples:
       placefield listen
@@ -45,8 +49,14 @@ def _listen(
     from placefield_tools.listen.match_queue import MatchQueue, warn_of_other_runs
 
     effective = options.effective_config(
-        config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
+        config,
+        settings,
+        runs=run,
+        matching__precision=precision,
+        bus__endpoint=endpoint,
+        bus__credentials=credentials,
     )
+    printed = _as_json if as_json else partial(_as_line, precision=effective.matching.precision)
     keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop, watches=True) as bus:
@@ -54,18 +64,18 @@ def _listen(
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():
             try:
-                taken = matches.get(0.1)
+                answer = matches.get(0.1)
             except MessageError as error:
                 count_refused(matches.counts, error)
                 bus.log_dropped("match", error)
                 continue
-            if taken is not None:
-                print((_as_json if as_json else _as_line)(*taken), flush=True)
+            if answer is not None:
+                print(printed(*answer), flush=True)
     if others := matches.counts["other_map"]:
         log.warning("%s of another map refused", counted(others, "message"))
 
 
-def _as_line(header: Header, match: MatchMessage | None) -> str:
+def _as_line(header: Header, match: MatchMessage | None, precision: float) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
     place = "no place" if match.place < 0 else f"place {match.place}"
@@ -73,16 +83,15 @@ def _as_line(header: Header, match: MatchMessage | None) -> str:
     frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
     parts = [f"{frame}: {place}, score {match.score:.2f}"]
     if match.probability is not None:
-        known = "known" if match.known else "unknown"
-        verdict = FASTER if match.too_fast else known
-        parts.append(f"{verdict}, right with probability {match.probability:.3f}")
+        asked = "" if match.known or match.too_fast else f" ({100 * precision:g} % asked)"
+        parts.append(f"{certainty_of(match)}, {percent(match.probability)}{asked}")
     if match.pose is not None:
         x, y, yaw = match.pose
         parts.append(f"at x {x:.2f} m, y {y:.2f} m, yaw {yaw:.2f} rad")
     if match.missing:
         parts.append(f"without channels {', '.join(map(str, match.missing))}")
     if match.forgotten:
-        parts.append("the stream's memory was lost")
+        parts.append("part of the stream was forgotten")
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
     return ", ".join(parts)

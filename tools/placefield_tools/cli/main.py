@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated
 
-import numpy as np  # noqa: F401 - its BLAS must be there to be limited
+import numpy as np  # noqa: F401 - loads its BLAS, to limit it
 import typer
 from threadpoolctl import threadpool_limits
 
@@ -47,7 +47,7 @@ app = typer.Typer(
 )
 
 
-def _tell_version(asked: bool) -> None:
+def _print_version(asked: bool) -> None:
     if asked:
         print(f"placefield {__version__}")
         raise typer.Exit
@@ -57,7 +57,9 @@ def _tell_version(asked: bool) -> None:
 def _root(
     asked: Annotated[
         bool,
-        typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     pass
@@ -68,7 +70,7 @@ _PANELS = {
     "Services": (up, services, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export),
-    "How good it is": (evaluate, study, bench, chaos, datasets),
+    "Accuracy and tests": (evaluate, study, bench, chaos, datasets),
     "This machine": (demo, doctor, config, security),
 }
 
@@ -99,9 +101,9 @@ _add_commands()
 
 
 def main() -> None:
-    """Run a command; a known error, or one of the disk, is one line on stderr and exit code 1.
+    """Run a command; a known error or a disk error is one line on stderr and exit code 1.
 
-    One BLAS thread: how many there are changes the last bits of products, and with them the map.
+    BLAS uses one thread: the number of threads changes the last bits of products, and so the map.
     """
     log_for_a_person()
     try:

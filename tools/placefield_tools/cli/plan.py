@@ -1,4 +1,4 @@
-"""``placefield plan``: which process goes to which host, and the commands."""
+"""``placefield plan``: a proposal of processes per host, with the commands."""
 
 import json
 import math
@@ -27,30 +27,28 @@ def add_to(app: typer.Typer) -> None:
 def _plan(
     map_path: options.MapPath,
     hosts: Annotated[
-        str, typer.Option(metavar="N or NAME,NAME...", help="how many, or their names")
+        str, typer.Option(metavar="N or NAME,NAME...", help="number of hosts, or their names")
     ] = "1",
-    cores: Annotated[int, typer.Option(min=1, help="of each host")] = 1,
+    cores: Annotated[int, typer.Option(min=1, help="cores of each host")] = 1,
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second wanted")] = 30.0,
     memory: Annotated[
         float | None,
-        typer.Option(
-            metavar="GB", min=0.001, help="of each host", show_default="as much as it takes"
-        ),
+        typer.Option(metavar="GB", min=0.001, help="memory of each host", show_default="no limit"),
     ] = None,
     json_: options.Json = False,
 ) -> None:
-    """Propose where to run what for a map, and print the commands of each host.
+    """Propose which processes to run on which host, and print the commands of each host.
 
-    All of it is an estimate, from the map's manifest alone, for rule filter.
+    The proposal is an estimate from the map's manifest, for the rule filter.
 
-    The first host has featurizer and fuser; a core has one channel worker at most.
+    The first host has featurizer and fuser. A core has at most one channel worker.
 
-    Channels are cut into shards only where the rate or the memory takes it; those of one metric
-    stay together.
+    Channels of one metric stay together. Channels are cut into shards only if the rate or the
+    memory needs it.
 
     Each host needs the map at the same path: see 'placefield fetch'.
 
-    Ends with 1 if hosts, cores or memory do not suffice.
+    The exit code is 1 if hosts, cores or memory are not enough.
 
     Examples:
       placefield plan route.pfmap --hosts camera,left,right --cores 4
@@ -85,10 +83,10 @@ def _plan(
 
 
 def _names(hosts: str) -> list[str]:
-    """Return the hosts' names; made-up ones where their number is given.
+    """Return the names of the hosts; ``host1``, ``host2``, … if only their number is given.
 
     Raises:
-        ConfigError: it is neither names, each once, nor a number above 0.
+        ConfigError: the text is neither distinct names nor a number above 0.
     """
     from placefield.errors import ConfigError
 
@@ -97,7 +95,9 @@ def _names(hosts: str) -> list[str]:
     names = hosts.split(",")
     named = all(name and not name.isdecimal() and name.isprintable() for name in names)
     if not named or len(set(names)) < len(names):
-        raise ConfigError(f"--hosts {hosts!r}: write how many, or their names with commas between")
+        raise ConfigError(
+            f"--hosts {hosts!r}: write their number, or their names with commas between"
+        )
     return names
 
 
@@ -119,7 +119,7 @@ def _sizes(map_path: Path, files: Sequence[str]) -> dict[str, int]:
 def _command(
     process: "Process", names: Sequence[str], host: int, map_path: Path, preset: str | None
 ) -> str:
-    """Return the command line of a process on a host; one host alone has its bus on loopback."""
+    """Return the command line of a process on a host; a single host has its bus on loopback."""
     endpoints = [f"tcp/{name}:{_PORT}" for name in names]
     flags = ["--endpoint", endpoints[host]] if len(names) > 1 else []
     if process.service == "router":
@@ -207,7 +207,7 @@ def _print(
         )
     if max(proposed.memory_bytes) > memory_bytes:
         console.print(
-            f"too little memory: a host would take {max(proposed.memory_bytes) / 1e9:.1f} GB; "
+            f"too little memory: a host would need {max(proposed.memory_bytes) / 1e9:.1f} GB; "
             "give more hosts or cores, or more --memory",
             soft_wrap=True,
         )

@@ -20,18 +20,19 @@ def add_to(app: typer.Typer) -> None:
 def _record(
     file: Annotated[
         Path,
-        typer.Argument(metavar="FILE", help="where to: FILE.jsonl, .csv, .mcap or .rrd"),
+        typer.Argument(metavar="FILE", help="file to write: FILE.jsonl, .csv, .mcap or .rrd"),
     ],
     frames: Annotated[
         bool,
-        typer.Option("--frames", help="small pictures of the query frames, too: .mcap or .rrd"),
+        typer.Option("--frames", help="also record small query frames, in .mcap or .rrd"),
     ] = False,
     map_path: Annotated[
         Path | None,
         typer.Option(
             "--map",
             metavar="MAP",
-            help="of the run, if built of frames with GPS, for positions on earth: .mcap or .rrd",
+            help="map of the run, built from frames with GPS: adds latitude and longitude to .mcap "
+            "or .rrd",
             show_default=False,
         ),
     ] = None,
@@ -41,11 +42,11 @@ def _record(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Record the matches of a run as they come, smoothed ones likewise, until Ctrl-C.
+    """Record the matches and smoothed matches of a run until Ctrl-C.
 
-    .jsonl holds what 'placefield listen --json' prints, .csv a row for each match; of these a
-    recorder that is killed loses no line. 'placefield export' reads both. .mcap opens in Foxglove
-    and .rrd in Rerun, at the stamps of the frames.
+    .jsonl has the output of 'placefield listen --json', .csv has a row per match. Both are written
+    line by line, so that a killed recorder loses no line, and 'placefield export' reads them. .mcap
+    opens in Foxglove and .rrd in Rerun, at the stamps of the frames.
 
     Examples:
       placefield record drive.jsonl

@@ -1,11 +1,11 @@
-"""``placefield replay``: a source of frames onto the bus."""
+"""``placefield replay``: publishes the frames of a source."""
 
 from collections import Counter
 from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames
 
 
 def add_to(app: typer.Typer) -> None:
@@ -19,24 +19,24 @@ def _replay(
         typer.Argument(
             metavar="SOURCE",
             help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), or a "
-            "camera as camera:0, rtsp://HOST/PATH or http://HOST/PATH",
+            "camera: camera:0, rtsp://HOST/PATH or http://HOST/PATH",
         ),
     ],
     rate: Annotated[
         float | None,
         typer.Option(
-            min=0.01, help="frames per second", show_default="as fast as they are answered"
+            min=0.01, help="frames per second", show_default="as fast as the services answer"
         ),
     ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
-    start: options.Start = 0,
-    stop: options.Stop = None,
-    stride: options.Stride = 1,
-    spacing: options.Spacing = None,
-    topic: options.Topic = None,
-    odometry_topic: options.OdometryTopic = None,
-    poses: options.PoseFile = None,
-    pose_axes: options.PoseAxesOption = None,
+    loop: Annotated[bool, typer.Option("--loop", help="repeat from the start")] = False,
+    start: options_frames.Start = 0,
+    stop: options_frames.Stop = None,
+    stride: options_frames.Stride = 1,
+    spacing: options_frames.Spacing = None,
+    topic: options_frames.Topic = None,
+    odometry_topic: options_frames.OdometryTopic = None,
+    poses: options_frames.PoseFile = None,
+    pose_axes: options_frames.PoseAxesOption = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -45,10 +45,10 @@ def _replay(
 ) -> None:
     """Stream frames to the services of a run.
 
-    Folders, videos and recordings are lossless: no frame is dropped. A camera is live: old frames
-    are dropped for new ones where the services cannot follow, and a camera that is gone is waited
-    for. Frames carry their odometry where it is known, of a camera what the vehicle publishes;
-    --spacing goes by it.
+    Folders, videos and recordings are lossless: no frame is dropped. A camera is live: new frames
+    replace old ones if the services are too slow, and replay waits for a camera that is gone.
+    Frames carry odometry if there is any: from the recording, or what the vehicle publishes for a
+    camera. --spacing uses this odometry.
 
     Examples:
       placefield replay frames/
@@ -80,8 +80,10 @@ def _replay(
     with opened as frames, open_bus(effective.bus, stopped) as bus:
         odometry.listen(bus, keys)
         replayed = replay(frames, bus, effective, stopped, rate=rate, loop=loop and not frames.live)
-    counts = Counter(replayed.unseen) + frames.not_given
+    counts = Counter(replayed.unobserved) + frames.not_given
     faults = ", ".join(f"{count} {what}" for what, count in counts.items())
     print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
     if replayed.sent == counts["unreadable"] and (replayed.sent or counts["missing"]):
-        raise SourceError(f"{without_secrets(source)}: no frame of it could be read; mend them")
+        raise SourceError(
+            f"{without_secrets(source)}: none of its frames could be read; check the files"
+        )

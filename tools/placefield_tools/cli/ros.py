@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames
 
 
 def add_to(app: typer.Typer) -> None:
@@ -15,14 +15,14 @@ def add_to(app: typer.Typer) -> None:
 def _ros(
     map_path: options.MapPath,
     topic: Annotated[
-        str, typer.Option(metavar="TOPIC", help="of images: CompressedImage or Image")
+        str, typer.Option(metavar="TOPIC", help="topic of images: CompressedImage or Image")
     ],
     odometry: Annotated[
         str | None,
-        typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
+        typer.Option(metavar="TOPIC", help="topic of nav_msgs/Odometry", show_default="none"),
     ] = None,
-    spacing: options.Spacing = None,
-    domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS")] = 0,
+    spacing: options_frames.Spacing = None,
+    domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="domain of ROS 2")] = 0,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     metrics_port: options.MetricsPort = None,
@@ -31,19 +31,19 @@ def _ros(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Take a run's frames from ROS 2, and answer it with poses. No ROS is needed here.
+    """Read a run's frames from ROS 2, and publish poses to ROS 2. This host needs no ROS.
 
-    ROS is to speak rmw_zenoh (jazzy or later), and its router to be connected to this bus's:
+    ROS must use rmw_zenoh (jazzy or later). Connect its router to the router of this bus:
     'placefield up MAP --connect tcp/HOST:7447', or 'placefield router --connect tcp/HOST:7447'.
 
-    In: images, as a live stream with the stamps of their headers, old ones dropped for new ones
-    where the services cannot follow; odometry, as the metres travelled, which go with the images.
-    Of a map whose frames were spaced, space these by the same metres.
+    Input: images are a live stream with the stamps of their headers. New images replace old ones if
+    the services are too slow. Odometry gives the metres travelled between images. If the map was
+    built with --spacing, give the same --spacing here.
 
-    Out, where the map has poses: matches that the rule filter knows, on /placefield/RUN/pose, and
-    smoothed ones likewise, on /placefield/RUN/smoothed_pose
-    (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Out once a second: how the
-    services stand, on /diagnostics (diagnostic_msgs/DiagnosticArray).
+    Output, if the map has poses: known matches of the rule filter on /placefield/RUN/pose, and
+    known smoothed matches on /placefield/RUN/smoothed_pose
+    (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Once a second, the
+    status of the services on /diagnostics (diagnostic_msgs/DiagnosticArray).
 
     Examples:
       placefield ros day.pfmap --topic /camera/image_raw/compressed --odometry /odom --spacing 0.5

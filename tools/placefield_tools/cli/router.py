@@ -1,4 +1,4 @@
-"""``placefield router``: a router of its own, for a bus of many hosts."""
+"""``placefield router``: a router for a bus of several hosts."""
 
 import typer
 
@@ -18,9 +18,10 @@ def _router(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Run a router: services of this host connect to it, and it to routers of other hosts.
+    """Run a router. Services of this host connect to it, and it connects to routers of other hosts.
 
-    Of two hosts one connects to the other. What many read on a host crosses to it once.
+    One host of each two connects to the other. A message that many services of a host read crosses
+    the network once.
 
     Examples:
       placefield router --endpoint tcp/0.0.0.0:7557 --connect tcp/10.0.0.2:7557

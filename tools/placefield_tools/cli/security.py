@@ -1,4 +1,4 @@
-"""``placefield security``: credentials, for a bus that strangers can reach."""
+"""``placefield security``: credentials, for a bus exposed to untrusted clients."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +9,7 @@ import typer
 def add_to(app: typer.Typer) -> None:
     """Add the commands."""
     security = typer.Typer(
-        help="Credentials, for a bus that strangers can reach.", no_args_is_help=True
+        help="Credentials, for a bus exposed to untrusted clients.", no_args_is_help=True
     )
     security.command("init")(_init)
     app.add_typer(security, name="security")
@@ -18,18 +18,20 @@ def add_to(app: typer.Typer) -> None:
 def _init(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="FOLDER", help="to be made, or empty", show_default=False),
+        typer.Argument(metavar="FOLDER", help="a new or empty folder", show_default=False),
     ],
     host: Annotated[
         list[str] | None,
-        typer.Option(help="name or address at which a router listens; may be repeated"),
+        typer.Option(help="name or address of a router's host; may be repeated"),
     ] = None,
-    days: Annotated[int, typer.Option(min=1, max=3650, help="how long they are valid")] = 825,
+    days: Annotated[
+        int, typer.Option(min=1, max=3650, help="days that the credentials are valid")
+    ] = 825,
 ) -> None:
-    """Make an authority, a certificate for each role, and what each role may do.
+    """Make a certificate authority, a certificate for each role, and the rights of each role.
 
-    Each role is a folder to be copied to its hosts and given as --credentials FOLDER, with
-    --endpoint tls/HOST:PORT. Keep ca-key.pem where nobody reaches it: who has it is let in.
+    Each role is a folder. Copy it to the role's hosts, and give it as --credentials FOLDER, with
+    --endpoint tls/HOST:PORT. Keep ca-key.pem in a safe place: its owner can make credentials.
 
     Examples:
       placefield security init pki --host robot.example

@@ -1,4 +1,4 @@
-"""``placefield serve``: maps to hosts that have none."""
+"""``placefield serve``: sends maps to hosts without them."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def _serve(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Serve maps to hosts that have none; 'placefield up' does so with its own.
+    """Serve maps to hosts without them; 'placefield up' also serves its map.
 
     Examples:
       placefield serve route.pfmap

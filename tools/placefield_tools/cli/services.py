@@ -7,7 +7,7 @@ import typer
 
 from placefield.config import FusionConfig
 from placefield.errors import ConfigError
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 
 def add_to(app: typer.Typer) -> None:
@@ -59,16 +59,14 @@ def _channel(
     ],
     shard: Annotated[
         str,
-        typer.Option(
-            help="which part of the places, of how many: 0/4 to 3/4, each at a worker of its own"
-        ),
+        typer.Option(help="part of the places, for example 0/4 to 3/4 for four workers"),
     ] = "0/1",
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    exact: options.Exact = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    exact: options_map.Exact = None,
     metrics_port: options.MetricsPort = None,
     digest: options.Digest = None,
     log_json: options.LogJson = False,
@@ -117,13 +115,13 @@ def _fuser(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    precision: options.Precision = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    precision: options_map.Precision = None,
     deadline: Annotated[
         float | None,
         typer.Option(
-            help="for the candidates of a frame, seconds",
+            help="seconds to wait for the candidates of a frame",
             show_default=f"{FusionConfig().deadline_s:g}",
         ),
     ] = None,

@@ -1,4 +1,4 @@
-"""``placefield status``: the services of a run, how far each is, and what is missing."""
+"""``placefield status``: the services of a run, their progress, and which are missing."""
 
 import json
 import logging
@@ -16,12 +16,12 @@ from placefield_tools.cli import options
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from placefield_tools.status.service_status import RunStanding, ServiceStanding
+    from placefield_tools.status.service_status import RunStatus, ServiceStatus
     from placefield_tools.status.statistics import RunListener
 
 log = logging.getLogger(__name__)
 
-_LISTEN_S = 2.3  # every service tells of itself once a second: twice make a rate
+_LISTEN_S = 2.3  # services report once a second, and a rate needs two reports
 _REFRESH_S = 1.0
 
 
@@ -34,16 +34,17 @@ def _status(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    watch: Annotated[bool, typer.Option("--watch", help="go on until Ctrl-C")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="refresh until Ctrl-C")] = False,
     json_: options.Json = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Print the services of a run, how far each is, and what is missing.
+    """Print the services of a run, their progress, and which are missing.
 
-    For each: its newest answer, by how many frames it is behind, frames per second, and counts.
+    For each service: its newest answer, how many frames it is behind, its frames per second and its
+    counts.
 
-    Ends with code 1 if a featurizer, a fuser, a channel or a shard is missing, saying which.
+    The exit code is 1 if a featurizer, fuser, channel or a shard is missing. The error names it.
 
     Examples:
       placefield status --watch
@@ -67,41 +68,41 @@ def _status(
     name = effective.run
     stop = stop_event() if watch else None
     with open_bus(effective.bus, stop) as bus:
-        if stop:  # asked before anything listens, else the answer may go to the listener alone
+        if stop:  # ask before subscribing: otherwise only the subscriber may get the answer
             warn_of_other_runs(bus, name)
-        runs = RunsListener(bus)  # a router that is busy may be late with one answer
+        runs = RunsListener(bus)  # a busy router may answer late
         listener = RunListener(bus, Keys(name), lambda key, error: None)
         bus.subscribe(Keys(name).feature, listener.announce, Counter())
         if stop:
             _watch(listener, name, stop)
             return
         time.sleep(_LISTEN_S)
-        standing = listener.standing()
-        others = None if standing.services else other_runs(name, runs.runs | bus.runs())
+        status = listener.status()
+        others = None if status.services else other_runs(name, runs.runs | bus.runs())
     if json_:
-        print(json.dumps({"run": name, **asdict(standing)}))
+        print(json.dumps({"run": name, **asdict(status)}))
     else:
-        Console(markup=False, highlight=False).print(_table(standing, name))
+        Console(markup=False, highlight=False).print(_table(status, name))
     if listener.left_out:
         log.warning(
-            "run %r: left out %d tokens, and senders that have none: they are no services",
+            "run %r: left out %d surplus tokens or senders without a token: no services",
             name,
             listener.left_out,
         )
-    if standing.missing:
+    if status.missing:
         hint = f"; {others}" if others else ""
-        raise BusError(f"run {name!r} lacks {'; '.join(standing.missing)}{hint}")
+        raise BusError(f"run {name!r} lacks {'; '.join(status.missing)}{hint}")
 
 
 def _watch(listener: "RunListener", run: str, stop: threading.Event) -> None:
-    """Show how the run stands: in place at a terminal, else one table below the other."""
+    """Show the status again and again: in place at a terminal, else as a new table each time."""
     from rich.console import Console, Group
     from rich.live import Live
 
     def shown() -> "RenderableType":
-        standing = listener.standing()
-        lacking = "; ".join(standing.missing)
-        return Group(_table(standing, run), f"missing: {lacking}" if lacking else "complete")
+        status = listener.status()
+        absent = "; ".join(status.missing)
+        return Group(_table(status, run), f"missing: {absent}" if absent else "complete")
 
     console = Console(markup=False, highlight=False)
     can_redraw = console.is_terminal and not console.is_dumb_terminal
@@ -113,22 +114,22 @@ def _watch(listener: "RunListener", run: str, stop: threading.Event) -> None:
                 console.print(shown())
 
 
-def _table(standing: "RunStanding", run: str) -> "RenderableType":
+def _table(status: "RunStatus", run: str) -> "RenderableType":
     from rich.table import Table
 
-    newest = "no frame yet" if standing.newest is None else f"newest frame {standing.newest}"
+    newest = "no frame yet" if status.newest is None else f"newest frame {status.newest}"
     table = Table(title=f"run {run}, {newest}")
     for column in ("service", "identity"):
         table.add_column(column, no_wrap=True)
     for column in ("frame", "behind", "frames/s"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("counts")
-    for service in standing.services:
+    for service in status.services:
         table.add_row(service.service, service.identity, *_cells(service))
     return table
 
 
-def _cells(service: "ServiceStanding") -> tuple[str, str, str, str]:
+def _cells(service: "ServiceStatus") -> tuple[str, str, str, str]:
     from placefield_tools.status.service_status import counts_in_words
 
     rate = "" if service.rate is None else f"{service.rate:.1f}"

@@ -9,7 +9,7 @@ import typer
 
 from placefield.errors import ConfigError
 from placefield.maps.manifest import SUFFIX
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_frames, options_map, options_truth
 
 
 def add_to(app: typer.Typer) -> None:
@@ -20,34 +20,36 @@ def add_to(app: typer.Typer) -> None:
 def _study(
     reference: Annotated[str, typer.Argument(metavar="REF", help="a folder, video or recording")],
     query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
-    tolerance: options.Tolerance = None,
-    truth: options.TruthFile = None,
-    aligned: options.Aligned = False,
-    same_frame: options.SameFrame = False,
-    protocol: options.ProtocolOption = "aligned",
-    every: options.Every = None,
-    other: options.Other = None,
+    tolerance: options_truth.Tolerance = None,
+    truth: options_truth.TruthFile = None,
+    aligned: options_truth.Aligned = False,
+    same_frame: options_truth.SameFrame = False,
+    protocol: options_truth.ProtocolOption = "aligned",
+    every: options_truth.Every = None,
+    other: options_truth.Other = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="folder for the report")] = Path(
         "study"
     ),
     as_json: options.Json = False,
-    spacing: options.Spacing = None,
-    topic: options.Topic = None,
-    odometry_topic: options.OdometryTopic = None,
-    preset: options.PresetOption = None,
-    feature: options.Feature = None,
-    channels: options.Channels = None,
-    min_scale: options.MinScale = None,
-    metric: options.Metric = None,
-    precision: options.Precision = None,
-    seed: options.Seed = None,
+    spacing: options_frames.Spacing = None,
+    topic: options_frames.Topic = None,
+    odometry_topic: options_frames.OdometryTopic = None,
+    preset: options_map.PresetOption = None,
+    feature: options_map.Feature = None,
+    channels: options_map.Channels = None,
+    min_scale: options_map.MinScale = None,
+    metric: options_map.Metric = None,
+    precision: options_map.Precision = None,
+    seed: options_map.Seed = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Match QUERY along REF by every method and without every part of ours; write a report.
+    """Match QUERY against REF by every method and write a report.
 
-    With --preset paper, run the experiments of the AMS paper instead, on both of its features or on
-    that of --feature.
+    Placefield's own rules also run with one part left out at a time.
+
+    With --preset paper, run the experiments of the AMS paper instead, with both of its features or
+    with the one of --feature.
 
     Examples:
       placefield study day/ dusk/ --tolerance 3
@@ -64,15 +66,15 @@ def _study(
     from placefield_tools.study.run_study import run_study
     from placefield_tools.study.table import figures, print_study
 
-    options.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
-    places, metres = options.places_or_metres(tolerance)
+    options_truth.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
+    places, metres = options_truth.places_or_metres(tolerance)
     effective = options.effective_config(
         config,
         settings,
         preset=preset,
         features__kind=feature,
         scales__channels=channels,
-        **options.min_scale_flags(min_scale),
+        **options_map.min_scale_flags(min_scale),
         metric__kind=metric,
         seed=seed,
         matching__precision=precision,
@@ -82,21 +84,21 @@ def _study(
     if truth is None:
         asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
     within = None if truth is not None or metres is not None else effective.matching.tolerance
-    options.check_other(protocol, other)
-    options.check_every(protocol, every)
+    options_truth.check_other(protocol, other)
+    options_truth.check_every(protocol, every)
     if Path(reference).suffix == SUFFIX:
         raise ConfigError(
-            f"{reference}: a map keeps no frames, and other methods want them; give the frames"
+            f"{reference}: a map has no frames, and other methods need them; give the frames"
         )
-    output.mkdir(parents=True, exist_ok=True)  # what cannot be written is to be told now
-    driven = Query(
+    output.mkdir(parents=True, exist_ok=True)  # fails now, not after the study
+    asked_query = Query(
         query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every
     )
-    truth_of = partial(options.truth_of, tolerance=effective.matching.tolerance, truth=truth)
+    truth_of = partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth)
     if effective.preset == "paper":
         features = FEATURES if feature is None else (feature,)
         published = run_paper_study(
-            reference, driven, truth_of, effective, features, tolerance=within, asked=asked
+            reference, asked_query, truth_of, effective, features, tolerance=within, asked=asked
         )
         report = write_paper_report(output, published)
         if as_json:
@@ -104,7 +106,7 @@ def _study(
         else:
             print_paper_study(published, report)
         return
-    study = run_study(reference, driven, truth_of, effective, tolerance=within, asked=asked)
+    study = run_study(reference, asked_query, truth_of, effective, tolerance=within, asked=asked)
     report = write_report(output, study)
     if as_json:
         print(json.dumps(figures(study)))

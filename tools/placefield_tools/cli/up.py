@@ -1,4 +1,4 @@
-"""``placefield up``: a whole host."""
+"""``placefield up``: all services of a host."""
 
 import sys
 import tempfile
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options
+from placefield_tools.cli import options, options_map
 
 _ROLES = {
     "featurizer": "featurizer",
@@ -17,7 +17,7 @@ _ROLES = {
     "fuser": "fuser",
     "serve": "mapserver",
 }
-"""Whose credentials a command needs."""
+"""The role whose credentials a command needs."""
 
 _PLACEFIELD = (sys.executable, "-m", "placefield_tools")
 
@@ -36,42 +36,44 @@ def _up(
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
-    preset: options.PresetOption = None,
-    rule: options.RuleOption = None,
-    precision: options.Precision = None,
-    exact: options.Exact = None,
+    preset: options_map.PresetOption = None,
+    rule: options_map.RuleOption = None,
+    precision: options_map.Precision = None,
+    exact: options_map.Exact = None,
     ros: Annotated[
         str | None,
         typer.Option(
             metavar="TOPIC",
-            help="of ROS 2, whose images are the frames; see 'placefield ros -h'",
+            help="ROS 2 topic of images to use as frames; see 'placefield ros -h'",
             show_default="none",
         ),
     ] = None,
     ros_odometry: Annotated[
         str | None,
-        typer.Option(metavar="TOPIC", help="of nav_msgs/Odometry", show_default="none"),
+        typer.Option(metavar="TOPIC", help="ROS 2 topic of nav_msgs/Odometry", show_default="none"),
     ] = None,
     ros_spacing: Annotated[
         float | None,
         typer.Option(
             metavar="METRES",
-            help="take an image every so many metres, by odometry",
+            help="use one image per so many metres, by odometry",
             show_default="every image",
         ),
     ] = None,
-    ros_domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="of ROS 2")] = 0,
+    ros_domain: Annotated[
+        int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="domain of ROS 2")
+    ] = 0,
     connect: options.Connect = None,
     metrics_port: options.MetricsPort = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Run a whole host: router, featurizer, channel workers and fuser.
+    """Run all services of a host: router, featurizer, channel workers and fuser.
 
-    Of several runs each core's featurizer and fuser serve a share.
+    With several runs, each core has a featurizer and a fuser for some of the runs.
 
-    What dies is started again; Ctrl-C stops all.
+    A service that dies is started again. Ctrl-C stops all services.
 
     Examples:
       placefield up route.pfmap --precision 0.99
@@ -99,10 +101,10 @@ def _up(
         matching__exact=exact,
     )
     if ros_odometry is not None and ros is None:
-        raise ConfigError("--ros-odometry: goes with the images of --ros; give that, too")
+        raise ConfigError("--ros-odometry: needs images; give --ros, too")
     if ros_spacing is not None and ros_odometry is None:
-        raise ConfigError("--ros-spacing: goes by odometry; give --ros-odometry, too")
-    options.check_preset(effective, map_path)
+        raise ConfigError("--ros-spacing: needs odometry; give --ros-odometry, too")
+    options_map.check_preset(effective, map_path)
     manifest, digest = read_identified(map_path)
     manifest.features.check_rule(effective.matching.rule)
     channels = manifest.channels
@@ -119,14 +121,14 @@ def _up(
 
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
-        # The host tells of them all, at the one port.
+        # The host reports the metrics of all services at one port.
         of_services = effective.model_copy(update={"monitoring": MonitoringConfig()})
         file.write_text(of_services.to_toml())
         common = [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])]
         commands = _commands(
             common,
-            deal([channel.metric for channel in channels], workers or cores()),
-            [[effective.runs[run] for run in own] for own in deal(effective.runs, cores())],
+            partition([channel.metric for channel in channels], workers or cores()),
+            [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
             _credentials_beside(effective.bus.credentials),
             digest,
         )
@@ -137,11 +139,15 @@ def _up(
         run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
 
 
-def deal(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
-    """Deal what there is, given the kind of each, to processes as evenly as it goes.
+def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
+    """Partition items evenly among processes, and return the item numbers of each process.
 
-    What is of one kind stays together where it can: frames are compared once under the metric of
-    several channels.
+    Items of one kind stay together if possible: a frame is compared only once for all channels of
+    one metric.
+
+    Args:
+        kinds: kind of each item.
+        processes: number of processes; there are at most as many as items.
     """
     first_of_kind = {kind: first for first, kind in reversed(list(enumerate(kinds)))}
     in_order = sorted(range(len(kinds)), key=lambda number: first_of_kind[kinds[number]])
@@ -151,10 +157,10 @@ def deal(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
 
 
 def _credentials_beside(routers: str | None) -> dict[str, Path]:
-    """Return the folders of the services' credentials, which lie beside the router's.
+    """Return the folders of the services' credentials, which are beside the router's.
 
     Raises:
-        BusError: one is missing or does not fit, which each service would find by itself.
+        BusError: credentials are missing or not valid. Each service would fail for the same reason.
     """
     from placefield.bus.credentials import tls_settings
 
@@ -174,16 +180,16 @@ def _commands(
     credentials: Mapping[str, Path],
     digest: str,
 ) -> dict[str, list[str]]:
-    """Return the command lines of the services, by a name for each.
+    """Return the command line of each service, by its name.
 
-    There is a worker for each lot of channels, a featurizer and a fuser for each lot of runs, and
-    one map server. The credentials are by command; none where there are none. What
-    is started again refuses a map of another digest: somebody has built it anew meanwhile.
+    There is one worker for each group of channels, one featurizer and one fuser for each group of
+    runs, and one map server. ``credentials`` has folders by command. A restarted service refuses a
+    map of another digest, which was rebuilt in the meantime.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
         flags = [part for value in own for part in (flag, str(value))]
-        if service != "serve":  # that one offers whatever is there
+        if service != "serve":  # the map server serves any version of a map
             flags += ["--digest", digest]
         if service in credentials:
             flags += ["--credentials", str(credentials[service])]

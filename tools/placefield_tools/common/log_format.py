@@ -11,7 +11,7 @@ log = logging.getLogger("placefield")
 
 
 class _Stderr(logging.StreamHandler[TextIO]):
-    """Writes to what is standard error at the moment: whoever embeds this may put another there."""
+    """Writes to the current standard error, which an embedding program may replace."""
 
     @property
     def stream(self) -> TextIO:
@@ -22,7 +22,7 @@ class _Stderr(logging.StreamHandler[TextIO]):
 
 
 def log_for_a_person() -> None:
-    """Log a line per message, with who says so."""
+    """Log a line per message, with the name of the program."""
     logging.basicConfig(format="placefield: %(message)s", handlers=[_Stderr()], force=True)
     for ours in ("placefield", "placefield_services", "placefield_tools"):
         logging.getLogger(ours).setLevel(logging.INFO)

@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 def map_in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """Apply a function to items, a few ahead, and yield the results in order.
+    """Apply a function to items, a few in advance, and yield the results in order.
 
     Threads do: numpy and OpenCV let go of the interpreter while they work, and threads share
     memory, start at once and never outlive the process.
@@ -21,13 +21,13 @@ def map_in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> I
     workers = cores()
     pool = ThreadPoolExecutor(workers)
     try:
-        ahead: deque[Future[Result]] = deque()
+        pending: deque[Future[Result]] = deque()
         for item in items:
-            ahead.append(pool.submit(function, item))
-            if len(ahead) > 2 * workers:
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
+            pending.append(pool.submit(function, item))
+            if len(pending) > 2 * workers:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 

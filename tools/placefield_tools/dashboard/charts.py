@@ -1,4 +1,4 @@
-"""What the charts show, as ECharts' options. Greys that can be read on light and dark ground."""
+"""The charts, as ECharts options. The greys are readable on light and dark backgrounds."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -37,11 +37,11 @@ def certainty_chart() -> Options:
 def set_certainty(
     chart: Options, frames: Sequence[tuple[int, float, float | None, bool | None]]
 ) -> None:
-    """Put frames into that chart: sequence, score, and where they are told probability, known."""
+    """Put frames into that chart: sequence, score, probability or None, and known or None."""
     probability, unknown, score = chart["series"]
-    told = [(frame, p, known) for frame, _, p, known in frames if p is not None]
-    probability["data"] = [[frame, p] for frame, p, _ in told]
-    unknown["data"] = [[frame, p] for frame, p, known in told if not known]
+    rated = [(frame, p, known) for frame, _, p, known in frames if p is not None]
+    probability["data"] = [[frame, p] for frame, p, _ in rated]
+    unknown["data"] = [[frame, p] for frame, p, known in rated if not known]
     score["data"] = [[frame, round(value, 3)] for frame, value, _, _ in frames]
 
 

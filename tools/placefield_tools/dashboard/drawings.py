@@ -1,6 +1,6 @@
 """Drawings as the insides of SVG elements; the page's style colours them by their classes.
 
-They are made of numbers alone, so nothing that a stranger wrote comes into the page.
+They contain numbers only, so that no text of an untrusted client reaches the page.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,11 @@ from placefield.matching.candidate import Candidate
 from placefield_tools.dashboard.fields import Window, firing_segment, heights
 
 FIELD_HEIGHT = 56
-_BASE, _TOP, _BAR = 18, 4, 4  # below the segments, above them, and of each: of the height
+_BASE, _TOP, _BAR = (
+    18,
+    4,
+    4,
+)  # in parts of the height: below the segments, above them, and of each bar
 _BINS = 200  # of the evidence
 
 _MOST_POINTS = 2000  # of a route
@@ -44,7 +48,7 @@ def _bar(channel: MapChannel, number: int, window: Window) -> str:
 
 
 def _height_of(channel: MapChannel, scale: int) -> float:
-    """Return where the bar of a segment of this scale is."""
+    """Return the height of the bar of a segment of this scale."""
     least, most = int(channel.scales[0]), int(channel.scales[-1])
     share = (scale - least) / (most - least) if most > least else 1.0
     return _TOP + (1 - share) * (FIELD_HEIGHT - _BASE - _TOP - _BAR)
@@ -53,7 +57,7 @@ def _height_of(channel: MapChannel, scale: int) -> float:
 def firing_drawing(
     channel: MapChannel, candidate: Candidate, rule: Rule | None, window: Window
 ) -> str:
-    """Draw what a channel says over that: its evidence, and the field that fires."""
+    """Draw a channel's evidence and active segment over that."""
     drawn = []
     if fires := firing_segment(channel, candidate.place):
         first, end = fires
@@ -80,7 +84,7 @@ def _evidence(found: NDArray[np.float64], window: Window) -> str:
 
 
 def match_drawing(place: int, window: Window) -> str:
-    """Draw where the match is."""
+    """Draw the match."""
     if not window.first <= place < window.end:
         return ""
     return _upright("match", place - window.first + 0.5)
@@ -111,7 +115,7 @@ def path_drawing(places: Sequence[tuple[int, int, bool]], frames: int, count: in
 
 @dataclass(frozen=True)
 class RouteDrawing:
-    """A route seen from above, or a line where it has no poses.
+    """A route drawn from above; without poses it is a line.
 
     Attributes:
         width: of the drawing, units.
@@ -151,7 +155,7 @@ class RouteDrawing:
         return cls(width, height, _line(points) + bar, bar_m, points, poses[:, 2])
 
     def match(self, place: int, recent: Sequence[int]) -> str:
-        """Draw where the match is, and the places of those before it, where that is known."""
+        """Draw the match, and the places of the matches before it, if they are known."""
         passed = [(x, y) for x, y in self._points[list(recent)] if not np.isnan(x)]
         trail = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in passed)
         x, y = self._points[place]
@@ -180,6 +184,6 @@ def _line(points: NDArray[np.float64]) -> str:
 
 
 def _round_length(metres: float) -> float:
-    """Return the longest of 1, 2 and 5 times a power of ten that is no longer."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
     power = 10.0 ** np.floor(np.log10(metres))
     return float(max(power * step for step in (1, 2, 5) if power * step <= metres))

@@ -1,6 +1,7 @@
-"""A run's messages off the bus, for who may be slow.
+"""A run's messages from the bus, for a reader that may be slow.
 
-The bus never waits: what is not taken in time makes room for what is newer, and is counted.
+The bus never waits: new messages replace old ones that were not read in time, and the lost ones are
+counted.
 """
 
 import threading
@@ -13,7 +14,7 @@ from placefield.bus.message import Header
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_tools.dashboard.state import LiveState
-from placefield_tools.status.service_status import RunStanding
+from placefield_tools.status.service_status import RunStatus
 from placefield_tools.status.statistics import RunListener
 
 _MOST = 1024  # messages
@@ -21,7 +22,7 @@ _MOST_BYTES = 64 * 2**20
 
 
 class Newest:
-    """What was received last and not taken yet; ``dropped`` says how much had to go."""
+    """A queue of the newest unread messages; ``dropped`` counts the ones it had to drop."""
 
     def __init__(self, most: int = _MOST, most_bytes: int = _MOST_BYTES) -> None:
         self.dropped = 0
@@ -31,7 +32,7 @@ class Newest:
         self._lock = threading.Lock()
 
     def offer(self, received: Received) -> None:
-        """Put a message in; the oldest make room for it."""
+        """Add a message; the oldest ones are dropped to make room."""
         with self._lock:
             self._waiting.append(received)
             self._bytes += len(received.payload)
@@ -42,16 +43,16 @@ class Newest:
                 self.dropped += 1
 
     def get_batch(self) -> list[Received]:
-        """Take what waits, oldest first."""
+        """Return all unread messages, oldest first, and empty the queue."""
         with self._lock:
-            taken = list(self._waiting)
+            batch = list(self._waiting)
             self._waiting.clear()
             self._bytes = 0
-            return taken
+            return batch
 
 
 class Feed:
-    """Hears a run, and tells the state of it when asked to."""
+    """Listens to a run, and updates the state when asked to."""
 
     def __init__(self, bus: Bus, keys: Keys, state: LiveState) -> None:
         self.counts: Counter[str] = Counter()
@@ -61,40 +62,40 @@ class Feed:
         self._matches: list[Received] = []
         self._listener = RunListener(bus, keys, self._count_malformed, state.digest)
         self._match_key = keys.match
-        self._take = {
-            keys.frame: state.take_frame,
-            keys.feature: state.take_feature,
-            keys.smoothed: state.take_smoothed,
+        self._adders = {
+            keys.frame: state.add_frame,
+            keys.feature: state.add_feature,
+            keys.smoothed: state.add_smoothed,
         }
-        bus.subscribe(keys.feature, self._hear_feature, self.counts)
+        bus.subscribe(keys.feature, self._receive_feature, self.counts)
         for key in (keys.frame, keys.match, keys.smoothed):
             bus.subscribe(key, self._newest.offer, self.counts)
         bus.subscribe(keys.all_candidates, self._newest.offer, self.counts, ends_empty=False)
 
     @property
     def dropped(self) -> int:
-        """How many messages came faster than they were taken."""
+        """How many messages were dropped because they came faster than this page reads."""
         return self._newest.dropped
 
     def drain(self) -> None:
-        """Tell the state what came since; what does not parse is counted as ``malformed``.
+        """Add the messages received since to the state; count unreadable ones as ``malformed``.
 
-        Matches are told a turn later: each key has a thread of its own, and what a match was made
-        of may come after it.
+        Matches are added one call later: each key has its own thread, so that a match may arrive
+        before the candidates that it was made of.
         """
         matches, self._matches = self._matches, []
         for received in self._newest.get_batch():
             if received.key == self._match_key:
                 self._matches.append(received)
             else:
-                take = self._take.get(received.key, self._state.take_candidates)
-                self._try(take, received)
+                add = self._adders.get(received.key, self._state.add_candidates)
+                self._try(add, received)
         for received in matches:
-            self._try(self._state.take_match, received)
+            self._try(self._state.add_match, received)
 
-    def _try(self, take: Callable[[Header, bytes], None], received: Received) -> None:
+    def _try(self, add: Callable[[Header, bytes], None], received: Received) -> None:
         try:
-            take(received.header, received.payload)
+            add(received.header, received.payload)
         except MessageError as error:
             self._count_malformed(received.key, error)
 
@@ -102,10 +103,10 @@ class Feed:
         self.counts["malformed"] += 1
         self._bus.log_dropped(key, error)
 
-    def standing(self) -> RunStanding:
-        """Say how the services of the run stand."""
-        return self._listener.standing()
+    def status(self) -> RunStatus:
+        """Return the status of the run's services."""
+        return self._listener.status()
 
-    def _hear_feature(self, received: Received) -> None:
+    def _receive_feature(self, received: Received) -> None:
         self._listener.announce(received)
         self._newest.offer(received)

@@ -1,4 +1,4 @@
-"""The part of the live page that shows what each channel says."""
+"""The panel of the live page that shows each channel's answer."""
 
 from nicegui import ui
 
@@ -15,7 +15,7 @@ from placefield_tools.dashboard.state import Answer
 
 
 class FieldsPanel:
-    """Each channel's segments by scale, the one that holds its candidate, and its evidence."""
+    """Each channel's segments by scale, its active segment and its evidence."""
 
     def __init__(self, site: Site) -> None:
         self._count = site.placemap.places.count
@@ -26,7 +26,7 @@ class FieldsPanel:
             self._words = ui.label("").classes("quiet")
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's."""
+        """Show an answer."""
         place = min(max(answer.match.place, 0), self._count - 1)
         window = window_around(place, self._count)
         for row in self._rows:
@@ -38,7 +38,7 @@ class FieldsPanel:
 
 
 class _Row:
-    """One channel's."""
+    """The drawing of one channel."""
 
     def __init__(self, number: int, channel: MapChannel) -> None:
         self._number, self._channel = number, channel

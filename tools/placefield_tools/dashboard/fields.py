@@ -1,4 +1,4 @@
-"""What a channel says of a frame, as it lies over the route: its firing field, and its evidence."""
+"""A channel's answer to a frame along the route: its active segment and its evidence."""
 
 from dataclasses import dataclass, replace
 
@@ -9,26 +9,26 @@ from placefield.config import Rule
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 
-_MOST = 400  # places a candidate's evidence is kept of
-_WINDOW = 400  # places that are drawn at once; segments are about a tenth of that
+_MOST = 400  # places whose evidence is kept, per candidate
+_WINDOW = 400  # places drawn at once; segments are about a tenth of that
 _STRIDE = 100
 
 
 @dataclass(frozen=True)
 class Window:
-    """The places of the route that are drawn, up to before ``end``."""
+    """The range of places that is drawn; ``end`` is exclusive."""
 
     first: int
     end: int
 
     @property
     def size(self) -> int:
-        """How many."""
+        """Number of places."""
         return self.end - self.first
 
 
 def window_around(place: int, count: int) -> Window:
-    """Return the window of ``count`` places that shows one; it moves in strides, not with it."""
+    """Return the window of ``count`` places around a place; it moves in strides, not by place."""
     if count <= _WINDOW:
         return Window(0, count)
     first = (place // _STRIDE) * _STRIDE - (_WINDOW - _STRIDE) // 2
@@ -37,7 +37,7 @@ def window_around(place: int, count: int) -> Window:
 
 
 def thinned(candidate: Candidate, rule: Rule) -> Candidate:
-    """Return a candidate with the evidence of its best places only, which are told in any case."""
+    """Return a candidate with the evidence of its best places only."""
     evidence = candidate.evidence
     places = candidate.places
     if rule != "filter":
@@ -52,10 +52,10 @@ def thinned(candidate: Candidate, rule: Rule) -> Candidate:
 def heights(
     candidate: Candidate, rule: Rule | None, window: Window, bins: int
 ) -> NDArray[np.float64]:
-    """Return how well each part of a window does, (bins,), 0 to 1.
+    """Return the evidence of each part of a window, (bins,), 0 to 1.
 
     Under ``filter`` that is the belief in its best place; under ``evidence`` how far that is from
-    the worst to the best of the places that are told.
+    the worst to the best of the candidate's places.
     """
     evidence = candidate.evidence.astype(np.float64)
     if rule == "evidence" and len(evidence):
@@ -68,7 +68,7 @@ def heights(
 
 
 def firing_segment(channel: MapChannel, place: int) -> tuple[int, int] | None:
-    """Return first place and last + 1 of the active segment that holds a place, if one does."""
+    """Return the first place and the last + 1 of the active segment at a place, if there is one."""
     if not 0 <= place < len(channel.labels) or channel.labels[place] == 0:
         return None
     first, end = channel.segments[channel.labels[place] - 1]

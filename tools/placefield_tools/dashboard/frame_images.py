@@ -1,4 +1,4 @@
-"""Frames and distances to encoded images."""
+"""Encodes frames and distances as images."""
 
 from collections.abc import Sequence
 
@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 
 from placefield.bus.messages import FrameMessage
-from placefield_tools.dashboard.distances import Row
+from placefield_tools.dashboard.distance_columns import Row
 from placefield_tools.record.thumbnails import small_jpeg
 
 
 def frame_picture(payload: bytes) -> bytes:
-    """Return a frame's message as a JPEG image of moderate size.
+    """Return the image of a frame message as a JPEG image of moderate size.
 
     Raises:
         MessageError: it is no frame's.
@@ -21,7 +21,7 @@ def frame_picture(payload: bytes) -> bytes:
 
 
 def distance_picture(rows: Sequence[Row | None], columns: int) -> bytes:
-    """Return distances as a PNG image: frames to the right, places upwards, near is dark.
+    """Return distances as a PNG image: frames to the right, places upwards, small distances dark.
 
     The grey spans the 1st to the 99th percentile. Frames whose distances are not known are white.
     """

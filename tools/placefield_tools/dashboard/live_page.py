@@ -1,4 +1,4 @@
-"""The live page: the answers as they come, or one of the last to look at."""
+"""The live page: the newest answer, or an earlier one to look at."""
 
 from contextlib import suppress
 
@@ -6,7 +6,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from placefield_tools.dashboard.field_panel import FieldsPanel
-from placefield_tools.dashboard.missing_services import can_answer, lacking_words
+from placefield_tools.dashboard.missing_services import can_answer, missing_in_words
 from placefield_tools.dashboard.panels import (
     AnswerPanel,
     CertaintyPanel,
@@ -20,13 +20,13 @@ from placefield_tools.dashboard.site import Site, page
 from placefield_tools.dashboard.state import Answer
 
 _DRAW_EVERY_S = 0.1
-_STAND_EVERY_S = 1.0  # the services tell of themselves as often
+_STATUS_EVERY_S = 1.0  # services report as often
 _WHEN_DRAWN = "return new Promise(drawn => requestAnimationFrame(() => drawn(true)))"
 _PATIENCE_S = 10.0
 
 
 def live_page(site: Site) -> None:
-    """Lay out the page for one who looks."""
+    """Lay out the page for one viewer."""
     with page(site, "Live") as board:
         LivePage(site, board)
 
@@ -52,7 +52,7 @@ class LivePage:
         self._health = HealthPanel(site)
         ReplayPanel(site)
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
-        ui.timer(_STAND_EVERY_S, self._draw_standing)
+        ui.timer(_STATUS_EVERY_S, self._draw_status)
 
     def _lay_out_controls(self) -> None:
         section = ui.element("section").classes("card").props('aria-label="Time"')
@@ -99,13 +99,13 @@ class LivePage:
         self._draw()
 
     async def _draw_in_turn(self) -> None:
-        """Draw, and wait until the browser has: one that is slow, or hidden, is sent less."""
+        """Draw, and wait for the browser: a slow or hidden browser is sent fewer updates."""
         self._draw()
         with suppress(TimeoutError):
             await ui.run_javascript(_WHEN_DRAWN, timeout=_PATIENCE_S)
 
     def _draw(self) -> None:
-        """Draw what has changed."""
+        """Draw the changes."""
         answers = self._state.answers
         if not answers:
             return
@@ -118,13 +118,13 @@ class LivePage:
             self._match.show_smoothed(*self._state.smoothed)
         self._draw_controls(answer)
 
-    def _draw_standing(self) -> None:
-        """Say how the services are, and grey the match when no newer one can come."""
-        standing = self._feed.standing()
-        self._health.show(standing)
-        stale = bool(self._state.answers) and not can_answer(standing)
+    def _draw_status(self) -> None:
+        """Show the status of the services, and grey the match when no newer one can come."""
+        status = self._feed.status()
+        self._health.show(status)
+        stale = bool(self._state.answers) and not can_answer(status)
         self._board.classes(**({"add": "stale"} if stale else {"remove": "stale"}))
-        self._match.warn(("not current; " if stale else "") + lacking_words(standing))
+        self._match.warn(("not current; " if stale else "") + missing_in_words(status))
 
     def _draw_controls(self, answer: Answer) -> None:
         answers, paused = self._state.answers, self._paused_at is not None

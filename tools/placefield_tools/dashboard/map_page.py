@@ -13,7 +13,7 @@ from placefield_tools.dashboard.site import Site, card, chart, page, svg
 from placefield_tools.inspect.map_facts import map_facts
 
 _PER_PAGE = 48
-_WHOLE_ROUTE = 4000  # places; of a longer one the segments are drawn by the part
+_WHOLE_ROUTE = 4000  # places; longer routes are drawn in parts
 _NO_CURVE = (
     "No validation curve: nothing was learned. A metric is learned where another traverse shows "
     "that it helps: placefield build FIRST SECOND"
@@ -21,7 +21,7 @@ _NO_CURVE = (
 
 
 def map_page(site: Site) -> None:
-    """Lay out the page for one who looks."""
+    """Lay out the page for one viewer."""
     with page(site, "Map"):
         _facts(site)
         _scales(site)
@@ -45,7 +45,7 @@ def _scales(site: Site) -> None:
 
 
 class _Encoding:
-    """The segments of each channel along the route, or along a part of a long one."""
+    """The segments of each channel along the route; a long route is shown in parts."""
 
     def __init__(self, site: Site) -> None:
         self._count = site.placemap.places.count
@@ -57,7 +57,7 @@ class _Encoding:
             self._words = ui.label("").classes("quiet")
 
     def show(self, place: int) -> None:
-        """Show the part that a place is in."""
+        """Show the part that contains a place."""
         whole = self._count <= _WHOLE_ROUTE
         window = Window(0, self._count) if whole else window_around(place, self._count)
         for number, (channel, bars) in enumerate(zip(self._channels, self._bars, strict=True)):
@@ -99,7 +99,7 @@ class _Places:
     """The places' thumbnails, a page at a time."""
 
     def __init__(self, site: Site, on_turn: Callable[[int], None]) -> None:
-        """Show the first page; ``on_turn`` is told the first place of another."""
+        """Show the first page; ``on_turn`` is called with the first place of each further page."""
         self._places = site.placemap.places
         self._on_turn = on_turn
         pages = -(-self._places.count // _PER_PAGE)

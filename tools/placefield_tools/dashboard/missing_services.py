@@ -1,15 +1,15 @@
-"""What a run lacks, in words, and whether it can answer at all."""
+"""Which services a run misses, in words, and whether it can still answer."""
 
-from placefield_tools.status.service_status import RunStanding
+from placefield_tools.status.service_status import RunStatus
 
-_ANSWERING = ("featurizer", "fuser")  # without a channel there still are answers
-
-
-def can_answer(standing: RunStanding) -> bool:
-    """Return whether a match may still come: one that is shown is else an old one."""
-    return not any(each.startswith(_ANSWERING) for each in standing.missing)
+_ANSWERING = ("featurizer", "fuser")  # a run without a channel still answers
 
 
-def lacking_words(standing: RunStanding) -> str:
-    """Say which services are missing; nothing where none is."""
-    return f"missing: {'; '.join(standing.missing)}" if standing.missing else ""
+def can_answer(status: RunStatus) -> bool:
+    """Return whether a new match can come. If not, the shown match is old."""
+    return not any(each.startswith(_ANSWERING) for each in status.missing)
+
+
+def missing_in_words(status: RunStatus) -> str:
+    """Name the missing services; the text is empty if none is missing."""
+    return f"missing: {'; '.join(status.missing)}" if status.missing else ""

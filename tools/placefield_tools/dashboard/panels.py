@@ -1,4 +1,4 @@
-"""The parts of the live page that show an answer; each updates what has changed of it."""
+"""The panels of the live page that show an answer; each updates only what has changed."""
 
 import time
 from typing import Protocol
@@ -9,27 +9,30 @@ from placefield.bus.message import Header
 from placefield.bus.messages import SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
+from placefield_tools.common.certainty import percent
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.charts import certainty_chart, set_certainty
 from placefield_tools.dashboard.site import Site, card, chart, svg
 from placefield_tools.dashboard.state import Answer
 
 LOOK_BACK = 200
-"""Frames that the picture of distances and the curves go back."""
+"""Number of frames in the picture of distances and in the curves."""
 
 _TRAIL = 40  # frames
-_STARTED = f"{time.time_ns():x}"  # so that a browser takes no picture of another dashboard's
+_STARTED = (
+    f"{time.time_ns():x}"  # keeps browsers from showing a cached picture of an earlier dashboard
+)
 
 
 class AnswerPanel(Protocol):
-    """Shows something of an answer."""
+    """A panel that shows a part of an answer."""
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's."""
+        """Show an answer."""
 
 
 class FramesPanel:
-    """The query frame beside the place that it was matched with."""
+    """The query frame beside the place that it matches."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
@@ -38,7 +41,7 @@ class FramesPanel:
             self._reference, self._reference_caption = _figure("reference")
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's."""
+        """Show an answer."""
         sequence, place = answer.header.sequence, answer.match.place
         kept = self._site.state.frame(answer) is not None
         _set_image(
@@ -79,7 +82,9 @@ class MatchPanel:
     def __init__(self, site: Site) -> None:
         self._origin = Origin.of_frame(site.placemap.pose_frame)
         with card("Match", "third"):
-            self._warning = ui.label("").classes("warning").props("role=status data-shown=lacking")
+            self._warning = (
+                ui.label("").classes("warning").props("role=status data-shown=missing-services")
+            )
             self._verdict = ui.label("waiting").classes("verdict")
             self._verdict.props("role=status data-shown=verdict")
             with ui.element("dl"):
@@ -92,13 +97,13 @@ class MatchPanel:
                 self._smoothed = _fact("smoothed")
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's."""
+        """Show an answer."""
         match = answer.match
         self._verdict.text = answer.verdict
         self._verdict.classes(replace=f"verdict {answer.verdict.replace(' ', '-')}")
         self._place.text = "none" if match.place < 0 else str(match.place)
         probability = match.probability
-        self._probability.text = "not told" if probability is None else f"{probability:.3f}"
+        self._probability.text = "none" if probability is None else percent(probability)
         self._score.text = f"{match.score:.2f}"
         self._frames.text = str(answer.header.sequence + 1)
         self._pose.text = self._where(answer)
@@ -106,22 +111,22 @@ class MatchPanel:
         self._missing.text = f"channels {channels}" if channels else "no channel"
 
     def show_smoothed(self, header: Header, match: SmoothedMessage) -> None:
-        """Show the newest frame that has been smoothed."""
+        """Show the newest smoothed match."""
         place = "no place" if match.place < 0 else f"place {match.place}"
         parts = [f"frame {header.sequence + 1}: {place}"]
         if match.probability is not None:
-            parts.append(f"{match.probability:.3f}")
+            parts.append(percent(match.probability))
         if match.too_fast:
             parts.append(FASTER)
         self._smoothed.text = ", ".join([*parts, f"{match.lag} frames later"])
 
     def warn(self, words: str) -> None:
-        """Say what is wrong with the run; nothing where all is well."""
+        """Show a warning about the run; empty text hides it."""
         self._warning.text = words
 
     def _where(self, answer: Answer) -> str:
         if answer.match.pose is None:
-            return "not told"
+            return "none"
         x, y, _ = answer.match.pose
         if self._origin is not None:
             latitude, longitude = self._origin.to_degrees(x, y)
@@ -145,7 +150,7 @@ class CertaintyPanel:
             self._chart = chart(certainty_chart(), "Probability and score of the last frames")
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's, and those of the answers before it."""
+        """Show an answer and the answers before it."""
         frames = [
             (one.header.sequence, one.match.score, one.match.probability, one.match.known)
             for one in self._state.before(answer, LOOK_BACK)
@@ -165,7 +170,7 @@ class MatrixPanel:
                 self._path = ui.html("", sanitize=False)
             ui.label(
                 f"last {LOOK_BACK} frames to the right, {self._count} places upwards; "
-                "what is near stands out, matches in colour"
+                "small distances are dark, matches are coloured"
             ).classes("quiet")
 
     def show(self, answer: Answer) -> None:
@@ -204,7 +209,7 @@ class RoutePanel:
         return svg(inside, self._route.width, self._route.height, words)
 
     def show(self, answer: Answer) -> None:
-        """Show an answer's, and those of the answers before it."""
+        """Show an answer and the answers before it."""
         place = answer.match.place
         if not 0 <= place < self._places.count:
             self._here.content = ""

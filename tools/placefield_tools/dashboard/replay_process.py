@@ -1,4 +1,4 @@
-"""A replay that the page starts and stops: the command in a process of its own."""
+"""A replay that the page starts and stops: the command runs in its own process."""
 
 import subprocess
 import sys
@@ -28,23 +28,23 @@ def replay_flags(run: str, bus: BusConfig) -> list[str]:
 
 
 class ReplayChild:
-    """One replay at a time, for all who look; it ends when this process does."""
+    """One replay at a time, shared by all viewers; it ends with this process."""
 
     def __init__(self, flags: Sequence[str]) -> None:
-        """Take the flags that name the run and the bus."""
+        """Keep the flags that name the run and the bus."""
         self._flags = flags
         self._source = ""
         self._process: subprocess.Popen[str] | None = None
         self._said: deque[str] = deque(maxlen=_LINES)
-        self._hearing = threading.Thread()
+        self._reader = threading.Thread()
 
     @property
     def runs(self) -> bool:
-        """Whether it is on."""
+        """Whether a replay is running."""
         return self._process is not None and self._process.poll() is None
 
     def start(self, source: str, rate: float | None, *, loop: bool) -> None:
-        """Start the replay of a source; the one that is on goes on if there is one."""
+        """Start to replay a source; does nothing if a replay is running."""
         if self.runs:
             return
         self.close()
@@ -53,7 +53,7 @@ class ReplayChild:
         command += ["--loop"] if loop else []
         self._process = subprocess.Popen(
             [*command, "--", source],
-            stdin=subprocess.PIPE,  # its end tells the child that this process is gone
+            stdin=subprocess.PIPE,  # it closes with this process, and the child notices
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -63,18 +63,18 @@ class ReplayChild:
         )
         assert self._process.stdout is not None
         self._source, self._said = source, deque(maxlen=_LINES)
-        self._hearing = threading.Thread(
-            target=_hear, args=(self._process.stdout, self._said), daemon=True
+        self._reader = threading.Thread(
+            target=_read_lines, args=(self._process.stdout, self._said), daemon=True
         )
-        self._hearing.start()
+        self._reader.start()
 
     def stop(self) -> None:
-        """Ask the replay to end, if it is on."""
+        """Ask a running replay to end."""
         if self._process is not None and self.runs:
             self._process.terminate()
 
     def close(self) -> None:
-        """End the replay, and wait until it has."""
+        """End the replay and wait for its end."""
         if self._process is None:
             return
         self.stop()
@@ -83,18 +83,18 @@ class ReplayChild:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._hearing.join()
+        self._reader.join()
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
             pipe.close()
         self._process = None
 
     @property
-    def standing(self) -> str:
-        """What there is to say of it: its one line of error, if it has failed."""
+    def status(self) -> str:
+        """The state of the replay in words; its line of error, if it has failed."""
         if self._process is None:
             return "no replay was started here"
-        if self.runs or self._hearing.is_alive():
+        if self.runs or self._reader.is_alive():
             return f"replaying {without_secrets(self._source)}"
         lines = list(self._said)
         errors = [line.removeprefix(_OURS) for line in lines if line.startswith(_OURS)]
@@ -103,5 +103,5 @@ class ReplayChild:
         return lines[-1] if lines else f"ended with code {self._process.returncode}"
 
 
-def _hear(lines: Iterable[str], said: deque[str]) -> None:
+def _read_lines(lines: Iterable[str], said: deque[str]) -> None:
     said.extend(line.strip() for line in lines if line.strip())

@@ -1,7 +1,7 @@
-"""What only this dashboard's own pages may ask of it, and what browsers are told of them.
+"""Accepts requests from the dashboard's own pages only, and sends security headers to browsers.
 
-A page of another site, open in the same browser, could else look on and start replays: directly, or
-by a name of its own that it lets point here (DNS rebinding).
+Otherwise a page of another site, open in the same browser, could watch a run and start replays:
+directly, or by a name of its own that points to this host (DNS rebinding).
 """
 
 import socket
@@ -15,8 +15,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
-_TOLD = {
-    # NiceGUI's pages have scripts and styles of their own within, and compile templates.
+_SECURITY_HEADERS = {
+    # NiceGUI's pages contain inline scripts and styles, and compile templates.
     "Content-Security-Policy": "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
     "object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -25,10 +25,12 @@ _TOLD = {
 
 
 def names_of(host: str, others: Collection[str]) -> frozenset[str]:
-    """Return the names that a dashboard is known by which is served at a host.
+    """Return the host names that a dashboard answers to.
 
-    Besides those of loopback and the other ones, if it is served beyond loopback: the host's own
-    name, alone and with its domain.
+    Args:
+        host: address that the dashboard is served at. Beyond loopback, the host's own name is
+            added, alone and with its domain.
+        others: further names.
     """
     if host in LOOPBACK:
         return LOOPBACK | {*others}
@@ -36,31 +38,35 @@ def names_of(host: str, others: Collection[str]) -> frozenset[str]:
     return LOOPBACK | {*others, host, name, f"{name}.local", socket.getfqdn().lower()}
 
 
-class OwnSite:
-    """Refuses what comes from a page of another site, and what asks for another host's."""
+class SameOrigin:
+    """Refuses requests from pages of another site, and requests for another host's name."""
 
     def __init__(self, app: ASGIApp, names: Collection[str], *, addresses: bool) -> None:
-        """Take the names that the dashboard is known by, and whether it is by any address.
+        """Wrap an application.
 
-        No site can let an address of its own point here.
+        Args:
+            app: the application.
+            names: host names that the dashboard answers to.
+            addresses: whether it also answers to any IP address. No site can use an IP address for
+                DNS rebinding.
         """
         self._app, self._names, self._addresses = app, names, addresses
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Hand on what may be asked."""
+        """Pass an allowed request on, and refuse any other."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
         refused = self._refused(Headers(scope=scope))
         if refused is None:
-            await self._app(scope, receive, _telling(send))
+            await self._app(scope, receive, _with_security_headers(send))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
         else:
-            await PlainTextResponse(*refused)(scope, receive, _telling(send))
+            await PlainTextResponse(*refused)(scope, receive, _with_security_headers(send))
 
     def _refused(self, headers: Headers) -> tuple[str, int] | None:
-        """Return what is answered, and its status; None where it may be asked."""
+        """Return the answer and status of a refused request; None if it is allowed."""
         host, origin = headers.get("host", ""), headers.get("origin")
         try:
             name = urlsplit(f"//{host}").hostname
@@ -82,12 +88,12 @@ def _is_address(name: str) -> bool:
     return True
 
 
-def _telling(send: Send) -> Send:
-    """Return what sends, and adds what browsers are told to the headers."""
+def _with_security_headers(send: Send) -> Send:
+    """Return a sender that adds the security headers."""
 
-    async def tell(message: Message) -> None:
+    async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
-            MutableHeaders(scope=message).update(_TOLD)
+            MutableHeaders(scope=message).update(_SECURITY_HEADERS)
         await send(message)
 
-    return tell
+    return send_with_headers

@@ -1,12 +1,12 @@
-"""The parts of the live page that are about the run's services, and the replay to start."""
+"""The panels of the live page for the run's services, and for starting a replay."""
 
 import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.missing_services import lacking_words
+from placefield_tools.dashboard.missing_services import missing_in_words
 from placefield_tools.dashboard.site import Site, card
-from placefield_tools.status.service_status import RunStanding, ServiceStanding, counts_in_words
+from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
 _COLUMNS = {
     "service": "service",
@@ -22,7 +22,7 @@ _APART = ("gaps", "partial")  # counts that have a column of their own
 
 
 class HealthPanel:
-    """How each service of the run is, and the run as a whole."""
+    """The status of each service, and of the whole run."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
@@ -40,26 +40,26 @@ class HealthPanel:
                     for name, label in _COLUMNS.items()
                 ],
             ).props("dense flat")
-            self._unseen = ui.label("").classes("quiet").props("data-shown=unseen")
+            self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
-    def show(self, standing: RunStanding) -> None:
-        """Draw how the run stands now."""
-        lacking = lacking_words(standing)
-        self._verdict.text = lacking or "all services are there"
-        self._verdict.classes(**({"add": "warning"} if lacking else {"remove": "warning"}))
-        for name, value in _whole(standing).items():
+    def show(self, status: RunStatus) -> None:
+        """Show the current status of the run."""
+        absent = missing_in_words(status)
+        self._verdict.text = absent or "all services are running"
+        self._verdict.classes(**({"add": "warning"} if absent else {"remove": "warning"}))
+        for name, value in _whole(status).items():
             self._tiles[name].text = value
-        rows = [_row(service) for service in standing.services]
+        rows = [_row(service) for service in status.services]
         if rows != self._table.rows:
             self._table.rows = rows
-        self._unseen.text = self._not_shown()
+        self._not_shown_label.text = self._not_shown()
 
     def _not_shown(self) -> str:
-        """Say what this page could not show."""
+        """Name the messages that this page could not show."""
         feed, state = self._site.feed, self._site.state
         counts = {"too fast for this page": feed.dropped, **feed.counts, **state.counts}
-        told = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-        return f"messages not shown: {told}" if told else ""
+        counted = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        return f"messages not shown: {counted}" if counted else ""
 
 
 def _tile(name: str) -> ui.label:
@@ -68,28 +68,28 @@ def _tile(name: str) -> ui.label:
         return ui.label("–").classes("value").props(f'data-shown="whole {name}"')
 
 
-def _whole(standing: RunStanding) -> dict[str, str]:
-    """Return the run's figures: those of what answers, and the counts of all."""
-    fusers = [service for service in standing.services if service.service == "fuser"]
+def _whole(status: RunStatus) -> dict[str, str]:
+    """Return the run's figures: those of the fuser, and the sums of the counts."""
+    fusers = [service for service in status.services if service.service == "fuser"]
     rate = max((fuser.rate or 0.0 for fuser in fusers), default=math.nan)
     behind = max((fuser.behind or 0 for fuser in fusers), default=None)
     return {
         "frames/s": "–" if math.isnan(rate) else f"{rate:.1f}",
         "behind": "–" if behind is None else str(behind),
-        **{name: str(_sum(standing, name)) for name in _APART},
+        **{name: str(_sum(status, name)) for name in _APART},
     }
 
 
-def _sum(standing: RunStanding, name: str) -> int:
-    """Add up a count; the parts of a worker tell the same counts."""
+def _sum(status: RunStatus, name: str) -> int:
+    """Add up a count; the parts of one worker report the same counts once."""
     of_process = {
         (service.service, service.identity.rpartition("-")[2]): service.counts.get(name, 0)
-        for service in standing.services
+        for service in status.services
     }
     return sum(of_process.values())
 
 
-def _row(service: ServiceStanding) -> dict[str, str]:
+def _row(service: ServiceStatus) -> dict[str, str]:
     rate = "" if service.rate is None else f"{service.rate:.1f}"
     others = {name: count for name, count in service.counts.items() if name not in _APART}
     return {
@@ -112,16 +112,16 @@ class ReplayPanel:
             self._source = ui.input("Source: a folder, a video, camera:0").props(
                 "dense outlined data-shown=source"
             )
-            self._rate = ui.number("Frames per second; blank: as answered", min=0.01).props(
+            self._rate = ui.number("Frames per second; blank: as fast as answered", min=0.01).props(
                 "dense outlined clearable data-shown=rate"
             )
-            self._loop = ui.checkbox("begin again at the end")
+            self._loop = ui.checkbox("repeat from the start")
             with ui.element("div").classes("controls"):
                 self._start = ui.button("Start", on_click=self._start_replay)
                 self._start.props("dense unelevated no-caps data-shown=start")
                 self._stop = ui.button("Stop", on_click=self._replay.stop)
                 self._stop.props("dense outline no-caps data-shown=stop")
-            self._standing = ui.label("").classes("quiet").props("role=status data-shown=replay")
+            self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
         ui.timer(0.5, self._draw)
 
@@ -131,6 +131,6 @@ class ReplayPanel:
         self._draw()
 
     def _draw(self) -> None:
-        self._standing.text = self._replay.standing
+        self._status.text = self._replay.status
         self._start.set_enabled(not self._replay.runs)
         self._stop.set_enabled(self._replay.runs)

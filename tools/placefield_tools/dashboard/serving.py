@@ -18,15 +18,15 @@ from placefield_tools.dashboard.frame_images import distance_picture, frame_pict
 from placefield_tools.dashboard.live_page import live_page
 from placefield_tools.dashboard.map_page import map_page
 from placefield_tools.dashboard.panels import LOOK_BACK
-from placefield_tools.dashboard.same_origin import LOOPBACK, OwnSite, names_of
+from placefield_tools.dashboard.same_origin import LOOPBACK, SameOrigin, names_of
 from placefield_tools.dashboard.site import Site
 
 log = logging.getLogger(__name__)
 
 _DRAIN_EVERY_S = 0.1
 _END_WITHIN_S = 1
-_LEAVE_AFTER_S = 1.5  # there is nothing to finish, and a replay ends with this process
-_BACK_WITHIN_S = 30.0  # a browser that is too busy to answer is not gone
+_LEAVE_AFTER_S = 1.5  # nothing is left to finish, and a replay ends with this process
+_BACK_WITHIN_S = 30.0  # a browser that is too busy to answer may come back
 
 
 def serve(
@@ -35,18 +35,21 @@ def serve(
     """Serve the pages until SIGINT or SIGTERM.
 
     Args:
-        site: what they show.
-        host: address to serve them at.
-        port: likewise.
-        names: by which it is known, besides those that this host has itself.
-        on_ready: called when they are served.
+        site: the run that the pages show.
+        host: address to serve the pages at.
+        port: port to serve the pages at.
+        names: further names of this host.
+        on_ready: called when the pages are served.
 
     Raises:
-        ConfigError: the host is none of this machine's, or the port is in use.
+        ConfigError: the address is not one of this machine, or the port is in use.
     """
     _check_free(host, port)
     if host not in LOOPBACK:
-        log.warning("%s: whoever reaches this may look on, and start replays of its files", host)
+        log.warning(
+            "%s: everyone who reaches this address can watch the run and replay files of this host",
+            host,
+        )
     web = FastAPI(openapi_url=None)
     _add_pictures(web, site)
     ui.page("/", title="Placefield: live")(lambda: live_page(site))
@@ -61,7 +64,7 @@ def serve(
         show_welcome_message=False,
         reconnect_timeout=_BACK_WITHIN_S,
     )
-    web.add_middleware(OwnSite, names=names_of(host, names), addresses=host not in LOOPBACK)
+    web.add_middleware(SameOrigin, names=names_of(host, names), addresses=host not in LOOPBACK)
     config = uvicorn.Config(
         web,
         host=host,
@@ -74,20 +77,20 @@ def serve(
 
 
 class _Server(uvicorn.Server):
-    """A server that ends soon after it is told to, whatever browsers and pictures still do."""
+    """A server that ends soon after a signal, even if browsers still hold connections."""
 
     def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None]) -> None:
         super().__init__(config)
         self._on_ready = on_ready
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to listen, and say so."""
+        """Start to listen, then call ``on_ready``."""
         await super().startup(sockets=sockets)
         if self.started:
             self._on_ready()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Take a signal to end."""
+        """End on a signal."""
         threading.Thread(target=_leave_soon, daemon=True).start()
         super().handle_exit(sig, frame)
 
@@ -108,7 +111,7 @@ def _check_free(host: str, port: int) -> None:
 
 
 def _add_pictures(web: FastAPI, site: Site) -> None:
-    """Add the pictures' addresses; drawing takes its time in other threads, which see no state."""
+    """Add the pictures' routes. Pictures are drawn in other threads, which use no state."""
     state, places = site.state, site.placemap.places
 
     @web.get("/frame/{number}.jpg")

@@ -1,4 +1,4 @@
-"""What all pages of the dashboard show, and what they share in looks."""
+"""The frame and the style that all pages of the dashboard share."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,20 +20,20 @@ _COLOURS: dict[bool | None, tuple[str, str, bool | None]] = {
     True: ("dark_mode", "Dark colours: change to light", False),
     False: ("light_mode", "Light colours: change to those of the system", None),
 }
-"""By what is on: the icon, what the button says, and what comes next."""
+"""For each setting: the icon, the words of the button, and the next setting."""
 
 
 @dataclass(frozen=True)
 class Site:
-    """What is shown: a run, its map, and a replay that may be started.
+    """A run, its map, and the replay that the page may start.
 
     Attributes:
-        run: its name.
-        map_name: of its map.
+        run: name of the run.
+        map_name: name of its map.
         placemap: the map.
-        state: of the run.
-        feed: what it comes from.
-        replay: what the page starts.
+        state: the newest answers of the run.
+        feed: the run's messages, which update the state.
+        replay: the replay that the page starts and stops.
     """
 
     run: str
@@ -46,7 +46,7 @@ class Site:
 
 @contextmanager
 def page(site: Site, current: str) -> Iterator[ui.element]:
-    """Lay out a page: a header, and a main part, which the block is given and fills."""
+    """Lay out a page: a header, and a main part for the block to fill."""
     ui.add_css(_STYLE)
     with ui.header(fixed=False).classes("top"):
         ui.html("Placefield", sanitize=False, tag="h1")
@@ -64,7 +64,7 @@ def page(site: Site, current: str) -> Iterator[ui.element]:
 
 
 def _colour_button() -> None:
-    """Put a button that goes from the system's colours to dark to light; the page remembers."""
+    """Add a button for the colours: the system's, dark or light. The page keeps the choice."""
     dark = ui.dark_mode(None)
     button = ui.button(icon=_COLOURS[None][0]).props("flat round dense data-shown=colours")
 
@@ -88,19 +88,19 @@ def _colour_button() -> None:
 
 @contextmanager
 def card(title: str, span: str) -> Iterator[None]:
-    """Put a titled part of a page, that takes a share of its width: ``third``, ``half``, …."""
+    """Add a titled part of a page; the span is its width: ``third``, ``half``, …."""
     with ui.element("section").classes(f"card {span}").props(f'aria-label="{title}"'):
         ui.html(title, sanitize=False, tag="h2")
         yield
 
 
 def chart(options: Options, words: str) -> ui.echart:
-    """Put a chart that says in words what it shows."""
+    """Add a chart, with words for screen readers."""
     return ui.echart(options).classes("chart").props(f'role=img aria-label="{words}"')
 
 
 def svg(inside: str, width: float, height: float, words: str, *, stretch: bool = False) -> str:
-    """Return a drawing as an SVG element that says in words what it shows; none: it is hidden."""
+    """Return a drawing as an SVG element, with words for screen readers; no words hide it."""
     said = f'role="img" aria-label="{words}"' if words else 'aria-hidden="true"'
     aspect = "none" if stretch else "xMidYMid meet"
     return (

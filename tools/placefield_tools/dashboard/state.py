@@ -1,6 +1,6 @@
-"""What came on the bus to what is shown: the newest answers, each with what it was made of.
+"""The newest answers of a run, each with the frame, candidates and distances it was made of.
 
-Pure: it is told what was received, and draws nothing.
+This module has no bus and draws nothing: callers pass the messages.
 """
 
 from collections import Counter, OrderedDict, deque
@@ -12,32 +12,32 @@ from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.config import Rule
 from placefield.errors import FrameError, MessageError
-from placefield.fusion.match import FASTER
 from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
-from placefield_tools.dashboard.distances import DistanceColumns, Row
+from placefield_tools.common.certainty import certainty_of
+from placefield_tools.dashboard.distance_columns import DistanceColumns, Row
 from placefield_tools.dashboard.fields import thinned
 
 KEPT = 600
-"""Answers that one may look back over."""
+"""Number of answers that a viewer can look back over."""
 
-_KEPT_BYTES = 64 * 2**20  # of their frames, as they came
+_KEPT_BYTES = 64 * 2**20  # encoded frames of the kept answers
 _UNDER_WAY = 256  # frames that are not answered yet
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A frame that was answered.
+    """An answered frame.
 
     Attributes:
-        number: of the answer, from 0, whatever its stream.
-        header: of the frame.
-        match: its match.
-        rule: by which the channels' candidates were made; none where none came.
-        candidates: by channel, see ``thinned``.
-        distances: to the places, in the columns of ``DistanceColumns``; none where no descriptor
-            of this map came.
+        number: number of the answer, from 0, across all streams.
+        header: header of the frame.
+        match: match of the frame.
+        rule: rule that made the channels' candidates; None if no candidate came.
+        candidates: candidate by channel, see ``thinned``.
+        distances: distances to the places, in the columns of ``DistanceColumns``; None if no
+            descriptor of this map came.
     """
 
     number: int
@@ -49,19 +49,15 @@ class Answer:
 
     @property
     def verdict(self) -> str:
-        """What the match comes to, in a few words."""
+        """The certainty of the match, in a few words."""
         if self.match.place < 0:
             return "no answer"
-        if self.match.known is None:
-            return "matched"
-        if self.match.too_fast:
-            return FASTER
-        return "known" if self.match.known else "unknown"
+        return certainty_of(self.match) or "matched"
 
 
 @dataclass
 class _UnderWay:
-    """What came of a frame so far."""
+    """The messages of a frame so far."""
 
     rule: Rule | None = None
     shards: ShardJoiner | None = None
@@ -73,22 +69,22 @@ _Key = tuple[str, int]  # stream and sequence
 
 
 class LiveState:
-    """The newest answers of a run; bounded, however fast they come.
+    """The newest answers of a run, at most ``KEPT``.
 
-    Counts answers that were ``missed`` between two of a stream that drops none, and messages that
-    are ``foreign``: of another map than this one. They are not shown.
+    Counts ``missed`` answers between two answers of a lossless stream, and ``foreign`` messages,
+    which belong to another map. Foreign messages are not shown.
     """
 
     def __init__(self, placemap: Map) -> None:
         self.answers: deque[Answer] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
         self.ended: Header | None = None
-        """The end of the stream that was answered last, if it is over."""
+        """The end of the last answered stream, if that stream has ended."""
         self.smoothed: tuple[Header, SmoothedMessage] | None = None
-        """The newest smoothed match, of the stream that was smoothed last."""
+        """The newest smoothed match of the last smoothed stream."""
         self.columns = DistanceColumns(placemap)
         self.digest = placemap.digest
-        """Which map is shown."""
+        """Digest of the shown map."""
         self._model = fingerprint(placemap.model)
         self._descriptors = placemap.model
         self._places = placemap.places.count
@@ -96,8 +92,8 @@ class LiveState:
         self._frames: OrderedDict[_Key, bytes] = OrderedDict()
         self._frame_bytes = 0
 
-    def take_frame(self, header: Header, payload: bytes) -> None:
-        """Take a frame; it is looked at only when it is shown."""
+    def add_frame(self, header: Header, payload: bytes) -> None:
+        """Add a frame; it is decoded only when it is shown."""
         if header.end:
             return
         self._frame_bytes -= len(self._frames.pop(_key(header), b""))
@@ -110,11 +106,11 @@ class LiveState:
             _, oldest = self._frames.popitem(last=False)
             self._frame_bytes -= len(oldest)
 
-    def take_feature(self, header: Header, payload: bytes) -> None:
-        """Take the descriptor of a frame.
+    def add_feature(self, header: Header, payload: bytes) -> None:
+        """Add the descriptor of a frame.
 
         Raises:
-            MessageError: it is none.
+            MessageError: the payload is not a descriptor message.
         """
         if header.end:
             return
@@ -128,11 +124,11 @@ class LiveState:
                 raise MessageError(str(error)) from None
             self._of(header).distances = self.columns.row(feature.descriptor)
 
-    def take_candidates(self, header: Header, payload: bytes) -> None:
-        """Take what a worker's channels, or shards of them, say of a frame.
+    def add_candidates(self, header: Header, payload: bytes) -> None:
+        """Add the candidates that a worker's channels, or shards of them, have for a frame.
 
         Raises:
-            MessageError: it is no such thing.
+            MessageError: the payload is not a candidates message.
         """
         if header.end:
             return
@@ -142,13 +138,17 @@ class LiveState:
         under_way = self._of(header)
         if under_way.shards is None or under_way.rule != message.rule:
             under_way.rule, under_way.shards = message.rule, ShardJoiner(message.rule)
-        for told in message.candidates:
-            self._check(told, message.rule)
+        for candidate in message.candidates:
+            self._check(candidate, message.rule)
             joined = under_way.shards.add(
-                header.sequence, told.channel, message.shard, message.shards, told.candidate
+                header.sequence,
+                candidate.channel,
+                message.shard,
+                message.shards,
+                candidate.candidate,
             )
             if joined is not None:
-                under_way.candidates[told.channel] = thinned(joined, message.rule)
+                under_way.candidates[candidate.channel] = thinned(joined, message.rule)
 
     def _is_foreign(self, digest: str) -> bool:
         if digest == self.digest:
@@ -156,17 +156,17 @@ class LiveState:
         self.counts["foreign"] += 1
         return True
 
-    def _check(self, told: ChannelCandidate, rule: Rule) -> None:
-        if rule == "filter" and len(told.places) != len(told.evidence):
-            raise MessageError(f"channel {told.channel}: evidence is not of its places")
-        if told.place >= self._places:
+    def _check(self, candidate: ChannelCandidate, rule: Rule) -> None:
+        if rule == "filter" and len(candidate.places) != len(candidate.evidence):
+            raise MessageError(f"channel {candidate.channel}: needs one evidence for each place")
+        if candidate.place >= self._places:
             self.counts["foreign"] += 1
 
-    def take_match(self, header: Header, payload: bytes) -> None:
-        """Take the match of a frame; what was answered before is sent again at times.
+    def add_match(self, header: Header, payload: bytes) -> None:
+        """Add the match of a frame; a match that was added before is skipped.
 
         Raises:
-            MessageError: it is none.
+            MessageError: the payload is not a match message.
         """
         if header.end:
             self.ended = header
@@ -176,21 +176,21 @@ class LiveState:
             return
         last = self.answers[-1] if self.answers else None
         if last is not None and last.header.stream == header.stream:
-            ahead = header.sequence - last.header.sequence - 1
-            if ahead < 0:
+            gap = header.sequence - last.header.sequence - 1
+            if gap < 0:
                 return
             if not header.live:
-                self.counts["missed"] += ahead
+                self.counts["missed"] += gap
         of = self._under_way.pop(_key(header), _UnderWay())
         number = 0 if last is None else last.number + 1
         self.answers.append(Answer(number, header, match, of.rule, of.candidates, of.distances))
         self.ended = None
 
-    def take_smoothed(self, header: Header, payload: bytes) -> None:
-        """Take the smoothed match of a frame; one that is not newer came before.
+    def add_smoothed(self, header: Header, payload: bytes) -> None:
+        """Add the smoothed match of a frame; a match that is not newer is skipped.
 
         Raises:
-            MessageError: it is none.
+            MessageError: the payload is not a smoothed match.
         """
         if header.end:
             return
@@ -202,14 +202,14 @@ class LiveState:
             self.smoothed = header, smoothed
 
     def at(self, number: int) -> Answer | None:
-        """Return the answer of this number, if it is kept."""
+        """Return the answer with this number; None if it is not kept."""
         if not self.answers:
             return None
         place = number - self.answers[0].number
         return self.answers[place] if 0 <= place < len(self.answers) else None
 
     def before(self, answer: Answer, frames: int) -> list[Answer]:
-        """Return the answers of a stream that are kept of so many frames, up to this one's."""
+        """Return the kept answers of the last ``frames`` frames of a stream, up to this answer."""
         first = answer.header.sequence - frames
         found = [
             one
@@ -222,7 +222,7 @@ class LiveState:
         return (one for one in reversed(self.answers) if one.number <= answer.number)
 
     def frame(self, answer: Answer) -> bytes | None:
-        """Return the message that the frame came in, if it is kept."""
+        """Return the frame message of an answer; None if it is not kept."""
         return self._frames.get(_key(answer.header))
 
     def _of(self, header: Header) -> _UnderWay:

@@ -6,10 +6,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import CENTRE, EYE, FOCAL, HEIGHT, HORIZON, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import (
+    CENTRE,
+    EYE,
+    FOCAL,
+    HEIGHT,
+    HORIZON,
+    WIDTH,
+    PinholeCamera,
+)
 from placefield_tools.demo.route import LEAD, Route
-from placefield_tools.demo.street import SIGHT, Building, Street
+from placefield_tools.demo.street import VISIBLE_RANGE, Building, Street
 from placefield_tools.demo.surface import (
     ACROSS,
     ALONG,
@@ -93,7 +101,7 @@ def _street_coordinates(
     Each point is referred to the centre line's tangent at the same depth, which is close enough
     where a street bends gently.
     """
-    arcs = np.arange(arc, arc + 1.4 * SIGHT)
+    arcs = np.arange(arc, arc + 1.4 * VISIBLE_RANGE)
     line = route.point(arcs) - camera.position
     ahead, aside = line @ camera.forward, line @ camera.right
     along = np.interp(depth, ahead, arcs)[:, None]

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import FOCAL, HEIGHT, NEAR, WIDTH, PinholeCamera
 from placefield_tools.demo.light import Image
-from placefield_tools.demo.street import SIGHT
+from placefield_tools.demo.pinhole_camera import FOCAL, HEIGHT, NEAR, WIDTH, PinholeCamera
+from placefield_tools.demo.street import VISIBLE_RANGE
 from placefield_tools.demo.texture import Texture
 
 
@@ -69,8 +69,8 @@ class View:
 
 
 def haze(distance: float) -> float:
-    """Return the share of the sky's colour in what is `distance` metres away; 1 from `SIGHT` on."""
-    fade = min(max((distance - 0.75 * SIGHT) / (0.25 * SIGHT), 0.0), 1.0)
+    """Return the share of the sky's colour at `distance` metres; 1 from `VISIBLE_RANGE` on."""
+    fade = min(max((distance - 0.75 * VISIBLE_RANGE) / (0.25 * VISIBLE_RANGE), 0.0), 1.0)
     return 1 - math.exp(-((distance / 130.0) ** 1.5)) * (1 - fade)
 
 

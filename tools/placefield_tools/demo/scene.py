@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield_tools.demo.buildings import building_panels
-from placefield_tools.demo.camera import EYE, NEAR, PinholeCamera
 from placefield_tools.demo.cars import car_mesh
 from placefield_tools.demo.ground import Ground, draw_ground, paint_ground
 from placefield_tools.demo.lamps import LampPost, draw_lamp_post, make_lamp_post
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import EYE, NEAR, PinholeCamera
 from placefield_tools.demo.render import (
     Billboard,
     Mesh,
@@ -22,7 +22,7 @@ from placefield_tools.demo.render import (
     draw_panel,
 )
 from placefield_tools.demo.sky import paint_panorama, view
-from placefield_tools.demo.street import SIGHT, Car, Street
+from placefield_tools.demo.street import VISIBLE_RANGE, Car, Street
 from placefield_tools.demo.trees import hedges, trees
 
 Thing = Panel | Mesh | Billboard | LampPost
@@ -83,7 +83,7 @@ def draw_scene(scene: Scene, arc: float, offset: float, traffic: list[Car]) -> I
     cars = [
         car_mesh(car, route, scene.lighting, moving=True)
         for car in traffic
-        if arc < car.arc < arc + SIGHT
+        if arc < car.arc < arc + VISIBLE_RANGE
     ]
     things = [*scene.things, *cars]
     footprints = np.concatenate([scene.footprints, *(_footprint(car)[None] for car in cars)])
@@ -93,7 +93,7 @@ def draw_scene(scene: Scene, arc: float, offset: float, traffic: list[Car]) -> I
     is_panel = [isinstance(thing, Panel) for thing in things]
     distance = np.where(is_panel, distances.max(axis=1), distances.min(axis=1))
     for index in np.argsort(-distance, kind="stable"):
-        if depth[index] > NEAR and distance[index] < SIGHT:
+        if depth[index] > NEAR and distance[index] < VISIBLE_RANGE:
             _draw(drawn, things[index], scene.lighting)
     return cv2.cvtColor(drawn.image, cv2.COLOR_BGRA2BGR).astype(np.uint8, copy=False)
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import FOCAL, HEIGHT, HORIZON, WIDTH
 from placefield_tools.demo.light import Image, Lighting
+from placefield_tools.demo.pinhole_camera import FOCAL, HEIGHT, HORIZON, WIDTH
 from placefield_tools.demo.texture import fractal_noise
 
 AROUND = round(2 * np.pi * FOCAL)  # columns of the panorama
@@ -76,11 +76,11 @@ def _clouds(
     distance = 130.0 / np.tan(np.maximum(elevation, 0.06))
     x = (distance * np.cos(bearing) % CLOUD_TILE).astype(np.float32)
     y = (distance * np.sin(bearing) % CLOUD_TILE).astype(np.float32)
-    seen = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    above = seen[np.maximum(np.arange(len(seen)) - 7, 0)]
+    sampled = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    above = sampled[np.maximum(np.arange(len(sampled)) - 7, 0)]
     fade = np.clip(elevation / 0.10, 0, 1)
-    cover = np.clip((seen - threshold) * 1.9, 0, 1) * fade
-    shade = np.clip(0.45 + (above - threshold) * 0.5 - (seen - above) * 0.8, 0, 1)
+    cover = np.clip((sampled - threshold) * 1.9, 0, 1) * fade
+    shade = np.clip(0.45 + (above - threshold) * 0.5 - (sampled - above) * 0.8, 0, 1)
     return cover[..., None].astype(np.float32), shade[..., None].astype(np.float32)
 
 

@@ -8,7 +8,7 @@ from placefield_tools.demo.route import Route
 
 KERB = 5.4  # metres from the centre line to the edge of the road
 FRONT = 8.4  # metres from the centre line to the façades
-SIGHT = 95.0  # metres that the camera sees ahead
+VISIBLE_RANGE = 95.0  # metres that the camera sees in front
 
 Side = Literal[-1, 1]  # +1 left of the centre line, -1 right
 Material = Literal["plaster", "brick", "stone", "glass"]

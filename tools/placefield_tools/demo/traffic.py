@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from placefield_tools.demo.cars import MODELS
-from placefield_tools.demo.layout import PAINTS
 from placefield_tools.demo.street import Car
+from placefield_tools.demo.street_layout import PAINTS
 
 LANE = 1.65  # metres from the centre line to the middle of a lane
 

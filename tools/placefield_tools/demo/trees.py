@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from placefield_tools.demo.layout import TREE_KINDS
 from placefield_tools.demo.light import Colour, Lighting
 from placefield_tools.demo.render import Billboard, Panel
 from placefield_tools.demo.street import FRONT, Street
+from placefield_tools.demo.street_layout import TREE_KINDS
 from placefield_tools.demo.texture import Canvas, Texture, make_texture
 
 TREE_WIDTH = 6.0  # metres that a picture spans; a tree is scaled to its height

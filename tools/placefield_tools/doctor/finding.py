@@ -14,14 +14,13 @@ class Health(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one check.
 
     Attributes:
-        subject: what was looked at, in a word or two.
-        verdict: good; a warning where something may go slower or be missing; bad where nothing will
-            work.
-        found: what was seen.
-        advice: what to do about it; empty where nothing is to be done.
+        subject: what was checked, in a word or two.
+        verdict: good; warning if something may be slow or missing; bad if nothing will work.
+        found: what the check found.
+        advice: what to do; empty if there is nothing to do.
     """
 
     subject: str

@@ -1,1 +1,1 @@
-"""Matches off the bus."""
+"""Reads matches from the bus."""

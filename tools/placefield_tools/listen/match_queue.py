@@ -1,4 +1,4 @@
-"""What a person is told who listens to a run; the matches themselves are ``placefield.bus``'s."""
+"""Matches of a run for a person, with a warning if the run's name may be wrong."""
 
 import logging
 
@@ -12,6 +12,6 @@ log = logging.getLogger(__name__)
 
 
 def warn_of_other_runs(bus: Bus, run: str) -> None:
-    """Log which runs there are if this one has no service: its name may be wrong."""
+    """Log the names of other runs if this run has no service: its name may be wrong."""
     if others := other_runs(run, bus.runs()):
         log.warning("run %r has no service yet; %s", run, others)

@@ -1,10 +1,10 @@
-"""Which process of a run goes to which host, by an estimate of what each costs.
+"""Assigns the processes of a run to hosts, by an estimate of their cost.
 
-A frame costs a channel worker what it reads: the codes of all places under each metric, or a few
-bytes of each where the map is built for a coarse look, and the beliefs of each channel. Shards cut
-that into parts. Channels of one metric stay together, for frames are compared once for all of them.
+The cost of a frame for a channel worker is what it reads: the places under each metric, or a few
+bytes of each place if the map has a coarse search, and the beliefs of each channel. Shards divide
+this cost. Channels of one metric stay together, because a frame is compared once for all of them.
 
-The constants are of the machine of docs/performance.md; rule ``filter``.
+The constants were measured on the machine of docs/performance.md, for the rule ``filter``.
 """
 
 import math
@@ -20,35 +20,35 @@ from placefield.maps.manifest import REBUILD, Manifest
 from placefield_tools.plan.placement import Core, Hosts, Limit, Placement, placements
 
 ROOM = 0.7
-"""Share of a core that is given away: the estimate is rough, and other work goes on."""
+"""Share of a core to use: the estimate is rough, and the machine has other work."""
 
 LEAST_SHARD = 10_000
-"""Places: with fewer a shard spends more on telling the others than it saves."""
+"""Minimum number of places: a smaller shard spends more on its messages than it saves."""
 
-# Seconds of a core for a frame.
+# Seconds of one core per frame.
 _FEATURIZER_S = {"gist": 5.3e-3, "grayscale": 3.5e-3}
 _NETWORK_S = 30e-3  # a small one
 _FUSER_S = 2.1e-3
 _ROUTER_S = 1.3e-3
 _WORKER_S = 1.2e-3  # to wake up, and to answer
-_SHARD_S = 1.0e-3  # more, to hear of the other shards and be heard
-_READ_S = 1 / 15e9  # for a byte of places or of a projection
-_FILTER_S = 25e-9  # for a place of a channel: move its beliefs, weigh them
+_SHARD_S = 1.0e-3  # additional, to exchange partial results with the other shards
+_READ_S = 1 / 15e9  # per byte of places or of a projection
+_FILTER_S = 25e-9  # per place of a channel: predict and update its beliefs
 
 _PROCESS_BYTES = 120_000_000  # Python and its libraries
-_BELIEFS_BYTES = 2 * 7 * 4 + 24  # of a place of a channel; the second, what it is weighed by
-_LOOKED_AT = 64  # of so many places one is near enough at the coarse look for an exact one
+_BELIEFS_BYTES = 2 * 7 * 4 + 24  # per place of a channel: beliefs, and likelihoods
+_LOOKED_AT = 64  # the coarse search selects one of so many places for the exact comparison
 
 
 @dataclass(frozen=True)
 class MetricLoad:
-    """What the channels of one metric take.
+    """The load of the channels of one metric.
 
     Attributes:
-        channels: their numbers.
-        read_bytes: for a frame, of what is of places.
-        projected_bytes: for a frame, of what is not.
-        mapped_bytes: of the files of the map.
+        channels: numbers of the channels.
+        read_bytes: bytes read per frame that shards divide: data of the places.
+        projected_bytes: bytes read per frame that shards do not divide.
+        mapped_bytes: size of the files of the map.
     """
 
     channels: tuple[int, ...]
@@ -65,13 +65,13 @@ class Process:
     """A process that runs on a host.
 
     Attributes:
-        service: which.
-        frame_s: seconds of a core that it takes for a frame.
-        own_bytes: of memory that is its alone.
-        mapped_bytes: of the map, which all processes of a host share.
-        channels: that it serves, if it is a channel worker.
-        shard: which one of each, from 0.
-        shards: into how many they are cut.
+        service: name of the service.
+        frame_s: seconds of one core per frame.
+        own_bytes: its own memory.
+        mapped_bytes: memory of the map, which all processes of a host share.
+        channels: channels that a channel worker serves.
+        shard: number of the shard of each channel, from 0.
+        shards: number of shards of each channel.
     """
 
     service: Service
@@ -84,7 +84,7 @@ class Process:
 
     @property
     def memory_bytes(self) -> int:
-        """Of its own and of the map."""
+        """Own memory and memory of the map."""
         return self.own_bytes + self.mapped_bytes
 
 
@@ -93,11 +93,11 @@ _ROUTER = Process("router", _ROUTER_S)
 
 @dataclass(frozen=True)
 class Plan:
-    """A placement.
+    """A proposed placement.
 
     Attributes:
-        hosts: their processes, each in the order in which to start them.
-        busiest_s: seconds for a frame of the core that has most to do.
+        hosts: processes of each host, in the order in which to start them.
+        busiest_s: seconds per frame of the busiest core.
     """
 
     hosts: tuple[tuple[Process, ...], ...]
@@ -105,28 +105,32 @@ class Plan:
 
     @property
     def highest_rate(self) -> float:
-        """Frames per second that all cores can do."""
+        """Frames per second that the busiest core can process."""
         return 1 / self.busiest_s
 
     @property
     def memory_bytes(self) -> list[int]:
-        """Of each host; no two of its workers have the same part of the map."""
+        """Memory of each host; no two workers of a host share a part of the map."""
         return [sum(each.memory_bytes for each in host) for host in self.hosts]
 
     def has_time(self, rate: float) -> bool:
-        """Whether so many frames per second leave room on every core."""
+        """Whether every core has time for so many frames per second."""
         return self.busiest_s <= ROOM / rate
 
     def suffices(self, rate: float, memory_bytes: float = math.inf) -> bool:
-        """Whether it has time, and no host needs more memory than this."""
+        """Whether every core has time, and no host needs more memory than this."""
         return self.has_time(rate) and max(self.memory_bytes) <= memory_bytes
 
 
 def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
-    """Return what each metric of a map takes, given the bytes of its files.
+    """Return the load of each metric of a map.
+
+    Args:
+        manifest: manifest of the map.
+        sizes: size of each file of the map, bytes.
 
     Raises:
-        MapError: one of its files is not among them.
+        MapError: a file of a metric has no size.
     """
     loads = []
     for number, metric in enumerate(manifest.metrics):
@@ -150,7 +154,7 @@ def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
 
 
 def services_of(manifest: Manifest) -> list[Process]:
-    """Return the services besides channel workers that a run has one of."""
+    """Return the services that a run has once: featurizer and fuser."""
     featurizer_s = _FEATURIZER_S.get(manifest.features.kind, _NETWORK_S)
     return [Process("featurizer", featurizer_s), Process("fuser", _FUSER_S)]
 
@@ -165,21 +169,20 @@ def plan(
     rate: float,
     memory_bytes: float = math.inf,
 ) -> Plan:
-    """Place the channels of a map, with no more than one worker on a core.
+    """Place the channels of a map, with at most one worker per core.
 
-    Of all ways that are tried and suffice it is the one with the fewest shards of a channel, and of
-    those the one with the fewest workers: if one shard fails, the channel has no answer. If none
-    suffices, it is the one that needs the least memory beyond what there is, and of those the one
-    that can do the highest rate.
+    Among the placements that suffice, the plan has the fewest shards per channel, then the fewest
+    workers: if one shard fails, its channel has no answer. If no placement suffices, the plan
+    exceeds the memory by the least, then has the highest rate.
 
     Args:
-        loads: of all metrics.
-        services: that go to the first host.
-        places: of the map.
-        hosts: how many.
-        cores: of each host.
-        rate: frames per second that are wanted.
-        memory_bytes: of each host.
+        loads: load of each metric.
+        services: services of the first host.
+        places: number of places of the map.
+        hosts: number of hosts.
+        cores: number of cores of each host.
+        rate: frames per second wanted.
+        memory_bytes: memory of each host.
     """
     beside = [[*(services if host == 0 else ()), _ROUTER] for host in range(hosts)]
     limit = Limit(ROOM / rate, memory_bytes)
@@ -196,7 +199,7 @@ def plan(
 
 
 def _without_workers(beside: Sequence[Sequence[Process]], cores: int) -> Hosts:
-    """Give each process to the core of its host that has least to do."""
+    """Assign each process to the least busy core of its host."""
     free = []
     for host, processes in enumerate(beside):
         busy_s = [0.0] * cores
@@ -210,14 +213,14 @@ def _without_workers(beside: Sequence[Sequence[Process]], cores: int) -> Hosts:
 def _tried(
     loads: Sequence[MetricLoad], places: int, hosts: Hosts, limit: Limit
 ) -> Iterator[Placement[Process]]:
-    """Yield placements of uncut lots, and of those with a shard more of the largest, and so on.
+    """Yield placements of whole groups, then with one more shard of the largest group, and so on.
 
-    The largest is that which takes most of what is short, time or memory. It ends where one
-    suffices, where there are no more cores, or where that lot cannot be cut further.
+    The largest group needs most of the scarce resource, time or memory. The search ends when a
+    placement suffices, when all cores are used, or when the group cannot be cut further.
     """
     for count in range(1, min(len(loads), len(hosts.cores)) + 1):
-        lots = _lots(loads, places, count)
-        workers = [_worker(lot, 1, places) for lot in lots]
+        groups = _groups(loads, places, count)
+        workers = [_worker(group, 1, places) for group in groups]
         while True:
             ways = placements(workers, hosts, limit)
             yield from ways
@@ -225,46 +228,46 @@ def _tried(
             if enough or sum(worker.shards for worker in workers) == len(hosts.cores):
                 break
             if ways[0].busiest_s > limit.frame_s:
-                takes = [worker.frame_s for worker in workers]
+                needs = [worker.frame_s for worker in workers]
             else:
-                takes = [float(worker.memory_bytes) for worker in workers]
-            largest = takes.index(max(takes))
+                needs = [float(worker.memory_bytes) for worker in workers]
+            largest = needs.index(max(needs))
             shards = workers[largest].shards + 1
             if places // shards < LEAST_SHARD:
                 break
-            workers[largest] = _worker(lots[largest], shards, places)
+            workers[largest] = _worker(groups[largest], shards, places)
 
 
-Lot = list[MetricLoad]
+Group = list[MetricLoad]
 
 
-def _lots(loads: Sequence[MetricLoad], places: int, count: int) -> list[Lot]:
-    """Deal metrics to so many lots, the costliest first, each to the lot that costs least."""
-    lots: list[Lot] = [[] for _ in range(count)]
+def _groups(loads: Sequence[MetricLoad], places: int, count: int) -> list[Group]:
+    """Partition metrics into so many groups: the costliest first, each to the cheapest group."""
+    groups: list[Group] = [[] for _ in range(count)]
     for load in sorted(loads, key=lambda load: -_frame_s([load], places, 1)):
-        min(lots, key=lambda lot: _frame_s(lot, places, 1)).append(load)
-    return lots
+        min(groups, key=lambda group: _frame_s(group, places, 1)).append(load)
+    return groups
 
 
-def _worker(lot: Lot, shards: int, places: int) -> Process:
-    """Return the first of the workers of a lot, which take the same."""
-    channels = tuple(sorted(channel for load in lot for channel in load.channels))
+def _worker(group: Group, shards: int, places: int) -> Process:
+    """Return the worker of the first shard of a group; all shards cost the same."""
+    channels = tuple(sorted(channel for load in group for channel in load.channels))
     beliefs = _BELIEFS_BYTES * len(channels) * places // shards
     return Process(
         "channel",
-        _frame_s(lot, places, shards),
+        _frame_s(group, places, shards),
         _PROCESS_BYTES + beliefs,
-        sum(load.mapped_bytes for load in lot) // shards,
+        sum(load.mapped_bytes for load in group) // shards,
         channels,
         shards=shards,
     )
 
 
-def _frame_s(lot: Lot, places: int, shards: int) -> float:
-    """Return the seconds for a frame of a worker of one of so many shards."""
-    alone = _READ_S * sum(load.projected_bytes for load in lot)
+def _frame_s(group: Group, places: int, shards: int) -> float:
+    """Return the seconds per frame of a worker of one of so many shards."""
+    alone = _READ_S * sum(load.projected_bytes for load in group)
     shared = sum(
-        _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels) for load in lot
+        _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels) for load in group
     )
     return _WORKER_S + (_SHARD_S if shards > 1 else 0.0) + alone + shared / shards
 
@@ -272,7 +275,7 @@ def _frame_s(lot: Lot, places: int, shards: int) -> float:
 def _processes(
     beside: Sequence[Sequence[Process]], placement: Placement[Process]
 ) -> tuple[tuple[Process, ...], ...]:
-    """Return the processes of each host in order, the shards of each lot numbered."""
+    """Return the processes of each host in order, with their shards numbered."""
     on = [list(processes) for processes in beside]
     shards: Counter[tuple[int, ...]] = Counter()
     for worker, core in placement.workers:

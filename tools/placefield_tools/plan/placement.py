@@ -1,4 +1,4 @@
-"""Which core of which host gets which worker of a run, by the time and the memory that it takes."""
+"""Assigns the workers of a run to cores of hosts, by time and memory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,19 +6,19 @@ from typing import Generic, Protocol, TypeVar
 
 
 class Worker(Protocol):
-    """One of so many shards, which all take the same."""
+    """A worker of one of several shards; all shards cost the same."""
 
     @property
     def frame_s(self) -> float:
-        """Seconds of a core for a frame."""
+        """Seconds of one core per frame."""
 
     @property
     def memory_bytes(self) -> int:
-        """Of its host."""
+        """Memory that it needs on its host."""
 
     @property
     def shards(self) -> int:
-        """How many there are."""
+        """Number of shards."""
 
 
 AnyWorker = TypeVar("AnyWorker", bound=Worker)
@@ -29,9 +29,9 @@ class Core:
     """A core without a worker.
 
     Attributes:
-        busy_s: seconds for a frame that it has to do for other processes.
-        number: which of its host.
-        host: which.
+        busy_s: seconds per frame that the core spends on other processes.
+        number: number of the core on its host.
+        host: number of the host.
     """
 
     busy_s: float
@@ -44,8 +44,8 @@ class Hosts:
     """Hosts without workers.
 
     Attributes:
-        cores: of all, that with least to do first.
-        held_bytes: of memory of each host, by other processes.
+        cores: cores of all hosts, the least busy first.
+        held_bytes: memory of each host that other processes use.
     """
 
     cores: Sequence[Core]
@@ -54,7 +54,7 @@ class Hosts:
 
 @dataclass(frozen=True)
 class Limit:
-    """What no core and no host may go beyond, for a frame and in memory."""
+    """The limits of seconds per frame for a core, and of memory for a host."""
 
     frame_s: float
     memory_bytes: float
@@ -65,9 +65,9 @@ class Placement(Generic[AnyWorker]):
     """Workers, and the core of each.
 
     Attributes:
-        workers: each with its core.
-        busiest_s: seconds for a frame of the core that has most to do.
-        most_bytes: of the host that needs most memory.
+        workers: workers, each with its core.
+        busiest_s: seconds per frame of the busiest core.
+        most_bytes: memory of the host that needs most.
     """
 
     workers: Sequence[tuple[AnyWorker, Core]]
@@ -75,48 +75,50 @@ class Placement(Generic[AnyWorker]):
     most_bytes: int
 
     def keeps_to(self, limit: Limit) -> bool:
-        """Whether it goes beyond neither."""
+        """Whether the placement is within both limits."""
         return self.busiest_s <= limit.frame_s and self.most_bytes <= limit.memory_bytes
 
 
-def placements(lots: Sequence[AnyWorker], hosts: Hosts, limit: Limit) -> list[Placement[AnyWorker]]:
-    """Place all shards of each lot by time, and by memory too where a host has not enough of it.
+def placements(
+    groups: Sequence[AnyWorker], hosts: Hosts, limit: Limit
+) -> list[Placement[AnyWorker]]:
+    """Place all shards of each group by time, and also by memory if a host has too little.
 
-    The lots are given by a worker of each. The first placement does the most frames that any can.
+    ``groups`` has one worker of each group. The first placement has the highest rate of all.
     """
-    fastest = _by_time(lots, hosts)
+    fastest = _by_time(groups, hosts)
     if fastest.most_bytes <= limit.memory_bytes:
         return [fastest]
-    even = _by_memory(lots, hosts, limit, tight=False)
+    even = _by_memory(groups, hosts, limit, tight=False)
     if even.keeps_to(limit) or fastest.busiest_s > limit.frame_s:
         return [fastest, even]
-    return [fastest, even, _by_memory(lots, hosts, limit, tight=True)]
+    return [fastest, even, _by_memory(groups, hosts, limit, tight=True)]
 
 
-def _by_time(lots: Sequence[AnyWorker], hosts: Hosts) -> Placement[AnyWorker]:
-    """Give the costliest worker to the core that has least to do, and so on.
+def _by_time(groups: Sequence[AnyWorker], hosts: Hosts) -> Placement[AnyWorker]:
+    """Assign the costliest worker to the least busy core, and so on.
 
-    Cores that have as much to do take turns by host, and so memory is as even as can be.
+    Equally busy cores take turns by host, so that memory is spread evenly.
     """
-    costliest_first = sorted(lots, key=lambda worker: -worker.frame_s)
+    costliest_first = sorted(groups, key=lambda worker: -worker.frame_s)
     workers = [worker for worker in costliest_first for _ in range(worker.shards)]
     return _placement(list(zip(workers, hosts.cores, strict=False)), hosts)
 
 
 def _by_memory(
-    lots: Sequence[AnyWorker], hosts: Hosts, limit: Limit, *, tight: bool
+    groups: Sequence[AnyWorker], hosts: Hosts, limit: Limit, *, tight: bool
 ) -> Placement[AnyWorker]:
-    """Give the largest worker to a host where it fits, and so on.
+    """Assign the largest worker to a host where it fits, and so on.
 
-    That is the host with the most memory left, or, where it is to be tight, the one with the least.
-    A worker that fits nowhere goes where most memory is left.
+    Of these hosts it is the one with the most free memory, or with the least if ``tight``. A worker
+    that fits nowhere goes to the host with the most free memory.
     """
     cores: list[list[Core]] = [[] for _ in hosts.held_bytes]
     for core in hosts.cores:
         cores[core.host].append(core)
     left = [limit.memory_bytes - held for held in hosts.held_bytes]
     own: list[list[AnyWorker]] = [[] for _ in cores]
-    free = [*reversed(range(len(cores)))]  # of hosts that are alike not the one with the services
+    free = [*reversed(range(len(cores)))]  # of equal hosts, prefer those without the services
 
     def fits(worker: AnyWorker, host: int) -> bool:
         used = len(own[host])
@@ -126,7 +128,7 @@ def _by_memory(
             and cores[host][used].busy_s + worker.frame_s <= limit.frame_s
         )
 
-    for worker in sorted(lots, key=lambda worker: -worker.memory_bytes):
+    for worker in sorted(groups, key=lambda worker: -worker.memory_bytes):
         fitting = [host for host in free if fits(worker, host)]
         for _ in range(worker.shards):
             best = min if tight and fitting else max

@@ -25,11 +25,11 @@ class Replayed:
 
     Attributes:
         sent: how many frames.
-        unseen: how many of them were no image, or a blank one, to the featurizer, by which.
+        unobserved: number of these frames without an observation, by reason: unreadable or blank.
     """
 
     sent: int
-    unseen: Mapping[str, int]
+    unobserved: Mapping[str, int]
 
 
 def replay(

@@ -45,8 +45,8 @@ def access_control(roles: Mapping[str, Role]) -> dict[str, Any]:
 def _rules(name: str, role: Role) -> list[dict[str, Any]]:
     """Return what a role may send and what is sent to it.
 
-    A client publishes only what the router says somebody subscribes to, and asks only who is said
-    to answer, however wide their keys are: so everyone is told.
+    A client publishes only to keys that the router declares as subscribed, and queries only keys
+    declared as queryable. So every client receives these declarations.
     """
     to_router = {
         ("put",): role.publishes,

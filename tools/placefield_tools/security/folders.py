@@ -22,10 +22,10 @@ _PORT = BusConfig().endpoint.rpartition(":")[2]
 _LOCAL = ("localhost", "127.0.0.1", "::1")
 
 _HEADING = """\
-// A router that lets in who has a certificate, to do what its role may do and nothing else.
-// A stock router takes all of it, with 'zenohd --config {file}';
-// change the paths in it where the folder has moved. 'placefield up --credentials' takes the access
-// control alone.
+// A router that accepts clients with a certificate, and lets each do only what its role may do.
+// A stock router uses the whole file, with 'zenohd --config {file}'.
+// Change its paths if the folder has moved. 'placefield up --credentials' uses only the access
+// control.
 """
 
 

@@ -10,7 +10,7 @@ _MAPS = f"{ROOT}/maps/**"
 
 EVERYTHING = f"{ROOT}/**"
 ALL_ALIVE = _ANY.all_alive()
-"""Everyone may look who is there."""
+"""Every role may read the liveliness tokens."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""How the services of a run stand: how far each is, how fast, and what is missing.
+"""The status of a run's services: the newest frame and rate of each, and which are missing.
 
-Pure: it is told what was heard, and when.
+This module has no bus and no clock: callers pass the messages and their times.
 """
 
 from collections import defaultdict
@@ -14,28 +14,29 @@ from placefield.fusion.match import FASTER
 from placefield_tools.common.natural_sort import counted, natural_key
 
 SILENT_S = 3.0
-"""Every service tells of itself once a second; one that has not for so long is silent."""
+"""A service is silent if it has sent no counts for so long; services send them once a second."""
 
-_NAMED = 100  # at most, of what there may be thousands
+_NAMED = 100  # names in one message, at most
 _ONE_OF_A_RUN = ("featurizer", "fuser")
-_TELLING = (*_ONE_OF_A_RUN, "channel", "mapserver")
+_REPORTING = (*_ONE_OF_A_RUN, "channel", "mapserver")
 
 
 @dataclass(frozen=True)
-class ServiceStanding:
-    """How one service stands, or one part of a channel worker.
+class ServiceStatus:
+    """The status of one service, or of one part of a channel worker.
 
     Attributes:
-        service: its name.
-        identity: of its token.
-        part: which channel or shard it serves, if it is a channel worker.
-        stream: of the newest frame that it has answered; none if it has answered none.
-        sequence: of that frame.
-        behind: how many frames newer than that one had been announced when it told so; none if it
-            has answered none of the stream that is on.
-        rate: frames per second that it has answered from the last time it told so to this.
-        silent: whether nothing was heard of it lately.
-        counts: what it has counted since it started.
+        service: name of the service.
+        identity: identity in its liveliness token.
+        part: the channel or shard that a channel worker serves; None for other services.
+        stream: stream of the newest frame that the service has answered; None if it has answered
+            none.
+        sequence: number of that frame.
+        behind: how many newer frames had been announced when the service reported that frame; None
+            if it has answered no frame of the current stream.
+        rate: frames per second that the service answered between its last two reports.
+        silent: whether the service has not reported for ``SILENT_S`` seconds.
+        counts: the service's counts since it started.
     """
 
     service: str
@@ -50,27 +51,28 @@ class ServiceStanding:
 
 
 @dataclass(frozen=True)
-class RunStanding:
-    """How a run stands.
+class RunStatus:
+    """The status of a run.
 
     Attributes:
-        stream: that is on, as far as anyone has told.
-        newest: sequence of the newest frame of it that was announced; at its end, how many it had.
-        channels: of the map; none where no fuser tells.
-        services: by name and identity.
-        missing: what must be started for whole answers, in words.
+        stream: the current stream, as the services last reported it.
+        newest: number of its newest announced frame; after the end of the stream, the number of its
+            frames.
+        channels: number of channels of the map; None if no fuser has reported it.
+        services: the services, in the order of their names and identities.
+        missing: the services that must be started for whole answers, in words.
     """
 
     stream: str | None
     newest: int | None
     channels: int | None
-    services: tuple[ServiceStanding, ...]
+    services: tuple[ServiceStatus, ...]
     missing: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class _Told:
-    """What a process told, when, and the newest frame that had been announced then."""
+class _Report:
+    """A process's last report, its time, and the newest frame announced by then."""
 
     stats: StatsMessage
     at: float
@@ -79,48 +81,50 @@ class _Told:
 
 
 class RunRecord:
-    """What has been heard of a run, with the time in seconds of any clock that never goes back."""
+    """The reports of a run's services. Times are in seconds of any monotonic clock."""
 
     def __init__(self, digest: str | None = None) -> None:
-        """Take the digest of the map that the services should have; None: the fuser's."""
+        """Expect services to have the map of this digest; None: the map of the fuser."""
         self._digest = digest
         self._announced: Header | None = None
-        self._told: dict[tuple[str, str], _Told] = {}
+        self._reports: dict[tuple[str, str], _Report] = {}
 
     def announce(self, header: Header) -> None:
-        """Take the header of a descriptor, which announces its frame to all."""
+        """Add the header of a descriptor message, which announces its frame to all services."""
         newest = self._announced
         if newest is None or newest.stream != header.stream or newest.sequence < header.sequence:
             self._announced = header
 
-    def tell(self, service: str, process: str, stats: StatsMessage, now: float) -> None:
-        """Take what a process tells of itself."""
-        before = self._told.get((service, process))
+    def update(self, service: str, process: str, stats: StatsMessage, now: float) -> None:
+        """Add a process's report of its own counts."""
+        before = self._reports.get((service, process))
         rate = None if before is None else _rate(before, stats, now)
-        self._told[service, process] = _Told(stats, now, self._announced, rate)
+        self._reports[service, process] = _Report(stats, now, self._announced, rate)
 
     def forget(self, service: str, process: str) -> None:
-        """Forget what a process told that is no more."""
-        self._told.pop((service, process), None)
+        """Remove the reports of a process that has ended."""
+        self._reports.pop((service, process), None)
 
-    def standing(self, tokens: Iterable[str], now: float) -> RunStanding:
-        """Say how the services stand that have these liveliness tokens."""
+    def status(self, tokens: Iterable[str], now: float) -> RunStatus:
+        """Return the status of the services that have these liveliness tokens."""
         alive = sorted(map(service_and_identity, tokens))
-        told = {
-            key: self._told[key] for key in (process_of(*one) for one in alive) if key in self._told
+        reports = {
+            key: self._reports[key]
+            for key in (process_of(*one) for one in alive)
+            if key in self._reports
         }
-        stream, newest = self._newest(told)
+        stream, newest = self._newest(reports)
         services = tuple(
-            self._service(key, told.get(process_of(*key)), stream, newest, now) for key in alive
+            self._service(key, reports.get(process_of(*key)), stream, newest, now) for key in alive
         )
-        expected = [of.stats.channels for of in told.values() if of.stats.channels is not None]
+        expected = [of.stats.channels for of in reports.values() if of.stats.channels is not None]
         channels = max(expected, default=None)
-        lacking = [*missing(alive, channels), *self._on_other_maps(told)]
-        return RunStanding(stream, newest, channels, services, tuple(lacking))
+        absent = [*missing(alive, channels), *self._on_other_maps(reports)]
+        return RunStatus(stream, newest, channels, services, tuple(absent))
 
-    def _on_other_maps(self, told: Mapping[tuple[str, str], _Told]) -> list[str]:
-        """Say which services have another map than they should."""
-        maps = {key: of.stats.map for key, of in told.items() if of.stats.map is not None}
+    def _on_other_maps(self, reports: Mapping[tuple[str, str], _Report]) -> list[str]:
+        """Name the services that have another map than expected."""
+        maps = {key: of.stats.map for key, of in reports.items() if of.stats.map is not None}
         of_fusers = (digest for (service, _), digest in maps.items() if service == "fuser")
         own = self._digest or next(of_fusers, None)
         return [
@@ -129,14 +133,14 @@ class RunRecord:
             if own not in (None, digest)
         ]
 
-    def _newest(self, told: dict[tuple[str, str], _Told]) -> tuple[str | None, int | None]:
-        """Return the stream that is on, and its newest frame."""
+    def _newest(self, reports: dict[tuple[str, str], _Report]) -> tuple[str | None, int | None]:
+        """Return the current stream and the number of its newest frame."""
         if self._announced is not None:
             stream: str | None = self._announced.stream
-        else:  # nothing has come since; the featurizer knows of a stream before the others do
-            in_turn = sorted(told.items(), key=lambda item: item[0][0] != "featurizer")
+        else:  # no frame was announced yet; the featurizer is the first to know of a stream
+            in_turn = sorted(reports.items(), key=lambda item: item[0][0] != "featurizer")
             stream = next((of.stats.stream for _, of in in_turn if of.stats.stream), None)
-        sequences = [of.stats.sequence for of in told.values() if of.stats.stream == stream]
+        sequences = [of.stats.sequence for of in reports.values() if of.stats.stream == stream]
         if self._announced is not None:
             sequences.append(self._announced.sequence)
         return stream, max((each for each in sequences if each is not None), default=None)
@@ -144,38 +148,38 @@ class RunRecord:
     def _service(
         self,
         key: tuple[str, str],
-        told: _Told | None,
+        report: _Report | None,
         stream: str | None,
         newest: int | None,
         now: float,
-    ) -> ServiceStanding:
+    ) -> ServiceStatus:
         service, identity = key
         part = part_of(identity) if service == "channel" else None
-        if told is None:
-            silent = service in _TELLING
-            return ServiceStanding(service, identity, part, None, None, None, None, silent, {})
-        stats, silent = told.stats, now - told.at > SILENT_S
+        if report is None:
+            silent = service in _REPORTING
+            return ServiceStatus(service, identity, part, None, None, None, None, silent, {})
+        stats, silent = report.stats, now - report.at > SILENT_S
         behind = None
         if newest is not None and stats.sequence is not None and stats.stream == stream:
-            then = told.announced
+            then = report.announced
             knew = not silent and then is not None and then.stream == stream
-            # What was announced since it told is no delay of it, unless it has fallen silent.
+            # Frames announced after the report are no delay, unless the service is silent.
             behind = max((then.sequence if then and knew else newest) - stats.sequence, 0)
-        return ServiceStanding(
+        return ServiceStatus(
             service,
             identity,
             part,
             stats.stream,
             stats.sequence,
             behind,
-            None if silent else told.rate,
+            None if silent else report.rate,
             silent,
             stats.counts,
         )
 
 
 def counts_in_words(counts: Mapping[str, int]) -> str:
-    """Say what was counted: by its name, but for what a person is to be told in words."""
+    """Return counts as text: by name, but ``too_fast`` as a phrase."""
     return ", ".join(
         f"{counted(count, 'frame')} {FASTER}" if name == "too_fast" else f"{name} {count}"
         for name, count in sorted(counts.items())
@@ -183,7 +187,7 @@ def counts_in_words(counts: Mapping[str, int]) -> str:
 
 
 def other_runs(run: str, runs: Collection[str]) -> str | None:
-    """Say which runs there are where one of this name has no service; None if there is no other."""
+    """Name the runs that exist if this run has no service; None if there is no other run."""
     if not runs or run in runs:
         return None
     names = sorted(runs, key=natural_key)
@@ -192,28 +196,29 @@ def other_runs(run: str, runs: Collection[str]) -> str | None:
 
 
 def missing(alive: Collection[tuple[str, str]], channels: int | None) -> list[str]:
-    """Say what a run lacks for whole answers.
+    """Name the services that a run misses for whole answers.
 
-    A channel is there as a whole, or as all shards of one cut; of a cut of which some are there,
-    the others are named.
+    A channel is complete if one worker serves all of it, or if workers serve all shards of one cut.
+    If only some shards of a cut are served, the other shards are named.
 
     Args:
-        alive: services and identities.
-        channels: of the map; None if unknown: those of which any shard is there.
+        alive: service and identity of each living service.
+        channels: number of channels of the map; None if unknown: then only channels with a living
+            worker are checked.
     """
     services = {service for service, _ in alive}
-    lacking = [service for service in _ONE_OF_A_RUN if service not in services]
+    absent = [service for service in _ONE_OF_A_RUN if service not in services]
     parts = {part for service, name in alive if service == "channel" and (part := part_of(name))}
     numbers = range(channels) if channels is not None else sorted({part.channel for part in parts})
     by_channel: defaultdict[int, set[Part]] = defaultdict(set)
     for part in parts:
         by_channel[part.channel].add(part)
     for number in numbers:
-        lacking += _missing_of(number, by_channel.get(number, set()))
+        absent += _missing_of(number, by_channel.get(number, set()))
     if channels is None and not parts:
-        lacking.append("channel")
-    more = len(lacking) - _NAMED
-    return lacking if more <= 0 else [*lacking[:_NAMED], f"and {more} more"]
+        absent.append("channel")
+    more = len(absent) - _NAMED
+    return absent if more <= 0 else [*absent[:_NAMED], f"and {more} more"]
 
 
 def _missing_of(channel: int, parts: set[Part]) -> list[str]:
@@ -223,7 +228,7 @@ def _missing_of(channel: int, parts: set[Part]) -> list[str]:
         shards: {part.shard for part in parts if part.shards == shards}
         for shards in sorted({part.shards for part in parts})
     }
-    # The cut that lacks least is the one meant.
+    # The cut with the fewest missing shards is the intended one.
     shards, there = min(cuts.items(), key=lambda cut: cut[0] - len(cut[1]))
     return [
         f"channel {channel}, shard {shard}/{shards}"
@@ -233,11 +238,11 @@ def _missing_of(channel: int, parts: set[Part]) -> list[str]:
 
 
 def process_of(service: str, identity: str) -> tuple[str, str]:
-    """Return the service and name under which a process tells of itself that has this token."""
+    """Return the service and the process name under which the owner of a token reports."""
     return service, identity.rpartition("-")[2]
 
 
-def _rate(before: _Told, stats: StatsMessage, now: float) -> float | None:
+def _rate(before: _Report, stats: StatsMessage, now: float) -> float | None:
     old = before.stats
     if stats.sequence is None or old.sequence is None or stats.stream != old.stream:
         return None

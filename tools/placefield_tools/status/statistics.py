@@ -1,4 +1,4 @@
-"""What the services of a run say of themselves, off the bus."""
+"""Listens on the bus for the counts of a run's services."""
 
 import threading
 import time
@@ -10,11 +10,11 @@ from placefield.bus.keys import EVERY_TOKEN, Keys, run_of, service_and_identity
 from placefield.bus.messages import StatsMessage
 from placefield.bus.session import LONGEST_STATS, MOST_TOKENS, Bus
 from placefield.errors import MessageError
-from placefield_tools.status.service_status import RunRecord, RunStanding, process_of
+from placefield_tools.status.service_status import RunRecord, RunStatus, process_of
 
 
 class RunsListener:
-    """Keeps a record of which runs have a living service, from now on."""
+    """Keeps the set of runs that have a living service."""
 
     def __init__(self, bus: Bus) -> None:
         self._tokens: set[str] = set()
@@ -22,7 +22,7 @@ class RunsListener:
 
     @property
     def runs(self) -> set[str]:
-        """The runs that have one now."""
+        """The runs that have a living service now."""
         return {run_of(token) for token in tuple(self._tokens)}
 
     def _note_life(self, key: str, is_alive: bool) -> None:
@@ -33,9 +33,9 @@ class RunsListener:
 
 
 class RunListener:
-    """Keeps a record of what a run's services say, from now on, and of who of them is alive.
+    """Keeps the reports of a run's services, and which of them are alive.
 
-    Who says something and has no token is no service.
+    A sender without a liveliness token is not a service, and its reports are left out.
     """
 
     def __init__(
@@ -45,40 +45,47 @@ class RunListener:
         on_malformed: Callable[[str, MessageError], None],
         digest: str | None = None,
     ) -> None:
-        """Listen; what does not parse is told by its key, on the bus's thread.
+        """Start to listen.
 
-        ``digest`` is that of the map which the services should have; None: the fuser's.
+        Args:
+            bus: the bus to listen on.
+            keys: keys of the run.
+            on_malformed: called with the key of each message that does not parse, on the bus's
+                thread.
+            digest: digest of the map that the services should have; None: the map of the fuser.
         """
         self._on_malformed = on_malformed
         self._record = RunRecord(digest)
         self._tokens: set[str] = set()
         self._processes: Counter[tuple[str, str]] = Counter()
-        """How many tokens each has."""
+        """The number of tokens of each process."""
         self._lock = threading.Lock()
         self._tokens_left_out = 0
-        self._strangers: Counter[tuple[str, str]] = Counter()
+        self._senders_without_token: Counter[tuple[str, str]] = Counter()
         bus.watch_alive(keys.all_alive(), self._note_life)
-        bus.subscribe_raw(keys.all_stats, self._tell)
+        bus.subscribe_raw(keys.all_stats, self._on_stats)
 
     def announce(self, received: Received) -> None:
-        """Take a descriptor's message: it says which frame is the newest."""
+        """Add a descriptor message, which announces the newest frame."""
         with self._lock:
             self._record.announce(received.header)
 
-    def standing(self) -> RunStanding:
-        """Say how the services stand."""
+    def status(self) -> RunStatus:
+        """Return the status of the services."""
         with self._lock:
-            return self._record.standing(tuple(self._tokens), time.monotonic())
+            return self._record.status(tuple(self._tokens), time.monotonic())
 
     @property
     def left_out(self) -> int:
-        """How many tokens were beyond so many that no more are real, and how many strangers told.
+        """How many tokens were over the limit, and how many senders have no token.
 
-        One that has told once may be a service whose token is on its way.
+        A sender of one report is not counted: its token may still be on its way.
         """
-        return self._tokens_left_out + sum(count > 1 for count in self._strangers.copy().values())
+        return self._tokens_left_out + sum(
+            count > 1 for count in self._senders_without_token.copy().values()
+        )
 
-    def _tell(self, key: str, payload: bytes) -> None:
+    def _on_stats(self, key: str, payload: bytes) -> None:
         process = service_and_identity(key)
         try:
             if len(payload) > LONGEST_STATS:
@@ -89,9 +96,12 @@ class RunListener:
             return
         with self._lock:
             if process in self._processes:
-                self._record.tell(*process, stats, time.monotonic())
-            elif process in self._strangers or len(self._strangers) < MOST_TOKENS:
-                self._strangers[process] += 1
+                self._record.update(*process, stats, time.monotonic())
+            elif (
+                process in self._senders_without_token
+                or len(self._senders_without_token) < MOST_TOKENS
+            ):
+                self._senders_without_token[process] += 1
 
     def _note_life(self, key: str, is_alive: bool) -> None:
         process = process_of(*service_and_identity(key))

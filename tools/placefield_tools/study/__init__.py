@@ -1,1 +1,1 @@
-"""The study: every method on the same frames, and what each part of ours is worth."""
+"""The study: every method on the same frames, and an ablation of ours."""

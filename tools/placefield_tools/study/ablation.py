@@ -1,4 +1,4 @@
-"""What each part of the method is worth: it is left out, and all else stays."""
+"""Ablation: leaves out one part of the method at a time."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -14,13 +14,13 @@ from placefield_tools.study.trial import Trial
 
 ABLATED_RULES: tuple[Rule, ...] = ("filter", "evidence")
 FIXED_SCALES = (8, 16, 32, 52)
-"""For all channels, in place of the adaptive ones, frames."""
+"""Lengths for all channels in place of the adaptive ones, in frames."""
 
 
 def ablate(trial: Trial) -> tuple[AblationResult, ...]:
     """Match and judge without each part, by both of our rules, showing progress.
 
-    At once, and with the lag in force, unless that is 0.
+    Without a lag, and with the configured lag unless it is 0.
     """
     variants = variants_of(trial)
     runs = [(rule, part, channels) for rule in ABLATED_RULES for part, channels in variants.items()]

@@ -1,4 +1,4 @@
-"""Frames, described once as every method needs them."""
+"""Describes frames once for all methods."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ WORDS = 2000
 """Of FAB-MAP's vocabulary."""
 
 Array = NDArray[np.float32]
-_Look = tuple[Array, NDArray[np.bool_]]
+_Observation = tuple[Array, NDArray[np.bool_]]
 """A frame's image for SeqSLAM and words for FAB-MAP."""
 
 _NO_WORDS: NDArray[np.bool_] = np.empty(0, np.bool_)
@@ -30,7 +30,7 @@ _NO_WORDS: NDArray[np.bool_] = np.empty(0, np.bool_)
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """n frames, as every method needs them.
+    """The descriptions of n frames for all methods.
 
     Attributes:
         raws: n raw features, None for a frame that cannot be read.
@@ -44,13 +44,13 @@ class Described:
     words: NDArray[np.bool_]
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
-        """Which frames can be read, (n,) bool."""
+    def observed(self) -> NDArray[np.bool_]:
+        """Whether each frame is readable, (n,) bool."""
         return np.array([raw is not None for raw in self.raws], np.bool_)
 
 
 def learn_vocabulary(source: Source, seed: int) -> Vocabulary:
-    """Learn FAB-MAP's words from those of the reference's frames that can be read.
+    """Learn FAB-MAP's words from the readable frames of the reference.
 
     Raises:
         MapError: no frame has a keypoint.
@@ -66,11 +66,11 @@ def describe_reference(
     """Describe the reference's frames.
 
     Raises:
-        SourceError: one of them cannot be read.
-        MapError: there are none.
+        SourceError: a frame cannot be read.
+        MapError: there are no frames.
     """
 
-    def describe(frame: Frame) -> tuple[DescribedFrame, _Look]:
+    def describe(frame: Frame) -> tuple[DescribedFrame, _Observation]:
         try:
             return describe_frame(frame, feature), _look(frame.pixels(), vocabulary)
         except FrameError as error:
@@ -93,30 +93,30 @@ def describe_query_frames(
     """Describe a query's frames; with them come odometry and pose of each, None where not known.
 
     Raises:
-        SourceError: it is live or has no frame that can be read.
+        SourceError: the query is live, or has no readable frame.
     """
 
-    def describe(pixels: NDArray[np.uint8]) -> tuple[Array, _Look]:
+    def describe(pixels: NDArray[np.uint8]) -> tuple[Array, _Observation]:
         return feature.describe(pixels), _look(pixels, vocabulary)
 
-    unseen = (None, _unseen(vocabulary))
+    missing = (None, _missing_observation(vocabulary))
     described, readings, poses = describe_located_query(source, describe)
-    both = [one or unseen for one in described]
+    both = [one or missing for one in described]
     return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
 
 
-def _described(raws: list[RawFeature], looks: list[_Look]) -> Described:
+def _described(raws: list[RawFeature], looks: list[_Observation]) -> Described:
     images, words = zip(*looks, strict=True)
     return Described(raws, np.stack(images), np.stack(words))
 
 
-def _look(pixels: NDArray[np.uint8], vocabulary: Vocabulary | None) -> _Look:
+def _look(pixels: NDArray[np.uint8], vocabulary: Vocabulary | None) -> _Observation:
     shades = grey(pixels)
     small = seqslam_image(shades)
     return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(shades))
 
 
-def _unseen(vocabulary: Vocabulary | None) -> _Look:
+def _missing_observation(vocabulary: Vocabulary | None) -> _Observation:
     words = 0 if vocabulary is None else len(vocabulary.centres)
     return np.zeros((HEIGHT, WIDTH), np.float32), np.zeros(words, np.bool_)
 

@@ -23,7 +23,7 @@ from placefield_tools.study.results import MethodResult, Study
 
 @dataclass(frozen=True)
 class Calibration:
-    """How far a method's probabilities can be believed.
+    """How reliable a method's probabilities are.
 
     Attributes:
         method: its name.

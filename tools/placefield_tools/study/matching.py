@@ -1,4 +1,4 @@
-"""Channels to matches; the candidates of a channel serve in many combinations."""
+"""Matches a stream by channels; candidates of a channel are reused in many combinations."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -29,11 +29,11 @@ WINDOWS = (4, 8, 16, 32, 52)
 """Lengths of the fixed windows, frames."""
 
 PUBLISHED_LAG: int = PRESETS["paper"]["matching"]["lag"]
-"""Frames that the windows of the AMS paper may look ahead: as far as they are long."""
+"""Frames after the query that the windows of the AMS paper use: as many as their length."""
 
 
 class Matched(NamedTuple):
-    """A method's matches, and how many frames after it one looks at, on average."""
+    """A method's matches, and the mean number of later frames that a match uses."""
 
     matches: list[Match]
     mean_lag: float = 0.0
@@ -62,10 +62,10 @@ class Method:
 
 
 def methods_of(trial: Trial) -> list[Method]:
-    """Return all methods, with the windows that the route is long enough for.
+    """Return all methods, with the windows that fit the route.
 
-    Those that can look ahead are there a second time with the lag in force, unless that is 0. MS
-    and AMS as published have the paper's windows, which all look ahead.
+    Methods that can use later frames run a second time with the configured lag, unless it is 0. MS
+    and AMS as published have the windows of the paper, which all use later frames.
     """
     lag = trial.config.matching.lag
     lengths = [n for n in WINDOWS if n <= min(len(trial.descriptors), trial.places)]
@@ -108,7 +108,7 @@ def _by_channels(lag: int) -> list[Method]:
 
 
 def _with_lag(lengths: Sequence[int], lag: int) -> list[Method]:
-    """Return the methods that are there a second time."""
+    """Return the methods that also run with a lag."""
     windows = [
         Method(f"window of {n}, lag {lag}", partial(_window, length=n, lag=lag), False, True, lag)
         for n in lengths
@@ -117,9 +117,9 @@ def _with_lag(lengths: Sequence[int], lag: int) -> list[Method]:
 
 
 def run_methods(trial: Trial, methods: Sequence[Method]) -> tuple[MethodResult, ...]:
-    """Run and judge methods, showing progress; one that fails does not stop the others.
+    """Run and judge methods, showing progress; a method that fails does not stop the others.
 
-    The best window is chosen for each lag by itself.
+    The best window is chosen separately for each lag.
     """
     with tracked(methods, "matching by every method", len(methods)) as in_turn:
         results = [_run(method, trial) for method in in_turn]
@@ -149,7 +149,7 @@ def _merit(result: MethodResult) -> tuple[float, float]:
 
 
 def _window(trial: Trial, length: int, lag: int = 0) -> Matched:
-    distances = _as_driven(_even_out_unseen(trial.distances, trial), trial)
+    distances = _in_driving_order(_fill_missing_observations(trial.distances, trial), trial)
     matches = fixed_window(distances, length, lag)
     return Matched(_turned_back(matches, trial), min(lag, length // 2))
 
@@ -162,7 +162,7 @@ def _window_by_evidence(trial: Trial, length: int) -> Matched:
 
 def _seqslam(trial: Trial, lag: int = 0) -> Matched:
     differences = image_differences(trial.reference.images, trial.query.images, PUBLISHED.patch)
-    differences = _as_driven(_even_out_unseen(differences, trial), trial)
+    differences = _in_driving_order(_fill_missing_observations(differences, trial), trial)
     matches = match_sequences(differences, lag=lag)
     return Matched(_turned_back(matches, trial), min(lag, PUBLISHED.length // 2))
 
@@ -170,7 +170,7 @@ def _seqslam(trial: Trial, lag: int = 0) -> Matched:
 def _fabmap(trial: Trial) -> Matched:
     reference = trial.reference.words
     if not reference.size:
-        raise MapError("the reference's frames show no keypoint: FAB-MAP has no words")
+        raise MapError("the reference's frames have no keypoint, so FAB-MAP has no words")
     tree = learn_tree(reference)
     return Matched(fabmap(reference, trial.query.words, tree, seed=trial.config.seed))
 
@@ -202,23 +202,23 @@ PUBLISHED_RIVALS = (
     Method("SeqSLAM", partial(_seqslam, lag=PUBLISHED.length // 2), lag=PUBLISHED.length // 2),
     Method("FAB-MAP", _fabmap),
 )
-"""What the AMS paper compares with beside MS, as published: SeqSLAM's trajectories are centred."""
+"""The methods that the AMS paper compares with, besides MS; SeqSLAM has centred trajectories."""
 
 
-def _even_out_unseen(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
-    """Make a frame that was not seen as far from every place as the others are on average."""
-    seen = trial.query.seen
-    mean = distances[seen].mean() if seen.any() else np.float32(0)
-    return np.where(seen[:, None], distances, mean)
+def _fill_missing_observations(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
+    """Give a missing observation the mean distance of the other frames to every place."""
+    observed = trial.query.observed
+    mean = distances[observed].mean() if observed.any() else np.float32(0)
+    return np.where(observed[:, None], distances, mean)
 
 
-def _as_driven(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
-    """Put the places in the order in which the route is driven."""
+def _in_driving_order(distances: NDArray[np.float32], trial: Trial) -> NDArray[np.float32]:
+    """Put the places in the driving order of the route."""
     return distances[:, ::-1] if trial.config.matching.reverse else distances
 
 
 def _turned_back(matches: list[Match], trial: Trial) -> list[Match]:
-    """Put the matches' places, in the order in which the route is driven, in the map's."""
+    """Convert the places of matches from the driving order to the order of the map."""
     if not trial.config.matching.reverse:
         return matches
     last = trial.places - 1

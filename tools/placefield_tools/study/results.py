@@ -20,13 +20,12 @@ class MethodResult:
     Attributes:
         name: of the method.
         ours: whether it is Placefield's own.
-        oracle: whether it is the best of the fixed windows of its lag, which only one who knows the
-            answers can choose.
+        oracle: whether it is the best of the fixed windows of its lag, which needs the ground truth
+            to choose.
         judged: its matches; None where it failed.
         failure: one line that says why it failed; None where it did not.
         frames_to_recover: median over the drive's jumps; None where there are none, or it failed.
-        lag: how many frames after the matched one it may look at, at most; ``judged`` has how many
-            it did on average.
+        lag: maximum number of later frames that a match uses; ``judged`` has the mean number.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A reference and a query to a study."""
+"""Runs a study of a reference and a query."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -56,15 +56,15 @@ def run_study(
 
     Args:
         reference: source of the reference's frames.
-        query: to match, and how it is driven.
+        query: the query, and how it is driven.
         truth_of: gives the truth of the query in its own order.
         config: of our map, its matching and all that is random.
-        tolerance: for the record; None where a ground truth was given, or metres.
-        asked: what else says what is right, see ``ground_of``.
+        tolerance: shown in the report; None if a ground truth or metres were given.
+        asked: the other options of the ground truth, see ``ground_of``.
 
     Raises:
-        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or nobody
-            knows what is right. Another method that fails is reported, and the others go on.
+        PlacefieldError: the sources or the truth cannot be read, or do not make our map, or there
+            is no ground truth. If another method fails, this is reported, and the others continue.
     """
     trial = prepare(reference, query, truth_of, config, asked=asked)
     return Study(
@@ -99,22 +99,24 @@ def prepare(
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
         if whole.live:
             camera = without_secrets(reference)
-            raise SourceError(f"{camera}: a camera gives no second look; record a traverse")
+            raise SourceError(
+                f"{camera}: a study needs to read the frames twice; record a traverse"
+            )
         query, source = _agreed(query, whole)
         vocabulary = _vocabulary(source, config.seed) if words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
-    with query.open() as driven:
-        described_query, readings, poses = describe_query_frames(driven, feature, vocabulary)
-    drive, undriven = drive_in(driven, len(described_query.raws))
-    if drive.odometry is not None:  # which takes it for a metre from place to place
+    with query.open() as opened:
+        described_query, readings, poses = describe_query_frames(opened, feature, vocabulary)
+    drive, whole_drive = drive_in(opened, len(described_query.raws))
+    if drive.odometry is not None:  # which assumes one metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
     ground = ground_of(
-        Sides(placemap, references, undriven, drive, poses, driven.origin, readings),
-        lambda: truth_of(undriven, references, drive.every),
+        Sides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
+        lambda: truth_of(whole_drive, references, drive.every),
         asked,
     )
     if ground.truth is None:
@@ -138,7 +140,7 @@ def prepare(
 
 
 def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
-    """Return the query with its protocol's n, and the reference, thinned by it if it is to be."""
+    """Return the query with its protocol's n, and the reference, thinned by n if needed."""
     if query.protocol not in TAKES_EVERY:
         return query, reference
     count = sum(1 for _ in reference)
@@ -152,10 +154,10 @@ def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
 def _fitting_map(
     traverse: Traverse, config: Config, network: Network | None, *, thinned: bool
 ) -> tuple[Map, Config]:
-    """Build our map; where thinning left too few places, with shorter segments, and tell so.
+    """Build our map; if thinning left too few places, use shorter segments and log it.
 
     Returns:
-        The map, and the configuration that it was built by: the same one if that did.
+        The map, and the configuration that it was built with.
     """
     tried = config
     while True:
@@ -171,7 +173,7 @@ def _fitting_map(
 
 
 def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
-    """Learn FAB-MAP's words; None where the reference has none."""
+    """Learn FAB-MAP's words; None if the reference has no keypoints."""
     try:
         return learn_vocabulary(source, seed)
     except MapError:

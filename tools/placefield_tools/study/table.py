@@ -69,9 +69,8 @@ def print_study(study: Study, report: Path) -> None:
         "method",
         title=f"{study.query} along {study.reference}, {_driven(study)}",
         caption="Recall is of all query frames on the route; in VPR-Bench's convention, of the "
-        "right matches. Lag: frames after the matched one that may be looked at, else none; its "
-        "mean: that were. * The best window of each lag, which only one who knows the answers can "
-        "choose.",
+        "right matches. Lag: how many later frames a match may use; mean lag: how many it uses. "
+        "* The best window of each lag, which needs the ground truth to choose.",
     )
     headers = ["AUC", "recall at 100 % precision", "recall@1"]
     headers += ["VPR-Bench AUC", "VPR-Bench recall at 100 % precision", "mean lag"]

@@ -1,4 +1,4 @@
-"""What every method is given: a drive of a query along a reference."""
+"""The input of every method: a drive of a query along a reference."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -71,7 +71,7 @@ class Trial:
 
     @cached_property
     def distances(self) -> Array:
-        """Of the driven frames to the places without a metric, (Q, K); 0 where not seen."""
+        """Distances of the frames to the places without a metric, (Q, K); 0 if not observed."""
         return distance_matrix(self.plain.metric, self.descriptors, 0)
 
     @cached_property
@@ -152,6 +152,6 @@ def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tup
 
 
 def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[Array | None]:
-    """Return the descriptors (N,) of a stream of frames, None where a frame was not seen."""
+    """Return the descriptors (N,) of a stream of frames, None for a missing observation."""
     stream = DescriptorStream(model)
     return [None if raw is None else stream.update(raw) for raw in raws]

@@ -6,7 +6,7 @@ import pytest
 
 from placefield.config import Config
 from placefield.loading import load_config
-from placefield_tools.cli import options
+from placefield_tools.cli import options_truth
 from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study.paper import channel_count_runs as channel_counts
 from placefield_tools.study.paper.paper_results import PaperStudy
@@ -14,7 +14,7 @@ from placefield_tools.study.paper.run_paper import run_paper_study
 from placefield_tools.study.run_study import prepare
 from placefield_tools.study.trial import Trial
 
-TRUTH = partial(options.truth_of, tolerance=3, truth=None)
+TRUTH = partial(options_truth.truth_of, tolerance=3, truth=None)
 
 
 @pytest.fixture(scope="session")

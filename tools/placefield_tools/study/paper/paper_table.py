@@ -81,8 +81,8 @@ def print_paper_study(study: PaperStudy, report: Path) -> None:
         "method",
         "scales",
         title=f"{study.query} along {study.reference}, {study.protocol}, as published",
-        caption="Recall is of all query frames on the route. Mean lag: how many frames after the "
-        "matched one were looked at.",
+        caption="Recall is of all query frames on the route. Mean lag: how many later "
+        "frames a match uses.",
     )
     for header in ("AUC", "recall at 100 % precision", "recall@1", "mean lag"):
         table.add_column(header, justify="right")

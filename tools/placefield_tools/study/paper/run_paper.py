@@ -43,12 +43,12 @@ def run_paper_study(
         truth_of: gives the truth of the query in its own order.
         config: by the preset ``paper``; its kind of feature counts for nothing.
         features: kinds of those to run them on, at least one.
-        tolerance: for the record; None where a ground truth was given, or metres.
-        asked: what else says what is right, see ``ground_of``.
+        tolerance: shown in the report; None if a ground truth or metres were given.
+        asked: the other options of the ground truth, see ``ground_of``.
 
     Raises:
         PlacefieldError: the sources or the truth cannot be read, or do not make a map of AMS, or
-            nobody knows what is right.
+            there is no ground truth.
     """
     results: list[FeatureResult] = []
     for feature in features:

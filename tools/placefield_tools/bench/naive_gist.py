@@ -10,7 +10,7 @@ _CONTRAST_CYCLES = 4
 Array = NDArray[np.float64]
 
 
-class PlainGist:
+class NaiveGist:
     """GIST of grey images of one size; the filters are made once, as the authors' code does."""
 
     def __init__(self, size: int) -> None:

@@ -18,10 +18,10 @@ from placefield.maps.map import MapChannel
 from placefield.maps.metrics import identity_metric
 from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.random_walks import observed_again, random_walk
 from placefield_tools.bench.reference_implementation import literal_match
 from placefield_tools.bench.synthetic import CHANNELS, SCALES, made_channel
 from placefield_tools.bench.timing import Timings
-from placefield_tools.bench.walks import random_walk, seen_again
 
 PLACES, DIMENSIONS = 1261, 500
 BATCH = 64
@@ -40,7 +40,7 @@ def bench_match() -> list[Figure]:
     they do where none was.
     """
     places = random_walk(PLACES, DIMENSIONS, seed=0)
-    query = seen_again(places[200 : 200 + BATCH], 0.5, seed=1)
+    query = observed_again(places[200 : 200 + BATCH], 0.5, seed=1)
     channels = [made_channel(places, number) for number in range(CHANNELS)]
     bare, peer = _bare_distances(places), _faiss_search(places)
     variants = {

@@ -1,4 +1,4 @@
-"""Tokens and counts of strangers, by the thousand: who is a service is told all the same."""
+"""Thousands of tokens and counts of untrusted clients do not hide the services."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,8 +15,8 @@ from placefield_tools.status.statistics import RunListener
 KEYS = Keys("test")
 
 
-class Said(Bus):
-    """Tells whoever listens what a test says."""
+class FakeBus(Bus):
+    """Calls the listeners with the messages of a test."""
 
     def __init__(self) -> None:
         self.stats: Callable[[str, bytes], None] = lambda key, payload: None
@@ -30,8 +30,8 @@ class Said(Bus):
 
 
 @pytest.fixture
-def bus() -> Said:
-    return Said()
+def bus() -> FakeBus:
+    return FakeBus()
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def malformed() -> list[str]:
 
 
 @pytest.fixture
-def listener(bus: Said, malformed: list[str]) -> RunListener:
+def listener(bus: FakeBus, malformed: list[str]) -> RunListener:
     def note(key: str, error: MessageError) -> None:
         malformed.append(key)
 
@@ -51,65 +51,65 @@ def counts(service: str, **counts: int) -> bytes:
     return StatsMessage(service=service, counts=counts).encode()
 
 
-def test_counts_are_of_who_has_a_token_and_go_with_it(bus: Said, listener: RunListener) -> None:
+def test_counts_belong_to_a_token_and_go_with_it(bus: FakeBus, listener: RunListener) -> None:
     token, key = KEYS.alive("channel", "2-ab"), KEYS.stats("channel", "ab")
-    for told in (7, 8):
+    for number in (7, 8):
         bus.life(token, True)
-        bus.stats(key, counts("channel", received=told))
-        assert [each.counts for each in listener.standing().services] == [{"received": told}]
+        bus.stats(key, counts("channel", received=number))
+        assert [each.counts for each in listener.status().services] == [{"received": number}]
         bus.life(token, False)
-        assert not listener.standing().services
+        assert not listener.status().services
         bus.life(token, True)
-        assert [each.counts for each in listener.standing().services] == [{}]
+        assert [each.counts for each in listener.status().services] == [{}]
         bus.life(token, False)
 
 
-def test_counts_of_thousands_who_have_no_token_are_left_out_and_told_of(
-    bus: Said, listener: RunListener
+def test_counts_of_thousands_without_a_token_are_left_out_and_counted(
+    bus: FakeBus, listener: RunListener
 ) -> None:
     bus.life(KEYS.alive("fuser", "own"), True)
     for _ in range(2):
         for number in range(2 * MOST_TOKENS):
             bus.stats(KEYS.stats("fuser", f"x{number}"), counts("fuser", matches=1))
     bus.stats(KEYS.stats("fuser", "own"), counts("fuser", matches=9))
-    [fuser] = listener.standing().services
+    [fuser] = listener.status().services
     assert fuser.counts == {"matches": 9}
     assert MOST_TOKENS <= listener.left_out <= 2 * MOST_TOKENS
 
 
-def test_one_that_tells_before_its_token_has_come_is_no_stranger(
-    bus: Said, listener: RunListener
-) -> None:
+def test_a_report_before_its_token_counts_as_a_service(bus: FakeBus, listener: RunListener) -> None:
     bus.stats(KEYS.stats("fuser", "own"), counts("fuser", matches=9))
     bus.life(KEYS.alive("fuser", "own"), True)
     assert listener.left_out == 0
 
 
-def test_tokens_beyond_so_many_are_left_out_and_told_of(bus: Said, listener: RunListener) -> None:
+def test_tokens_over_the_limit_are_left_out_and_counted(
+    bus: FakeBus, listener: RunListener
+) -> None:
     bus.life(KEYS.alive("fuser", "own"), True)
     for number in range(MOST_TOKENS + 50):
         bus.life(KEYS.alive("channel", f"{number}-x"), True)
-    standing = listener.standing()
-    assert len(standing.services) == MOST_TOKENS
+    status = listener.status()
+    assert len(status.services) == MOST_TOKENS
     assert listener.left_out == 51
-    assert "fuser" not in standing.missing
+    assert "fuser" not in status.missing
 
 
 def test_counts_that_are_too_long_are_malformed(
-    bus: Said, listener: RunListener, malformed: list[str]
+    bus: FakeBus, listener: RunListener, malformed: list[str]
 ) -> None:
     bus.life(KEYS.alive("fuser", "own"), True)
     many = {f"n{number}": 1 for number in range(LONGEST_STATS // 4)}
     bus.stats(KEYS.stats("fuser", "own"), counts("fuser", **many))
     assert malformed == [KEYS.stats("fuser", "own")]
-    assert listener.standing().services[0].counts == {}
+    assert listener.status().services[0].counts == {}
 
 
-def test_a_cut_into_as_many_shards_as_can_be_is_told_of_in_short(
-    bus: Said, listener: RunListener
+def test_a_cut_into_very_many_shards_is_reported_in_short(
+    bus: FakeBus, listener: RunListener
 ) -> None:
     bus.life(KEYS.alive("channel", "0.1of99999-x"), True)
-    missing = listener.standing().missing
+    missing = listener.status().missing
     assert len(missing) < 200
     assert missing[-1].endswith(" more")
 

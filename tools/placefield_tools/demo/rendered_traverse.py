@@ -9,9 +9,9 @@ import numpy as np
 
 from placefield.errors import ConfigError
 from placefield.files import write_whole
-from placefield_tools.demo.layout import make_street
 from placefield_tools.demo.light import LIGHTINGS, Light, develop
 from placefield_tools.demo.scene import draw_scene, make_scene
+from placefield_tools.demo.street_layout import make_street
 from placefield_tools.demo.traffic import LANE, make_traffic
 
 RATE = 10.0  # frames per second

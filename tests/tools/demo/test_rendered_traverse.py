@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from placefield.errors import ConfigError
-from placefield_tools.demo.traverse import render_traverse
+from placefield_tools.demo.rendered_traverse import render_traverse
 
 FRAMES = 32
 

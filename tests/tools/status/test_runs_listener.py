@@ -21,11 +21,11 @@ def test_runs_are_known_whether_they_were_there_before_or_come_later_until_they_
     with open_router(config), open_bus(config) as listening:
         with open_bus(config) as early:
             early.declare_alive(Keys("out_of_order").alive("fuser", "a"))
-            heard = RunsListener(listening)
-            wait_until(lambda: heard.runs == {"out_of_order"})
+            runs_listener = RunsListener(listening)
+            wait_until(lambda: runs_listener.runs == {"out_of_order"})
             with open_bus(config) as late:
                 late.declare_alive(Keys("late").alive("featurizer", "b"))
                 late.declare_alive(Keys("late").alive("fuser", "c"))
-                wait_until(lambda: heard.runs == {"out_of_order", "late"})
-            wait_until(lambda: heard.runs == {"out_of_order"})
-        wait_until(lambda: not heard.runs)
+                wait_until(lambda: runs_listener.runs == {"out_of_order", "late"})
+            wait_until(lambda: runs_listener.runs == {"out_of_order"})
+        wait_until(lambda: not runs_listener.runs)

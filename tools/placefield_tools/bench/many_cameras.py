@@ -1,4 +1,4 @@
-"""Many cameras on one map: one set of services for all, beside a set for each."""
+"""Many cameras on one map: one set of services for all, beside one set per camera."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -11,9 +11,9 @@ import numpy as np
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
+from placefield_tools.bench.street_frames import street_frames
 
 CAMERAS = 16
 _RATE = 10.0  # frames per second and camera
@@ -80,7 +80,7 @@ def load_figures(together: Load, separate: Load) -> list[Figure]:
 
 
 def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]) -> Load:
-    """Let all cameras play through sets of services of which each serves some runs."""
+    """Publish the frames of all cameras to sets of services; each set serves some runs."""
     commands = [_up(map_path, runs) for runs in sets]
     with started(commands) as chains, _cameras(chains, sets) as cameras:
         play(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)

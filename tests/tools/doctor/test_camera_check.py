@@ -2,8 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from placefield_tools.doctor import cameras
-from placefield_tools.doctor.cameras import of_camera
+from placefield_tools.doctor import camera_check as cameras
+from placefield_tools.doctor.camera_check import of_camera
 from placefield_tools.doctor.finding import Health
 
 URL = "rtsp://me:sec/ret@host/stream?key=secret"

@@ -1,4 +1,4 @@
-"""How far a frame is from all places of a map, in as many columns as can be seen."""
+"""Distances from a frame to all places of a map, in at most 400 columns."""
 
 from dataclasses import replace
 
@@ -9,21 +9,21 @@ from placefield.maps.map import Map
 from placefield.matching.comparing import MetricPlaces
 
 _MOST_COLUMNS = 400
-_MOST_PLACES = 4096  # that a frame is compared with; of a larger map, evenly spaced ones
+_MOST_PLACES = 4096  # a frame is compared with at most so many places, evenly spaced
 
 Row = NDArray[np.float32]
 
 
 class DistanceColumns:
-    """Compares descriptors with the places of a map, under its first channel's metric."""
+    """Compares descriptors with the places of a map, in the first channel's metric."""
 
     def __init__(self, placemap: Map) -> None:
         metric = placemap.channels[0].metric
-        spaced = slice(None, None, -(-len(metric.places) // _MOST_PLACES))
+        every_nth = slice(None, None, -(-len(metric.places) // _MOST_PLACES))
         some = replace(
             metric,
-            places=np.ascontiguousarray(metric.places[spaced]),
-            squares=np.ascontiguousarray(metric.squares[spaced]),
+            places=np.ascontiguousarray(metric.places[every_nth]),
+            squares=np.ascontiguousarray(metric.squares[every_nth]),
             coarse=None,
         )
         count = len(some.places)
@@ -33,10 +33,10 @@ class DistanceColumns:
         self._places = MetricPlaces(some, exact=True)
         self.row(
             np.zeros(metric.projection.shape[1], np.float32)
-        )  # what is made at its first use is made
+        )  # the first comparison allocates and compiles
 
     def row(self, descriptor: Row) -> Row:
-        """Return squared distances, (count,): each column's is of the nearest of its places."""
+        """Return squared distances, (count,): the smallest of each column's places."""
         [compared] = self._places.compare(descriptor[None])
         nearest = np.minimum.reduceat(compared.distances, self._starts)
         return np.asarray(nearest * self._unit**2, np.float32)

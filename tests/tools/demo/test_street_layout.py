@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield_tools.demo.layout import make_street
-from placefield_tools.demo.street import SIGHT
+from placefield_tools.demo.street import VISIBLE_RANGE
+from placefield_tools.demo.street_layout import make_street
 
 seeds = st.integers(min_value=0, max_value=10_000)
 
@@ -19,7 +19,7 @@ def test_a_longer_street_begins_like_a_shorter_one(seed):
         assert set(getattr(short, kind)) <= set(getattr(long, kind))
     for kind in ("trees", "parked"):
         # At the end of sight a side street of the longer one may take what the shorter one has.
-        near = [{t for t in getattr(s, kind) if t.arc < 50 + SIGHT} for s in (short, long)]
+        near = [{t for t in getattr(s, kind) if t.arc < 50 + VISIBLE_RANGE} for s in (short, long)]
         assert near[0] <= near[1]
     assert np.array_equal(short.route.yaw, long.route.yaw[: len(short.route.yaw)])
 
@@ -33,7 +33,7 @@ def test_buildings_and_gaps_line_both_sides_without_a_hole(seed):
         openings = [g for g in street.gaps if g.side == side]
         pieces = sorted((thing.start, thing.start + thing.width) for thing in fronts + openings)
         assert pieces[0][0] < 0
-        assert pieces[-1][1] >= 150 + SIGHT
+        assert pieces[-1][1] >= 150 + VISIBLE_RANGE
         for (_, end), (start, _) in pairwise(pieces):
             assert start == pytest.approx(end)
 

@@ -21,30 +21,30 @@ from placefield.maps.build import build_map
 from placefield.maps.traverse import Traverse
 from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbours
 from placefield_tools.bench.figure import Figure
-from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
 from placefield_tools.common.parallel import cores, map_in_order
 
 _FRAMES = 1261  # of the paper's longest route
 _CHANNELS = 8
 _NEIGHBOURS, _PUSH = 3, 0.5
-_PLAIN_STEPS = 48  # of metric-learn: max_iter is 50
-_PLAIN_RATE = 1e-7  # its default, with which it hardly leaves the start in so many steps
-_LONG_RATE = 1e-3  # with which it gets lowest: too long, and halved until it lowers the objective
-_STEPS = 30  # in which ours is to get as low
+_METRIC_LEARN_STEPS = 48  # steps of metric-learn: its max_iter is 50
+_DEFAULT_RATE = 1e-7  # its default rate, with which it hardly moves in so many steps
+_LONG_RATE = 1e-3  # the rate that gets lowest: metric-learn halves it until the objective falls
+_STEPS = 30  # steps in which ours must get as low
 _LARGE = 6000  # frames whose features are much larger than the libraries
 
 Array = NDArray[np.float32]
 
 
 def bench_build() -> list[Figure]:
-    """Measure; takes a few minutes, most of them metric-learn's."""
+    """Measure the build; takes a few minutes, mostly for metric-learn."""
     return [*_command_figures(), *_memory_figures(), *_lmnn_figures()]
 
 
 @dataclass(frozen=True)
 class _Build:
-    """What a build took."""
+    """Time and memory of a build."""
 
     seconds: float
     peak_mb: float
@@ -156,7 +156,7 @@ def _lmnn_figures() -> list[Figure]:
     points, labels = _labelled_route()
     fit = _fit(points, labels, _STEPS)
     return [
-        *_beside_metric_learn(fit, points, labels, _PLAIN_RATE, "", at_least=20),
+        *_beside_metric_learn(fit, points, labels, _DEFAULT_RATE, "", at_least=20),
         *_beside_metric_learn(fit, points, labels, _LONG_RATE, "_long_steps"),
     ]
 
@@ -183,7 +183,7 @@ def _beside_metric_learn(
         Figure(f"lmnn{suffix}_speedup", speedup, f"{learned} over ours", at_least=at_least),
         Figure(f"lmnn{suffix}_objective_ratio", reached, f"ours over {learned}", at_most=1),
         Figure(f"lmnn{suffix}_s", ours.median(0), f"ours, {steps} steps of {points.shape}"),
-        Figure(f"metric_learn{suffix}_s", plain_s, f"{learned}, {_PLAIN_STEPS} steps"),
+        Figure(f"metric_learn{suffix}_s", plain_s, f"{learned}, {_METRIC_LEARN_STEPS} steps"),
         Figure(f"metric_learn{suffix}_gain", gain, f"objective of {learned} over the start's"),
     ]
 
@@ -199,7 +199,7 @@ def _metric_learn(points: Array, labels: NDArray[np.intp], rate: float) -> NDArr
         init="identity",
         n_neighbors=_NEIGHBOURS,
         regularization=1 - _PUSH,
-        max_iter=_PLAIN_STEPS + 2,
+        max_iter=_METRIC_LEARN_STEPS + 2,
         learn_rate=rate,
     )
     with warnings.catch_warnings():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from placefield.features.images import decode
-from placefield_tools.bench.frames import street_frames
+from placefield_tools.bench.street_frames import street_frames
 
 
 def test_every_frame_is_another_picture_of_the_size_asked_for() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from placefield_tools.bench import build
+from placefield_tools.bench import build_cost as build
 from placefield_tools.bench.figure import as_object
 
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield_tools.demo.camera import HEIGHT, WIDTH
-from placefield_tools.demo.layout import make_street
 from placefield_tools.demo.light import LIGHTINGS
+from placefield_tools.demo.pinhole_camera import HEIGHT, WIDTH
 from placefield_tools.demo.scene import draw_scene, make_scene
+from placefield_tools.demo.street_layout import make_street
 from placefield_tools.demo.traffic import LANE
 
 _STEP = 20  # pixels from frame to frame

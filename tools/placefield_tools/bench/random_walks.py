@@ -1,4 +1,4 @@
-"""Made descriptors: a walk through feature space, and the same places seen again."""
+"""Synthetic descriptors: a random walk, and the same places observed again."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,8 @@ def random_walk(places: int, dimensions: int, seed: int) -> Array:
     return _in_place_unit_length(walk)
 
 
-def seen_again(places: Array, strength: float, seed: int) -> Array:
-    """See places (Q, N) again, in another light: with noise of this strength."""
+def observed_again(places: Array, strength: float, seed: int) -> Array:
+    """Observe places (Q, N) again, in another light: add noise of this strength."""
     noise = _noise(np.random.default_rng(seed), places.shape)
     noise *= strength / np.linalg.norm(_spreads(places.shape[1]))
     return unit_length(places + noise)

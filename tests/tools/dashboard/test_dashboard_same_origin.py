@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("starlette", reason="the dashboard's extra is not installed")
 
-from placefield_tools.dashboard.same_origin import LOOPBACK, OwnSite, names_of
+from placefield_tools.dashboard.same_origin import LOOPBACK, SameOrigin, names_of
 
 
 async def _app(scope: Any, receive: Any, send: Any) -> None:
@@ -24,7 +24,7 @@ def asked(kind: str, at: str = "127.0.0.1", **headers: str) -> list[dict[str, An
         return {}
 
     raw = [(name.encode(), value.encode()) for name, value in headers.items()]
-    site = OwnSite(_app, names_of(at, ["robot.example"]), addresses=at not in LOOPBACK)
+    site = SameOrigin(_app, names_of(at, ["robot.example"]), addresses=at not in LOOPBACK)
     asyncio.run(site({"type": kind, "headers": raw}, receive, send))
     return sent
 
@@ -74,9 +74,9 @@ def test_what_is_malformed_is_a_bad_request(malformed: dict[str, str]) -> None:
 
 def test_no_other_page_may_frame_these() -> None:
     for host in ("localhost", "elsewhere.example"):
-        told = {
+        headers = {
             name.decode(): value.decode() for name, value in asked("http", host=host)[0]["headers"]
         }
-        assert "frame-ancestors 'none'" in told["content-security-policy"]
-        assert told["x-content-type-options"] == "nosniff"
-        assert told["referrer-policy"] == "no-referrer"
+        assert "frame-ancestors 'none'" in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"

@@ -10,7 +10,7 @@ from placefield.bus.session import open_router
 from placefield.config import BusConfig
 from placefield_tools.cli.main import main
 from placefield_tools.doctor.finding import Finding, Health
-from placefield_tools.doctor.network import network, of_endpoint, of_services
+from placefield_tools.doctor.network_check import network, of_endpoint, of_services
 
 
 def looked_at(endpoint: str) -> list[Finding]:

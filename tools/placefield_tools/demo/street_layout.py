@@ -11,7 +11,7 @@ from placefield_tools.demo.route import LEAD, make_route
 from placefield_tools.demo.street import (
     FRONT,
     KERB,
-    SIGHT,
+    VISIBLE_RANGE,
     Building,
     Car,
     Gap,
@@ -66,7 +66,7 @@ def make_street(seed: int, length: float) -> Street:
     Every kind of thing has random numbers of its own, drawn along the route, so that a longer
     street of the same seed begins like a shorter one.
     """
-    end = length + SIGHT
+    end = length + VISIBLE_RANGE
     buildings: list[Building] = []
     gaps: list[Gap] = []
     trees: list[Tree] = []
@@ -82,7 +82,7 @@ def make_street(seed: int, length: float) -> Street:
         parked += _parked(side, end, openings, _generator(seed, 5, side))
     return Street(
         seed,
-        make_route(seed, length + 1.5 * SIGHT),
+        make_route(seed, length + 1.5 * VISIBLE_RANGE),
         tuple(buildings),
         tuple(gaps),
         tuple(trees),

@@ -54,7 +54,7 @@ def of_endpoint(endpoint: str) -> Finding:
             pass
     except ConnectionRefusedError:
         advice = "none needed yet: 'placefield up MAP' starts one"
-        return warning("router", f"nobody listens at {endpoint}", advice)
+        return warning("router", f"no router listens at {endpoint}", advice)
     except OSError as error:
         advice = "is the host right, and does a firewall let the port through?"
         return bad("router", f"{endpoint} cannot be reached ({error})", advice)

@@ -1,0 +1,123 @@
+"""Options about building a map and matching on it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from placefield.config import Config, Rule
+from placefield.errors import ConfigError
+from placefield.maps.manifest import read_manifest
+from placefield.presets import Preset
+from placefield_tools.cli.options import METRES
+
+_DEFAULTS = Config()
+
+
+PresetOption = Annotated[
+    Preset | None,
+    typer.Option(
+        "--preset",
+        help="sets many settings at once; paper: AMS as published; see 'placefield config'",
+        show_default=False,
+    ),
+]
+RuleOption = Annotated[
+    Rule | None,
+    typer.Option("--rule", help="how places are matched", show_default=_DEFAULTS.matching.rule),
+]
+Exact = Annotated[
+    bool | None,
+    typer.Option(
+        "--exact",
+        help="compare with every place exactly, even if the map has a coarse search",
+        show_default=False,
+    ),
+]
+Precision = Annotated[
+    float | None,
+    typer.Option(
+        metavar="P",
+        help="a match is known if it is right with at least this probability",
+        show_default=f"{_DEFAULTS.matching.precision:g}",
+    ),
+]
+Feature = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        help="grayscale, gist, or onnx:FILE for a network",
+        show_default=_DEFAULTS.features.kind,
+    ),
+]
+Standardise = Annotated[
+    bool | None,
+    typer.Option(
+        "--standardise/--no-standardise",
+        help="subtract the query's running mean and divide by its running deviation",
+        show_default="standardise" if _DEFAULTS.features.standardise else "no-standardise",
+    ),
+]
+Channels = Annotated[
+    int | None,
+    typer.Option(help="number of channels", show_default=str(_DEFAULTS.scales.channels)),
+]
+Clusters = Annotated[
+    int | None, typer.Option(help="clusters per channel", show_default="estimated")
+]
+PositionWeight = Annotated[
+    float | None,
+    typer.Option(
+        help="weight of the position in the route when clustering; 0: the paper",
+        show_default=f"{_DEFAULTS.scales.position_weight:g}",
+    ),
+]
+MinScale = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N or Nm",
+        help="shortest segment in frames, or in metres",
+        show_default=str(_DEFAULTS.scales.min_scale),
+    ),
+]
+Metric = Annotated[
+    str | None,
+    typer.Option(
+        help="lmnn, rca, lfda, nca or identity; a learned metric is kept only if it helps",
+        show_default=_DEFAULTS.metric.kind,
+    ),
+]
+Seed = Annotated[
+    int | None, typer.Option(help="seed of all random numbers", show_default=str(_DEFAULTS.seed))
+]
+
+
+def check_preset(config: Config, map_path: Path) -> None:
+    """Refuse a map that was built without the preset in force.
+
+    A preset also sets how a map is built, so that matching alone cannot follow it.
+
+    Raises:
+        ConfigError: the map was built without the preset.
+        MapError: there is no map at the path.
+    """
+    if config.preset is not None and read_manifest(map_path).preset != config.preset:
+        raise ConfigError(
+            f"--preset {config.preset}: {map_path} was built without it; build the map with "
+            f"'placefield build --preset {config.preset}'"
+        )
+
+
+def min_scale_flags(text: str | None) -> dict[str, Any]:
+    """Return the settings of ``--min-scale``: frames like ``4``, or metres like ``2.5m``.
+
+    Raises:
+        ConfigError: the text has another form.
+    """
+    if text is None:
+        return {}
+    if metres := METRES.fullmatch(text):
+        return {"scales__min_scale_metres": float(metres[1])}
+    if text.isdecimal():
+        return {"scales__min_scale": int(text), "scales__min_scale_metres": 0}
+    raise ConfigError(f"--min-scale {text!r}: write frames as 4, or metres as 2.5m")
