@@ -34,14 +34,14 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.channel_streams import ChannelOutputs, ChannelStream, PendingFrame
-from placefield_services.metrics import serve_metrics
 from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess, counting_failure
+from placefield_services.prometheus import serve_metrics
 from placefield_services.served_channels import ServedChannels
 
 SERVICE = "channel"
 
-_EARLY = 256  # messages
+_MOST_PENDING = 256  # messages
 _ASK_FOR_S = 3.0
 
 _LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
@@ -72,7 +72,7 @@ def run_channels(
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         # All shards of a channel take the same frames, so that none may drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
         outputs = {}
@@ -113,7 +113,7 @@ def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]
 
 
 @dataclass
-class _Run:
+class _ChannelRun:
     outputs: ChannelOutputs
     counts: Counter[str]
     follower: StreamFollower
@@ -122,7 +122,9 @@ class _Run:
     """Whether the stream was on before, and what came is not known yet."""
     ask_until: float = 0.0
     """Until then what is missing may still be found."""
-    early: deque[tuple[Header, HaloMessage]] = field(default_factory=lambda: deque(maxlen=_EARLY))
+    pending: deque[tuple[Header, HaloMessage]] = field(
+        default_factory=lambda: deque(maxlen=_MOST_PENDING)
+    )
     """Partial results of a stream that is not on yet."""
 
 
@@ -133,7 +135,7 @@ class _Accepted:
     One that is not awaited was answered long ago, and is only to be known of.
     """
 
-    run: _Run
+    run: _ChannelRun
     stream: ChannelStream
     header: Header
     descriptor: NDArray[np.float32] | None
@@ -159,7 +161,9 @@ class ChannelWorker:
         self._descriptors = model
         self._model = fingerprint(model)
         self._runs = {
-            run: _Run(outputs, counts[run], StreamFollower(counts[run], partial(self._join, run)))
+            run: _ChannelRun(
+                outputs, counts[run], StreamFollower(counts[run], partial(self._join, run))
+            )
             for run, outputs in outputs.items()
         }
 
@@ -175,7 +179,7 @@ class ChannelWorker:
             partials.check_map(self._channels.digest)
             self._receive(run, header, partials)
             return []
-        seen = (None, None) if header.end else self._decode(received.payload)
+        observed = (None, None) if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
@@ -183,14 +187,14 @@ class ChannelWorker:
         if turn is Turn.REPEATED:
             run.outputs.candidates.put_again(header)
             return []
-        missed = self._missed(run, header) if turn is Turn.AHEAD else []
+        missed = self._missed(run, header) if turn is Turn.AFTER_GAP else []
         if missed is None:
             run.counts["out_of_order"] += 1
             return []
         assert run.stream is not None
-        return [*missed, _Accepted(run, run.stream, header, *seen)]
+        return [*missed, _Accepted(run, run.stream, header, *observed)]
 
-    def _missed(self, run: _Run, header: Header) -> list[_Accepted] | None:
+    def _missed(self, run: _ChannelRun, header: Header) -> list[_Accepted] | None:
         """Return the frames before this one that others remember, and take its turn.
 
         None: they may not be within reach yet; what comes now will be remembered, too.
@@ -206,16 +210,16 @@ class ChannelWorker:
         if is_forgotten and run.stream is not None:
             run.stream.is_forgotten = True
         unknown = 0 if run.is_joining else header.sequence - run.follower.next - len(frames)
-        run.follower.leap(header.sequence, gaps=max(unknown, 0))
+        run.follower.skip_to(header.sequence, gaps=max(unknown, 0))
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
         return frames
 
-    def _receive(self, run: _Run, header: Header, partials: HaloMessage) -> None:
+    def _receive(self, run: _ChannelRun, header: Header, partials: HaloMessage) -> None:
         """Take the partial results of another worker's shards."""
         if run.stream is not None and header.stream == run.follower.stream:
             run.stream.receive(header, partials)
         else:
-            run.early.append((header, partials))
+            run.pending.append((header, partials))
 
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream; if it is on already, with what others remember of it."""
@@ -223,23 +227,23 @@ class ChannelWorker:
         first = max(0, header.sequence - LENGTH)
         run.stream = self._channels.new_stream(run.outputs, first)
         run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
-        early = list(run.early)
-        run.early.clear()
-        for about, partials in early:
+        pending = list(run.pending)
+        run.pending.clear()
+        for about, partials in pending:
             self._receive(run, about, partials)
         return first
 
-    def _fetch(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
+    def _fetch(self, run: _ChannelRun, header: Header, first: int) -> list[_Accepted]:
         """Return the frames before this one that others remember; the source awaits the newest."""
         assert run.stream is not None
         frames = []
         for old, payload in run.outputs.fetch(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
             try:
-                seen = self._decode(payload)
+                observed = self._decode(payload)
                 run.outputs.store(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
-                frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
+                frames.append(_Accepted(run, run.stream, old, *observed, is_awaited))
             except MessageError as error:
                 count_refused(run.counts, error)
         run.counts["fetched"] += len(frames)
@@ -266,7 +270,7 @@ class ChannelWorker:
         comparing = self._channels.comparing([frame.descriptor for frame in frames])
         for frame, compare in zip(frames, comparing, strict=True):
             with counting_failure([frame.run.counts]):
-                frame.stream.take(
+                frame.stream.add(
                     PendingFrame(frame.header, compare, frame.odometry_m, frame.is_awaited)
                 )
 

@@ -17,7 +17,7 @@ from functools import cached_property
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
-    ChannelSummary,
+    ChannelPartial,
     FinishedMessage,
     HaloMessage,
     SmoothedFrame,
@@ -128,7 +128,7 @@ class ChannelStream:
         """How many missing observations are to be taken at the end, once it has come."""
         self._ask_at = time.monotonic() + _ASK_AFTER_S
 
-    def take(self, frame: PendingFrame) -> None:
+    def add(self, frame: PendingFrame) -> None:
         """Take the next frame that came; it is answered in its turn."""
         self._waiting.append(frame)
         if len(self._waiting) > 2 * LENGTH:  # none of the others will remember so many
@@ -172,8 +172,8 @@ class ChannelStream:
     def _keep(self, sequence: int, message: HaloMessage) -> None:
         """Keep the partial results of a shard until it is their frame's turn."""
         if message.shards == self._stage.shards:
-            for each in message.summaries:
-                self._keep_one(sequence, each.channel, message.shard, each.summary)
+            for each in message.partials:
+                self._keep_one(sequence, each.channel, message.shard, each.partial)
 
     def _keep_one(self, sequence: int, channel: int, shard: int, partial: Partial) -> None:
         is_near = self._stream.next <= sequence < self._stream.next + 2 * LENGTH
@@ -221,11 +221,11 @@ class ChannelStream:
         for channel, partial in self._own.items():
             self._keep_one(sequence, channel, shard, partial)
         if shards > 1:
-            summaries = tuple(
-                ChannelSummary(channel=channel, summary=partial)
+            partials = tuple(
+                ChannelPartial(channel=channel, partial=partial)
                 for channel, partial in self._own.items()
             )
-            message = HaloMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
+            message = HaloMessage(map=self._map, shard=shard, shards=shards, partials=partials)
             self._outputs.halos.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:

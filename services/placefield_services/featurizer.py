@@ -28,8 +28,8 @@ from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
-from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outputs = {}
         for run, keys in process.keys.items():
@@ -85,7 +85,7 @@ class FeaturizerOutputs:
 
 
 @dataclass
-class _Run:
+class _FeaturizerRun:
     outputs: FeaturizerOutputs
     counts: Counter[str]
     follower: StreamFollower
@@ -93,18 +93,18 @@ class _Run:
     complained_of: str = ""
     """The last stream of which an unreadable frame was logged."""
     patient_from: float = 0.0
-    background_query: BackgroundQuery[[Header], "_Known"] = field(init=False)
+    background_query: BackgroundQuery[[Header], "_KnownStream"] = field(init=False)
     asked_of: str = ""
     """The last stream that others were asked of."""
     ask_until: float = 0.0
     forgets: bool = False
     """Whether too little was known of the stream that is on to go on with it."""
-    known: "_Known" = field(default_factory=lambda: _Known(-1, None))
+    known: "_KnownStream" = field(default_factory=lambda: _KnownStream(-1, None))
     """Of that stream."""
 
 
 @dataclass(frozen=True)
-class _Known:
+class _KnownStream:
     """What others know of a stream.
 
     Attributes:
@@ -135,7 +135,7 @@ class Featurizer:
         self._stage = DescriptorStage(model)
         self._fingerprint = fingerprint(model)
         self._runs = {
-            run: _Run(
+            run: _FeaturizerRun(
                 outputs,
                 counts[run],
                 StreamFollower(counts[run], partial(self._join, run)),
@@ -168,10 +168,10 @@ class Featurizer:
         if run.follower.begins(header):
             run.forgets = header.sequence > 0 and not self._ask(run, header)
         turn = run.follower.follow(header)
-        if turn is Turn.AHEAD and header.live:
-            run.follower.leap(header.sequence)
+        if turn is Turn.AFTER_GAP and header.live:
+            run.follower.skip_to(header.sequence)
             turn = Turn.NEXT
-        if turn is Turn.AHEAD:
+        if turn is Turn.AFTER_GAP:
             run.counts["out_of_order"] += 1
         if turn is Turn.NEXT:
             self._publish(run, header, frame)
@@ -188,7 +188,7 @@ class Featurizer:
         run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
-    def _ask(self, run: _Run, header: Header) -> bool:
+    def _ask(self, run: _FeaturizerRun, header: Header) -> bool:
         """Learn what others know of a stream that is on; return whether it is enough.
 
         Raises:
@@ -207,13 +207,13 @@ class Featurizer:
         run.patient_from = time.monotonic() + _IMPATIENT_S
         return False
 
-    def _goes_on(self, header: Header, known: _Known) -> bool:
+    def _goes_on(self, header: Header, known: _KnownStream) -> bool:
         """Whether enough is known of a stream to go on with it as the one before would have."""
         has_moments = known.moments is not None or not self._standardises
         needed = 0 if header.live else header.oldest - 1
         return known.made >= needed and has_moments
 
-    def _fetch(self, run: _Run, stream: str, header: Header) -> _Known:
+    def _fetch(self, run: _FeaturizerRun, stream: str, header: Header) -> _KnownStream:
         """Ask others what they know of a stream; in a thread of its own."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
         features = run.outputs.fetch_features(stream, first, end)
@@ -224,15 +224,15 @@ class Featurizer:
         fetched = run.outputs.fetch_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
         if last not in fetched:
-            return _Known(made, None)
+            return _KnownStream(made, None)
         try:
             moments = MomentsMessage.decode(fetched[last][1])
         except MessageError:
-            return _Known(made, None)
+            return _KnownStream(made, None)
         fits = moments.sums.shape == run.images.moments.sums.shape
-        return _Known(made, Moments(moments.frames, moments.sums) if fits else None)
+        return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
-    def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
+    def _publish(self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
         if self._standardises and feature is not None:  # before what was made with them
             moments = run.images.moments
@@ -240,7 +240,7 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
+    def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
             descriptor = run.images.update(frame.image)

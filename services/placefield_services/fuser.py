@@ -34,9 +34,9 @@ from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.live_channels import LiveChannels
-from placefield_services.metrics import serve_metrics
 from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess, counting_failure
+from placefield_services.prometheus import serve_metrics
 from placefield_services.smoothing import Smoothing
 
 SERVICE = "fuser"
@@ -56,7 +56,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
         fusers = {}

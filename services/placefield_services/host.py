@@ -21,9 +21,9 @@ from placefield.bus.session import MOST_TOKENS, Bus, open_router
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield.loading import ENV_PREFIX
-from placefield_services.metrics import ReceivedStats, serve_metrics
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED
+from placefield_services.prometheus import ReceivedStats, serve_metrics
 
 log = logging.getLogger(__name__)
 
@@ -61,14 +61,14 @@ def run_host(
     """
     with open_router(config.bus) as bus:
         if config.monitoring.port is not None:
-            serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).tell)
+            serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).report)
         readiness = _Readiness(bus, config.runs, channels, has_source)
         deaths = _Deaths(len(commands))
         children = [_Child(name, command, deaths) for name, command in commands.items()]
         try:
             while not stop.is_set():
                 for child in children:
-                    if child.has_given_up() and not readiness.was_told:
+                    if child.has_given_up() and not readiness.was_reported:
                         raise SystemExit(1)
                     child.keep_running()
                 if readiness.is_reached():
@@ -89,7 +89,7 @@ class _Readiness:
         roles += [("replay", None)] if has_source else []
         self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
-        self.was_told = False
+        self.was_reported = False
         for run in runs:
             bus.watch_alive(Keys(run).all_alive(), self._change)
 
@@ -100,11 +100,11 @@ class _Readiness:
             self._alive.add(key)
 
     def is_reached(self) -> bool:
-        if self.was_told:
+        if self.was_reported:
             return False
         if not self._needed <= {(run_of(key), _role(key)) for key in tuple(self._alive)}:
             return False
-        self.was_told = True
+        self.was_reported = True
         return True
 
 

@@ -21,8 +21,8 @@ from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
 from placefield_services.background_query import NotYet
-from placefield_services.metrics import Told
 from placefield_services.notifying import notify_alive, notify_ready
+from placefield_services.prometheus import ReportedStats
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ class ServiceProcess:
                     work([todo for _, todo in accepted])
             if after_batch is not None:
                 self._finish_batch(after_batch)
-            self._tell()
+            self._report_if_due()
 
     def _accept(
         self,
@@ -142,7 +142,7 @@ class ServiceProcess:
             with counting_failure([self.counts[run]]):
                 after_batch(run)
 
-    def _tell(self) -> None:
+    def _report_if_due(self) -> None:
         """Publish the counts, and tell the supervisor, once in a while."""
         now = time.monotonic()
         if now >= self._stats_due:
@@ -151,10 +151,10 @@ class ServiceProcess:
             for run, keys in self.keys.items():
                 self._bus.put(keys.stats(self._service, self.identity), self._stats(run))
 
-    def tell(self) -> Iterator[Told]:
+    def report(self) -> Iterator[ReportedStats]:
         """Yield what it has counted, by run."""
         for run in self.keys:
-            yield Told(run, self.identity, self._stats(run))
+            yield ReportedStats(run, self.identity, self._stats(run))
 
     def _stats(self, run: str) -> StatsMessage:
         newest = self.answers[run].newest if run in self.answers else None

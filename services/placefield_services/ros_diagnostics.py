@@ -4,8 +4,8 @@ import time
 
 from placefield.bus.keys import service_and_identity
 from placefield.bus.messages import StatsMessage
-from placefield.bus.ros import RosPublisher
-from placefield.ros.messages import OK, STALE, WARN, Status, diagnostics_message
+from placefield.bus.ros_node import RosPublisher
+from placefield.ros.ros_messages import OK, STALE, WARN, Status, diagnostics_message
 
 _PUBLISH_EVERY_S = 1.0
 _SILENT_S = 3.0  # a service tells once a second
@@ -41,18 +41,18 @@ class Diagnostics:
     def __init__(self, run: str, publisher: RosPublisher) -> None:
         self._run = run
         self._publisher = publisher
-        self._told: dict[Process, tuple[StatsMessage, float]] = {}
+        self._received: dict[Process, tuple[StatsMessage, float]] = {}
         self._published: dict[Process, dict[str, int]] = {}  # counts
         self._due = 0.0
 
-    def take(self, key: str, data: bytes) -> None:
+    def receive(self, key: str, data: bytes) -> None:
         """Take what a process tells of itself.
 
         Raises:
             MessageError: it does not parse.
         """
         stats = StatsMessage.decode(data)
-        self._told[service_and_identity(key)] = stats, time.monotonic()
+        self._received[service_and_identity(key)] = stats, time.monotonic()
 
     def publish(self) -> None:
         """Publish, if it is time to."""
@@ -60,14 +60,16 @@ class Diagnostics:
         if now < self._due:
             return
         self._due = now + _PUBLISH_EVERY_S
-        self._told = {
-            process: told for process, told in self._told.items() if now - told[1] < _FORGOTTEN_S
+        self._received = {
+            process: received
+            for process, received in self._received.items()
+            if now - received[1] < _FORGOTTEN_S
         }
         statuses = [
             self._status(process, stats, now - at > _SILENT_S)
-            for process, (stats, at) in sorted(self._told.items(), key=lambda item: item[0])
+            for process, (stats, at) in sorted(self._received.items(), key=lambda item: item[0])
         ]
-        self._published = {process: stats.counts for process, (stats, _) in self._told.items()}
+        self._published = {process: stats.counts for process, (stats, _) in self._received.items()}
         self._publisher.put(diagnostics_message(time.time_ns(), statuses))
 
     def _status(self, process: Process, stats: StatsMessage, is_silent: bool) -> Status:

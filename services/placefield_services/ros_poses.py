@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
-from placefield.bus.ros import RosPublisher
+from placefield.bus.ros_node import RosPublisher
 from placefield.errors import MessageError
 from placefield.ros.covariance import pose_covariance
-from placefield.ros.messages import pose_message
+from placefield.ros.ros_messages import pose_message
 
 FRAME = "map"
 """In which the poses are, as ROS calls it."""
@@ -40,7 +40,7 @@ class Poses:
         self._publisher = publisher
         self._counts = counts
 
-    def take(self, header: Header, data: bytes) -> None:
+    def publish(self, header: Header, data: bytes) -> None:
         """Publish the pose of a match, stamped as its frame, if it is known.
 
         Raises:

@@ -13,7 +13,7 @@ from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
-from placefield.ros.messages import read_image, read_position
+from placefield.ros.ros_messages import read_image, read_position
 
 log = logging.getLogger(__name__)
 
@@ -30,12 +30,12 @@ class RosSource:
     def __init__(
         self,
         frames: CachedPublisher,
-        tell_odometry: Callable[[OdometryMessage], None],
+        put_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
         spacing: Spacing | None = None,
     ) -> None:
         self._frames = frames
-        self._tell_odometry = tell_odometry
+        self._tell_odometry = put_odometry
         self._counts = counts
         self._spacing = spacing
         self._stream = uuid.uuid4().hex
@@ -43,10 +43,10 @@ class RosSource:
         self._stamp_ns = 0
         self._metres = 0.0
         self._position: NDArray[np.float64] | None = None
-        self._is_told = True
+        self._is_published = True
         """Whether the metres went with a frame already."""
 
-    def take_image(self, kind: str, data: bytes) -> None:
+    def publish_image(self, kind: str, data: bytes) -> None:
         """Publish an image as the next frame, with the stamp of its header, if it is to be taken.
 
         The metres travelled go with it, if odometry has come since the frame before: a vehicle
@@ -56,17 +56,17 @@ class RosSource:
             MessageError: it is none that we read.
         """
         stamp_ns, image = read_image(kind, data)
-        if not self._takes():
+        if not self._is_due():
             self._counts["left_out"] += 1
             return
         self._stamp_ns = stamp_ns
-        odometry_m = None if self._is_told else self._metres
+        odometry_m = None if self._is_published else self._metres
         self._frames.put(self._header(), FrameMessage(image=image, odometry_m=odometry_m))
-        self._is_told = True
+        self._is_published = True
         self._sent += 1
         self._counts["frames"] += 1
 
-    def _takes(self) -> bool:
+    def _is_due(self) -> bool:
         if self._spacing is None:
             return True
         if self._position is None:
@@ -75,7 +75,7 @@ class RosSource:
             return False
         return self._spacing.takes(self._metres)
 
-    def take_odometry(self, kind: str, data: bytes) -> None:
+    def publish_odometry(self, kind: str, data: bytes) -> None:
         """Publish the metres travelled so far, from one position to the next.
 
         Raises:
@@ -86,7 +86,7 @@ class RosSource:
         if not max(step, *np.abs(position)) < _FARTHEST_M:
             raise MessageError(f"odometry at {position} m: too far away to be true")
         self._position, self._metres = position, self._metres + step
-        self._is_told = False
+        self._is_published = False
         self._tell_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
-from placefield.bus.ros import RosPublisher
+from placefield.bus.ros_node import RosPublisher
 
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 

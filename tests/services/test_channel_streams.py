@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
-    ChannelSummary,
+    ChannelPartial,
     FinishedMessage,
     HaloMessage,
 )
@@ -277,9 +277,9 @@ def test_what_is_told_of_another_cut_or_map_is_not_taken(
 ) -> None:
     shards = Shards(route_map, "filter")
     for foreign in (2, 40):
-        summary = ChannelSummary(channel=0, summary=np.zeros(foreign))
+        partial = ChannelPartial(channel=0, partial=np.zeros(foreign))
         for count in (SHARDS, SHARDS + 1):
-            message = HaloMessage(map=route_map.digest, shard=1, shards=count, summaries=(summary,))
+            message = HaloMessage(map=route_map.digest, shard=1, shards=count, partials=(partial,))
             border = received(KEYS.halo("stranger"), header(0), message)
             shards.workers[0].accept(border)
     shards.send(header(0), descriptors[0], range(SHARDS))

@@ -43,13 +43,13 @@ class Stage:
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
-        self.unseen = RecordingPublisher(MissingObservationMessage)
+        self.unobserved = RecordingPublisher(MissingObservationMessage)
         self.features_elsewhere, self.moments_elsewhere = PeerCache(), PeerCache()
         self.counts: Counter[str] = Counter()
         outputs = FeaturizerOutputs(
             CachedPublisher(self.publisher, ReplayCache()),
             CachedPublisher(self.moments, ReplayCache()),
-            self.unseen,
+            self.unobserved,
             self.features_elsewhere.fetch,
             self.moments_elsewhere.fetch,
         )
@@ -119,7 +119,7 @@ def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
     assert [message.odometry_m for message in stage.features if message] == readings
     assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
     assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
-    told = [(about.sequence, message) for about, message in stage.unseen.sent]
+    told = [(about.sequence, message) for about, message in stage.unobserved.sent]
     assert told == [
         (1, MissingObservationMessage(reason="unreadable")),
         (2, MissingObservationMessage(reason="blank")),

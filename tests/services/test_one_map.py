@@ -11,7 +11,7 @@ from channel_stage import RUNS
 from channel_stage import Stage as WorkerStage
 from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
-from placefield.bus.candidate_messages import ChannelSummary, HaloMessage, SmoothedFrame
+from placefield.bus.candidate_messages import ChannelPartial, HaloMessage, SmoothedFrame
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.refusing import count_refused
@@ -79,13 +79,13 @@ def test_a_worker_says_which_map_it_has_and_refuses_partial_results_of_another(
     stage.send(header(1, end=True), None)
     told = [message for _, message in stage.publishers[RUNS[0]].sent]
     assert [message.model_dump()["map"] for message in told if message] == [route_map.digest] * 2
-    summary = ChannelSummary(channel=0, summary=route_map.places.travelled[:1])
-    border = HaloMessage(**OTHER, shard=0, shards=2, summaries=(summary,))
+    partial = ChannelPartial(channel=0, partial=route_map.places.travelled[:1])
+    halo = HaloMessage(**OTHER, shard=0, shards=2, partials=(partial,))
     with pytest.raises(OtherMapError):
-        stage.handle(_border(border))
+        stage.handle(_halo(halo))
 
 
-def _border(message: HaloMessage) -> Received:
+def _halo(message: HaloMessage) -> Received:
     return received(Keys(RUNS[0]).halo("stranger"), header(0), message)
 
 

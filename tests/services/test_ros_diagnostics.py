@@ -6,7 +6,7 @@ from ros_doubles import RecordingTopic
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.errors import MessageError
-from placefield.ros.messages import DIAGNOSTICS, OK, STALE, WARN
+from placefield.ros.ros_messages import DIAGNOSTICS, OK, STALE, WARN
 from placefield_services import ros_diagnostics
 from placefield_services.ros_diagnostics import Diagnostics
 
@@ -24,7 +24,7 @@ class Stage:
 
     def tell(self, service: str = "fuser", identity: str = "ab", **counts: int) -> None:
         stats = StatsMessage(service=service, counts=counts, stream="s", sequence=8)
-        self.diagnostics.take(KEYS.stats(service, identity), stats.encode())
+        self.diagnostics.receive(KEYS.stats(service, identity), stats.encode())
 
     def after(self, seconds: float) -> list[Any]:
         """Return the statuses that are published so much later."""
@@ -77,4 +77,4 @@ def test_they_are_published_once_a_second(stage: Stage) -> None:
 
 def test_what_is_no_stats_is_malformed(stage: Stage) -> None:
     with pytest.raises(MessageError):
-        stage.diagnostics.take(KEYS.stats("fuser", "ab"), b"garbage")
+        stage.diagnostics.receive(KEYS.stats("fuser", "ab"), b"garbage")

@@ -10,10 +10,10 @@ from hosting import PATIENCE_S, Host, Listener, answers_of, wait_until
 
 from placefield.bus.inbox import Received
 from placefield.bus.messages import FeatureMessage, OdometryMessage
-from placefield.bus.ros import RosNode
+from placefield.bus.ros_node import RosNode
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield.ros.messages import COMPRESSED_IMAGE, ODOMETRY
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
 
 CAMERA, ODOM = "/camera/image_raw/compressed", "/odom"
 

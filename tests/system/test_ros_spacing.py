@@ -7,8 +7,8 @@ from cdr_by_hand import compressed_image, odometry
 from hosting import PATIENCE_S, Host, Listener, wait_until
 
 from placefield.bus.messages import OdometryMessage
-from placefield.bus.ros import RosNode
-from placefield.ros.messages import COMPRESSED_IMAGE, ODOMETRY
+from placefield.bus.ros_node import RosNode
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
 
 CAMERA, ODOM = "/camera/image_raw/compressed", "/odom"
 

@@ -196,18 +196,18 @@ class FinishedMessage(_OfShard):
     smoothed: SmoothedFrames | None = None
 
 
-class ChannelSummary(Strict):
+class ChannelPartial(Strict):
     """What a channel's shards need of one of them, as part of a message."""
 
     channel: Channel
-    summary: NumberVector
+    partial: NumberVector
 
 
 class HaloMessage(_OfShard):
     """What the shards of a worker tell those beside them of a frame.
 
     Attributes:
-        summaries: one of each channel.
+        partials: one of each channel.
     """
 
-    summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
+    partials: tuple[ChannelPartial, ...] = Field(min_length=1)

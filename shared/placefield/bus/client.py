@@ -74,7 +74,7 @@ class Client:
         What was lost while a service or the router was away is sent again.
 
         Args:
-            images: encoded images, pixels (H, W) or (H, W, 3) BGR uint8, or files, taken now; or
+            images: encoded images, pixels (H, W) or (H, W, 3) BGR uint8, or files, received now; or
                 frames, that have their own stamp and odometry.
             live: whether the services drop frames that they cannot follow, as of a camera, which
                 does not wait. Their matches have the place ``UNANSWERED``.
@@ -120,13 +120,13 @@ class Client:
             if give_up_at is None and not sender.is_alive():
                 give_up_at = time.monotonic() + (0 if frames.has_stalled else _LAST_MATCH_S)
             try:
-                taken = matches.get(_POLL_S)
+                received = matches.get(_POLL_S)
             except MessageError as error:
                 self._bus.log_dropped(self._keys.match, error)
                 continue
-            if taken is None or taken[0].stream != frames.name:
+            if received is None or received[0].stream != frames.name:
                 continue
-            header, message = taken
+            header, message = received
             for _ in range(following, header.sequence):
                 yield Match(UNANSWERED, 0.0)
             following = header.sequence

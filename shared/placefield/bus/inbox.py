@@ -103,9 +103,9 @@ class Inbox:
             # a run that is held no more by now is so in the whole of what follows
             there = {run for run in self._turns if self._has_turn(run)}
             held = sum(len(self._waiting[run]) for run in there)
-            return [self._take(there) for _ in range(min(limit, held))]
+            return [self._pop(there) for _ in range(min(limit, held))]
 
-    def _take(self, runs: set[str]) -> Received:
+    def _pop(self, runs: set[str]) -> Received:
         """Take the oldest message of the next of these runs that has one; one has."""
         while self._turns[0] not in runs or not self._waiting[self._turns[0]]:
             self._turns.rotate(-1)

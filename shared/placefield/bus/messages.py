@@ -73,8 +73,8 @@ class MatchMessage(OfMap):
     @property
     def match(self) -> Match:
         """The match."""
-        told = {name: getattr(self, name) for name in _OF_MATCH}
-        return Match(**told | {"pose": None if self.pose is None else PlacePose(*self.pose)})
+        values = {name: getattr(self, name) for name in _OF_MATCH}
+        return Match(**values | {"pose": None if self.pose is None else PlacePose(*self.pose)})
 
 
 class SmoothedMessage(MatchMessage):

@@ -54,7 +54,7 @@ class Proof:
         """
         with self._lock:
             if self._is_proven(sequence, sent):
-                self._take(self._answers_due, sequence)
+                self._mark_received(self._answers_due, sequence)
             else:
                 self.forged += 1
             self._claimed.add(sequence)
@@ -63,7 +63,7 @@ class Proof:
     def match(self, sequence: int, sent: int) -> int | None:
         """Take that the match of a frame has come; see ``claim``."""
         with self._lock:
-            self._take(self._matches_due, sequence)
+            self._mark_received(self._matches_due, sequence)
             if sequence >= self.matched:
                 self._beyond.add(sequence)
             while self.matched in self._beyond:
@@ -71,7 +71,7 @@ class Proof:
                 self.matched += 1
             return self._proven(sent)
 
-    def _take(self, due: Counter[int], sequence: int) -> None:
+    def _mark_received(self, due: Counter[int], sequence: int) -> None:
         if due[sequence] > 0:
             due[sequence] -= 1
         else:

@@ -139,11 +139,11 @@ def fetcher(bus: Bus, key: str) -> Fetch:
     """Return what asks all who share a cache of one key."""
 
     def fetch(stream: str, first: int, end: int) -> Fetched:
-        told = {
+        fetched = {
             header.sequence: (header, payload)
             for header, payload in fetch_all(bus, key, stream, first, end)
         }
-        return dict(sorted(told.items()))
+        return dict(sorted(fetched.items()))
 
     return fetch
 

@@ -60,7 +60,7 @@ class FrameStream:
 
     def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
         self.sent = 0
-        self.unseen: Counter[str] = Counter()
+        self.unobserved: Counter[str] = Counter()
         self._last_unobserved = -1
         self.has_ended = False
         self.has_stalled = False
@@ -92,7 +92,7 @@ class FrameStream:
         if self._live:
             self._credits.answer(sequence)
         else:
-            self._believe(self._proof.claim(sequence, self.sent))
+            self._acknowledge(self._proof.claim(sequence, self.sent))
 
     def _note_match(self, received: Received) -> None:
         header = received.header
@@ -101,9 +101,9 @@ class FrameStream:
         if header.sequence >= self.sent:
             raise MessageError(f"the match of frame {header.sequence}, of {self.sent} sent")
         MatchMessage.decode(received.payload)
-        self._believe(self._proof.match(header.sequence, self.sent))
+        self._acknowledge(self._proof.match(header.sequence, self.sent))
 
-    def _believe(self, proven: int | None) -> None:
+    def _acknowledge(self, proven: int | None) -> None:
         if proven is not None:
             self._credits.answer(proven)
 
@@ -113,7 +113,7 @@ class FrameStream:
             self._last_unobserved < header.sequence < self.sent
         )  # else it was sent again, or never
         if header.stream == self.name and is_new:
-            self.unseen[MissingObservationMessage.decode(received.payload).reason] += 1
+            self.unobserved[MissingObservationMessage.decode(received.payload).reason] += 1
             self._last_unobserved = header.sequence
 
     def _note_life(self, key: str, is_alive: bool) -> None:
@@ -141,12 +141,12 @@ class FrameStream:
         self.has_ended = True
         self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
-        if disbelieved := self._counts["malformed"] + self._proof.forged:
+        if not_due := self._counts["malformed"] + self._proof.forged:
             log.warning(
                 "run %r: %d answers or matches were not due, and counted for nothing: does "
                 "somebody else publish on this run?",
                 self._run,
-                disbelieved,
+                not_due,
             )
         if not self._live and self._proof.matched < self.sent:
             log.warning(

@@ -18,7 +18,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
 from placefield.bus.message import MAX_BYTES, Header, Message
 from placefield.bus.settings import (
-    WATCHERS,
+    VIEWERS,
     client_settings,
     is_local,
     router_settings,
@@ -252,14 +252,14 @@ class Bus:
 
 @contextmanager
 def open_bus(
-    config: BusConfig, stop: threading.Event | None = None, *, watches: bool = False
+    config: BusConfig, stop: threading.Event | None = None, *, viewer: bool = False
 ) -> Iterator[Bus]:
     """Open a client session; it is closed at the end of the block.
 
     Args:
         config: where the router is, and how long to wait for it.
         stop: ends the wait.
-        watches: whether it only looks on: the router waits for no such session, and drops what one
+        viewer: whether it only looks on: the router waits for no such session, and drops what one
             does not take in time. A few can be; more are as any other.
 
     Raises:
@@ -270,7 +270,7 @@ def open_bus(
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
     if config.credentials:
         hint += "; if one is there, it refuses these credentials"
-    attempts = _attempts(config, settings, stop, WATCHERS if watches else ())
+    attempts = _attempts(config, settings, stop, VIEWERS if viewer else ())
     with _open(attempts, f"no router at {config.endpoint}: {hint}") as bus:
         yield bus
 

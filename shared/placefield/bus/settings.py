@@ -16,7 +16,7 @@ _RETRY = {"period_init_ms": 100, "period_max_ms": 1000}
 _ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/).+/.+|\w+/.+:[0-9]+([#?].*)?")
 """A protocol and an address; of those of the internet, with a port."""
 
-WATCHERS = tuple(f"{'77' * 15}{number:02x}" for number in range(1, 9))
+VIEWERS = tuple(f"{'77' * 15}{number:02x}" for number in range(1, 9))
 """What who only looks on calls itself at the router, which then drops rather than waits for it."""
 
 
@@ -32,8 +32,8 @@ def router_settings(config: BusConfig) -> dict[str, Any]:
         "connect/retry": _RETRY,
         "qos/network": [
             {
-                "id": "watchers",
-                "zids": WATCHERS,
+                "id": "viewers",
+                "zids": VIEWERS,
                 "flows": ["egress"],
                 "messages": ["put"],
                 "key_exprs": [f"{ROOT}/**"],

@@ -65,7 +65,7 @@ class Turn(Enum):
     """What a message is to the one who takes the frames of a stream in order."""
 
     NEXT = auto()
-    AHEAD = auto()  # there are frames before it that have not come
+    AFTER_GAP = auto()  # there are frames before it that have not come
     REPEATED = auto()
     DROPPED = auto()  # of a stream that was left
 
@@ -110,11 +110,11 @@ class StreamFollower:
             self._counts["repeated"] += 1
             return Turn.REPEATED
         if header.sequence > self.next:
-            return Turn.AHEAD
+            return Turn.AFTER_GAP
         self.next += 1
         return Turn.NEXT
 
-    def leap(self, sequence: int, gaps: int | None = None) -> None:
+    def skip_to(self, sequence: int, gaps: int | None = None) -> None:
         """Take this frame before its turn; so many before it are done without, if not all."""
         self._counts["gaps"] += sequence - self.next if gaps is None else gaps
         self.next = sequence + 1

@@ -11,7 +11,7 @@ from placefield.bus import message as message_module
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
-    ChannelSummary,
+    ChannelPartial,
     HaloMessage,
     SmoothedFrame,
     SmoothedFrames,
@@ -375,9 +375,9 @@ def test_a_strangers_field_name_can_forge_no_log_line() -> None:
 
 
 def test_a_shard_that_does_not_exist_is_refused() -> None:
-    summary = ChannelSummary(channel=0, summary=np.zeros(1))
+    partial = ChannelPartial(channel=0, partial=np.zeros(1))
     message = HaloMessage.model_construct(
-        map=NO_DIGEST, shard=3, shards=3, summaries=(summary,), version=2
+        map=NO_DIGEST, shard=3, shards=3, partials=(partial,), version=2
     )
     with pytest.raises(MessageError, match="there is no such shard"):
         HaloMessage.decode(message.encode())

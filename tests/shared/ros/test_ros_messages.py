@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from placefield.errors import MessageError
-from placefield.ros.messages import (
+from placefield.ros.ros_messages import (
     COMPRESSED_IMAGE,
     IMAGE,
     ODOMETRY,

@@ -49,7 +49,7 @@ def _listen(
     )
     keys = Keys(effective.run)
     stop = stop_event()
-    with open_bus(effective.bus, stop, watches=True) as bus:
+    with open_bus(effective.bus, stop, viewer=True) as bus:
         matches = MatchQueue(bus, keys, smoothed=True)
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():

@@ -7,7 +7,7 @@ import pytest
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.maps.map import Map
-from placefield_services.ros import Topics, run_ros
+from placefield_services.ros_gateway import Topics, run_ros
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError, MessageError
-from placefield.ros.images import decode_image
+from placefield.ros.image_messages import decode_image
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -179,7 +179,7 @@ def diagnostics_message(stamp_ns: int, statuses: Iterable[Status]) -> bytes:
     """
     kinds = _typestore().types
     key_value = kinds["diagnostic_msgs/msg/KeyValue"]
-    told = [
+    reported = [
         kinds["diagnostic_msgs/msg/DiagnosticStatus"](
             level=status.level,
             name=status.name,
@@ -189,7 +189,7 @@ def diagnostics_message(stamp_ns: int, statuses: Iterable[Status]) -> bytes:
         )
         for status in statuses
     ]
-    return _encode(DIAGNOSTICS, kinds[DIAGNOSTICS](header=_header(stamp_ns, ""), status=told))
+    return _encode(DIAGNOSTICS, kinds[DIAGNOSTICS](header=_header(stamp_ns, ""), status=reported))
 
 
 def _header(stamp_ns: int, frame_id: str) -> Any:

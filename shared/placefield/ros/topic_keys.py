@@ -94,8 +94,8 @@ class Node:
 
     def topic_token(self, number: int, use: Use, topic: str, kind: str, type_hash: str) -> str:
         """Return the token of one of its topics, which it numbers from 1."""
-        told = _mangled(topic), _dds_type(kind), type_hash, _QOS
-        return "/".join((self._token(number, use), *told))
+        parts = _mangled(topic), _dds_type(kind), type_hash, _QOS
+        return "/".join((self._token(number, use), *parts))
 
     def _token(self, number: int, what: str) -> str:
         lead = f"@ros2_lv/{self.domain}/{self.session}/0/{number}/{what}"

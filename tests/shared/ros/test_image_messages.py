@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError
-from placefield.ros.images import ENCODINGS, decode_image
+from placefield.ros.image_messages import ENCODINGS, decode_image
 
 HEIGHT, WIDTH = 12, 10
 BGR = cv2.GaussianBlur(

@@ -6,8 +6,8 @@ import uuid
 from collections.abc import Callable
 
 from placefield.bus.session import Bus
-from placefield.ros.keys import Node, attachment, kind_of_key, topic_key
-from placefield.ros.messages import type_hash
+from placefield.ros.ros_messages import type_hash
+from placefield.ros.topic_keys import Node, attachment, kind_of_key, topic_key
 
 
 class RosPublisher:

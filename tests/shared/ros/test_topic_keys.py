@@ -11,7 +11,7 @@ from zenoh_ros2_sdk.keyexpr import (
 from zenoh_ros2_sdk.qos import QosProfile
 
 from placefield.errors import ConfigError
-from placefield.ros.keys import (
+from placefield.ros.topic_keys import (
     Node,
     Use,
     attachment,

@@ -9,16 +9,16 @@ from functools import partial
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
-from placefield.bus.ros import RosNode
+from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.features.spacing import Spacing, check_spacing
 from placefield.maps.map import Map
-from placefield.ros.keys import check_name, check_topic
-from placefield.ros.messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
-from placefield_services.metrics import serve_metrics
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
+from placefield.ros.topic_keys import check_name, check_topic
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 from placefield_services.ros_diagnostics import Diagnostics
 from placefield_services.ros_poses import Poses
 from placefield_services.ros_source import RosSource
@@ -52,10 +52,10 @@ class Topics:
 
 
 @dataclass(frozen=True)
-class _Heard(Received):
+class _QueuedCall(Received):
     """A message, and what takes it."""
 
-    take: Callable[[], None]
+    handle: Callable[[], None]
 
 
 def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event) -> None:
@@ -78,7 +78,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         keys, counts = process.keys[run], process.counts[run]
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
         node = RosNode(bus, topics.domain, NAMESPACE, run)
@@ -88,14 +88,14 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
         # As image_transport names them. What comes says itself what it is.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
-        images = _offering(inbox, keys.frame, _IMAGE, source.take_image)
+        images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)
         node.subscribe(topics.image, kind, images)
         if topics.odometry is not None:
-            positions = _offering(inbox, keys.odometry, _OTHER, source.take_odometry)
+            positions = _offering(inbox, keys.odometry, _OTHER, source.publish_odometry)
             node.subscribe(topics.odometry, ODOMETRY, positions)
 
         diagnostics = Diagnostics(run, node.publisher("/diagnostics", DIAGNOSTICS))
-        stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.take)
+        stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
         if len(placemap.places.poses):
             of_map = placemap.places.poses, config.matching.tolerance, placemap.digest
@@ -108,27 +108,27 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 
         with process.sole():
             process.serve(
-                inbox, _take, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
+                inbox, _handle, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
             )
             source.end()
 
 
 def _offering(
-    inbox: Inbox, key: str, header: Header, take: Callable[[str, bytes], None]
+    inbox: Inbox, key: str, header: Header, handle: Callable[[str, bytes], None]
 ) -> Callable[[str, bytes], None]:
     """Return what has a message taken from the inbox, in its turn, that the bus's thread hears."""
 
     def offer(about: str, payload: bytes) -> None:
-        inbox.offer(_Heard(key, header, payload, partial(take, about, payload)))
+        inbox.offer(_QueuedCall(key, header, payload, partial(handle, about, payload)))
 
     return offer
 
 
 def _offer_match(inbox: Inbox, poses: Poses, match: Received) -> None:
-    take = partial(poses.take, match.header, match.payload)
-    inbox.offer(_Heard(match.key, _OTHER, match.payload, take))
+    handle = partial(poses.publish, match.header, match.payload)
+    inbox.offer(_QueuedCall(match.key, _OTHER, match.payload, handle))
 
 
-def _take(heard: Received) -> None:
-    assert isinstance(heard, _Heard)  # nothing else is offered
-    heard.take()
+def _handle(received: Received) -> None:
+    assert isinstance(received, _QueuedCall)  # nothing else is offered
+    received.handle()
