@@ -1,4 +1,4 @@
-"""The map server: hosts without a map fetch it from here."""
+"""The map server: it sends maps to other hosts."""
 
 import threading
 from collections import Counter
@@ -43,9 +43,9 @@ def run_mapserver(paths: Sequence[Path], config: Config, stop: threading.Event) 
 
 
 class MapAnswers:
-    """Answers for one map.
+    """Answers the queries for one map.
 
-    Counts ``offers`` and ``chunks`` that were sent, and what was ``refused``.
+    Counts the ``offers`` and ``chunks`` that were sent, and the ``refused`` queries.
     """
 
     def __init__(self, own: OwnMap, identity: str, counts: Collection[Counter[str]]) -> None:

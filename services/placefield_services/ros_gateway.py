@@ -1,4 +1,4 @@
-"""The gateway to ROS 2: a topic's images in as a live stream; poses and diagnostics out."""
+"""The gateway to ROS 2: it streams the images of a topic, and publishes poses and diagnostics."""
 
 import logging
 import threading
@@ -26,23 +26,27 @@ from placefield_services.ros_source import RosSource
 log = logging.getLogger(__name__)
 
 SERVICE = "replay"
-"""Under which a run has one source of frames, whatever it is."""
+"""The service name of every source of frames: a run has only one source."""
 
 NAMESPACE = "/placefield"
-"""Of the node, which is named after the run."""
+"""Namespace of the ROS node; the node has the name of the run."""
 
-_LIVE_IMAGES = 2  # that may wait: older ones are dropped
+_LIVE_IMAGES = 2  # images that may wait; older ones are dropped
 
-# An image makes room for a newer one; all else is small, and is kept.
+# A newer image displaces an older one; all other messages are small, and are kept.
 _IMAGE = Header(stream="ros", sequence=0, stamp_ns=0, live=True)
 _OTHER = Header(stream="ros", sequence=0, stamp_ns=0)
 
 
 @dataclass(frozen=True)
 class Topics:
-    """What is taken from ROS: its domain, and topics of it; none: no odometry.
+    """The ROS topics that the gateway subscribes to.
 
-    Images are taken every ``spacing_m`` metres by odometry; none: each one.
+    Attributes:
+        domain: the ROS domain.
+        image: the topic of images.
+        odometry: the topic of odometry; None: no odometry.
+        spacing_m: use an image every so many metres by odometry; None: use every image.
     """
 
     domain: int
@@ -53,7 +57,7 @@ class Topics:
 
 @dataclass(frozen=True)
 class _QueuedCall(Received):
-    """A message, and what takes it."""
+    """A received message with the function that handles it."""
 
     handle: Callable[[], None]
 
@@ -63,15 +67,15 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 
     Raises:
         BusError: the run has a source already.
-        ConfigError: there are several runs, a name is none for ROS, a spacing has no odometry, the
-            bus asks for credentials, or rosbags is missing.
-        SourceError: the spacing is no distance.
+        ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
+            the bus has credentials, or rosbags is missing.
+        SourceError: the spacing is not a distance.
     """
     if config.bus.credentials:
-        raise ConfigError("ROS 2 has no role on a bus with credentials; leave them out")
+        raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
     spacing = None if topics.spacing_m is None else Spacing(check_spacing(topics.spacing_m))
     if spacing is not None and topics.odometry is None:
-        raise ConfigError("--spacing: goes by odometry; give --odometry, too")
+        raise ConfigError("--spacing: needs odometry; give --odometry, too")
     run = check_name(config.run)
     for topic in filter(None, (topics.image, topics.odometry)):
         check_topic(topic)
@@ -86,7 +90,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         frames = CachedPublisher(bus.publisher(keys.frame), ReplayCache(1))
         process.answers[run] = frames.cache
         source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
-        # As image_transport names them. What comes says itself what it is.
+        # As image_transport names topics. Each message says its own kind.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
         images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)
         node.subscribe(topics.image, kind, images)
@@ -104,7 +108,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
                 poses = Poses(*of_map, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
         else:
-            log.warning("the map has no poses: none goes out to ROS")
+            log.warning("the map has no poses, so no poses are published to ROS")
 
         with process.sole():
             process.serve(
@@ -116,7 +120,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 def _offering(
     inbox: Inbox, key: str, header: Header, handle: Callable[[str, bytes], None]
 ) -> Callable[[str, bytes], None]:
-    """Return what has a message taken from the inbox, in its turn, that the bus's thread hears."""
+    """Return a function that queues a received message, to be handled by ``handle`` in its turn."""
 
     def offer(about: str, payload: bytes) -> None:
         inbox.offer(_QueuedCall(key, header, payload, partial(handle, about, payload)))

@@ -1,4 +1,4 @@
-"""A topic of ROS 2 as the live source of a run's frames."""
+"""Streams the images of a ROS 2 topic as the live source of a run's frames."""
 
 import logging
 import uuid
@@ -17,14 +17,14 @@ from placefield.ros.ros_messages import read_image, read_position
 
 log = logging.getLogger(__name__)
 
-_FARTHEST_M = 1e8  # above that the metres of a drive are lost in rounding, or it is not of earth
+_FARTHEST_M = 1e8  # farther positions are wrong, and rounding would lose the metres of a drive
 
 
 class RosSource:
-    """One live stream of frames, from a first image until the end, and the vehicle's odometry.
+    """One live stream of frames, from the first image until the end, and the vehicle's odometry.
 
-    Counts ``frames``, and as ``left_out`` the images that a spacing does not take, or of which it
-    is not known yet how far the vehicle has come.
+    Counts ``frames``, and as ``left_out`` the images between the spaced ones and the images before
+    the first odometry.
     """
 
     def __init__(
@@ -44,16 +44,16 @@ class RosSource:
         self._metres = 0.0
         self._position: NDArray[np.float64] | None = None
         self._is_published = True
-        """Whether the metres went with a frame already."""
+        """Whether a frame was published with the current metres."""
 
     def publish_image(self, kind: str, data: bytes) -> None:
-        """Publish an image as the next frame, with the stamp of its header, if it is to be taken.
+        """Publish an image as the next frame with the stamp of its header, if the spacing uses it.
 
-        The metres travelled go with it, if odometry has come since the frame before: a vehicle
-        whose odometry has stopped coming must not look like one that stands still.
+        The frame has the metres travelled only if odometry has come since the previous frame. So a
+        vehicle whose odometry has stopped does not look like a stationary vehicle.
 
         Raises:
-            MessageError: it is none that we read.
+            MessageError: the message is no image, or its encoding is not supported.
         """
         stamp_ns, image = read_image(kind, data)
         if not self._is_due():
@@ -71,26 +71,26 @@ class RosSource:
             return True
         if self._position is None:
             if not self._counts["left_out"]:
-                log.warning("images are left out until odometry comes, to space them by")
+                log.warning("images are left out until odometry comes: --spacing needs it")
             return False
         return self._spacing.takes(self._metres)
 
     def publish_odometry(self, kind: str, data: bytes) -> None:
-        """Publish the metres travelled so far, from one position to the next.
+        """Add the distance from the last position, and publish the metres travelled so far.
 
         Raises:
-            MessageError: it is no odometry.
+            MessageError: the message is no odometry, or its position is not plausible.
         """
         position = read_position(kind, data)[:2]  # in the plane, as of recordings
         step = 0.0 if self._position is None else float(np.hypot(*(position - self._position)))
         if not max(step, *np.abs(position)) < _FARTHEST_M:
-            raise MessageError(f"odometry at {position} m: too far away to be true")
+            raise MessageError(f"odometry at {position} m is too far away to be plausible")
         self._position, self._metres = position, self._metres + step
         self._is_published = False
         self._tell_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:
-        """Publish the end of the stream, if it has begun."""
+        """Publish the end of the stream, if the stream has begun."""
         if self._sent:
             self._frames.put(self._header(end=True))
 

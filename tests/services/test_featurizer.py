@@ -147,7 +147,7 @@ def test_of_the_unreadable_frames_of_a_stream_the_first_is_told_of(
     for stream in ("first", "second"):
         for sequence in range(3):
             stage.send(header(sequence, stream=stream), b"no image")
-    told = [message for message in caplog.messages if "was not seen" in message]
+    told = [message for message in caplog.messages if "missing observation" in message]
     assert [message[:8] for message in told] == ["frame 0 ", "frame 0 "]
 
 

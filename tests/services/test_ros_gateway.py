@@ -17,7 +17,7 @@ from placefield_services.ros_gateway import Topics, run_ros
         ({"runs": ["12"]}, Topics(0, "/camera"), "run '12'"),
         ({}, Topics(0, "camera/*"), r"topic 'camera/\*'"),
         ({}, Topics(0, "/camera", "odom"), "topic 'odom'"),
-        ({}, Topics(0, "/camera", spacing_m=0.5), "--spacing: goes by odometry"),
+        ({}, Topics(0, "/camera", spacing_m=0.5), "--spacing: needs odometry"),
         ({"bus": {"credentials": "x"}}, Topics(0, "/camera"), "credentials"),
     ],
 )

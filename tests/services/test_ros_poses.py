@@ -72,7 +72,7 @@ def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) 
     gappy = PLACES.copy()
     gappy[7] = np.nan
     poses = Poses(gappy, TOLERANCE, NO_DIGEST, stage.topic, stage.counts)
-    with pytest.raises(MessageError, match="place 7 it has no pose"):
+    with pytest.raises(MessageError, match="place 7 has no pose"):
         poses.publish(header(5), KNOWN.encode())
     assert not stage.topic.sent
 

@@ -1,4 +1,4 @@
-"""The matches of a run off the bus, in order."""
+"""Reads the matches of a run from the bus, in order."""
 
 import queue
 import time
@@ -15,24 +15,30 @@ from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError
 
 _QUIET_S = 2.0
-_STREAMS = 16  # of which it is known which map they are of
+_STREAMS = 16  # whose map is remembered
 
 OrderedMatch = tuple[Header, MatchMessage | None]
+"""A header and its match; at the end of a stream, no match."""
 
 
 class MatchQueue:
-    """The matches of a run from now on, each once; smoothed ones, too, if they are wanted.
+    """A queue of a run's matches from now on, each once; on request of its smoothed matches, too.
 
-    Either come in order, and the end of a stream after the last of all. In a lossless stream what
-    was lost on the way is asked for. All are of one map.
+    Matches come in order, and so do smoothed matches. The end of a stream comes after both. Lost
+    matches of a lossless stream are fetched from the fuser's replay cache. All matches are of one
+    map.
     """
 
     def __init__(
         self, bus: Bus, keys: Keys, *, smoothed: bool = False, digest: str | None = None
     ) -> None:
-        """Take whether smoothed matches are wanted: they are ready as ``SmoothedMessage``.
+        """Subscribe to the matches of a run.
 
-        ``digest`` is that of the map which they have to be of; None: the map of a stream's first.
+        Args:
+            bus: the session.
+            keys: of the run.
+            smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
+            digest: of the map that all matches must be of; None: the map of a stream's first match.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
@@ -48,10 +54,12 @@ class MatchQueue:
             bus.subscribe(key, self._received.put, self.counts)
 
     def get(self, timeout: float) -> OrderedMatch | None:
-        """Return the next match with its header, no match at the end of a stream; None: none yet.
+        """Return the next header and match; at the end of a stream, a header and no match.
+
+        Returns None if nothing comes within ``timeout`` seconds.
 
         Raises:
-            MessageError: it does not parse, or is of another map.
+            MessageError: a message does not parse, or is of another map.
         """
         end = time.monotonic() + timeout
         while not self._ready:
@@ -84,7 +92,7 @@ class _Maps:
         """Refuse a match of another map.
 
         Raises:
-            OtherMapError: it is.
+            OtherMapError: the match is of another map.
         """
         match.check_map(self._digest or self._by_stream.setdefault(header.stream, match.map))
         if self._digest is None:
@@ -94,7 +102,7 @@ class _Maps:
 
 
 class _InOrder:
-    """Puts what comes on one key in order, and asks for what is missing."""
+    """Puts the messages of one key in order, and fetches missing messages."""
 
     def __init__(
         self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], maps: _Maps
@@ -107,7 +115,7 @@ class _InOrder:
         self._ask_at = 0.0
 
     def ask_if_quiet(self) -> list[OrderedMatch]:
-        """Ask for what comes next: it, and all behind it, may have been lost on the way."""
+        """Fetch the next messages after some silence: they may have been lost."""
         if self._open_stream is None or time.monotonic() < self._ask_at:
             return []
         self._ask_at = time.monotonic() + _QUIET_S
@@ -121,7 +129,7 @@ class _InOrder:
         ]
 
     def receive(self, header: Header, payload: bytes) -> list[OrderedMatch]:
-        """Return what has its turn now."""
+        """Return the matches whose turn has come with this message."""
         self._ask_at = time.monotonic() + _QUIET_S
         match = None if header.end else self._decode(header, payload)
         turn = self._follower.follow(header)
@@ -146,7 +154,7 @@ class _InOrder:
         return match
 
     def _decoded(self, header: Header, payload: bytes) -> MatchMessage | None:
-        """Return a match that was asked for; none if it is to be refused."""
+        """Return a fetched match; None if it must be refused."""
         try:
             return self._decode(header, payload)
         except MessageError:
@@ -154,7 +162,7 @@ class _InOrder:
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:
-    """Yield the matches that are there until the stream ends, or none comes for ``timeout`` s."""
+    """Yield matches until the stream ends, or until none has come for ``timeout`` seconds."""
     while (ready := matches.get(timeout)) is not None:
         header, match = ready
         if match is None:

@@ -94,7 +94,7 @@ def test_a_frame_that_says_otherwise_of_being_live_is_refused_and_the_stream_goe
     ours = [header("s", n).model_copy(update={"live": live}) for n in range(3)]
     assert follower.follow(ours[0]) is Turn.NEXT
     for sequence in (0, 1, 2**40):
-        with pytest.raises(MessageError, match="live or is not"):
+        with pytest.raises(MessageError, match="live and its stream is not"):
             follower.follow(header("s", sequence).model_copy(update={"live": not live}))
     assert [follower.follow(one) for one in ours[1:]] == [Turn.NEXT, Turn.NEXT]
     assert counts == {"streams": 1}

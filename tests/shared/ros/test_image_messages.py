@@ -92,7 +92,7 @@ def test_the_last_row_may_lack_its_padding() -> None:
     [
         ({"encoding": "32FC1"}, "'32FC1'; give one of mono8"),
         ({"data": GREY.tobytes()[:-1]}, "has 119 bytes in rows of 10"),
-        ({"step": WIDTH - 1}, "rows of 9; it takes rows of 10"),
+        ({"step": WIDTH - 1}, "rows of 9; it needs rows of 10"),
         ({"height": 0}, "is 10×0; give at least 8×8"),
         ({"width": 2**31, "height": 2**31}, "at most 64000000 pixels"),
     ],
