@@ -37,7 +37,7 @@ Descriptor = NDArray[np.float32]
 SmoothedCandidate = tuple[int, int, int, float, bytes, bytes]
 """Sequence, lag, place, score, places and evidence."""
 
-Told = tuple[int, int, float, bytes, bytes]
+ChannelAnswer = tuple[int, int, float, bytes, bytes]
 """Sequence, place, score, places and evidence of a candidate."""
 
 
@@ -105,7 +105,7 @@ class Stage:
     def send(self, about: Header, descriptor: Descriptor | None) -> None:
         self.handle(self.feature(about, descriptor))
 
-    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
+    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[ChannelAnswer]:
         """What was published of a channel."""
         return [
             (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
@@ -160,7 +160,7 @@ def offline(
     descriptors: list[Descriptor | None],
     *,
     reverse: bool = False,
-) -> list[Told]:
+) -> list[ChannelAnswer]:
     matching = MatchingConfig(rule=rule, reverse=reverse)
     matcher = ChannelShard(placemap.channels[channel], matching).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=False)

@@ -14,7 +14,7 @@ from placefield_services import channel as channel_module
 
 @pytest.fixture(autouse=True)
 def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a channel worker not wait for what nobody remembers."""
+    """Let a channel worker not wait for frames that no cache has."""
     monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
 
 

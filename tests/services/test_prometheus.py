@@ -38,7 +38,7 @@ def scraped(port: int) -> dict[tuple[str, ...], float]:
     }
 
 
-def test_prometheus_reads_what_is_told_when_it_asks(port: int) -> None:
+def test_prometheus_reads_the_statistics_of_the_moment(port: int) -> None:
     reported = [FUSER]
     serve_metrics(MonitoringConfig(port=port), lambda: reported)
     found = scraped(port)
@@ -50,7 +50,7 @@ def test_prometheus_reads_what_is_told_when_it_asks(port: int) -> None:
     assert not [name for name in scraped(port) if name[0].startswith("placefield")]
 
 
-def test_a_port_that_is_taken_is_refused_in_one_line(port: int) -> None:
+def test_a_port_in_use_is_refused_in_one_line(port: int) -> None:
     serve_metrics(MonitoringConfig(port=port), list)
     with pytest.raises(ConfigError, match=rf"--metrics-port: cannot listen at .*:{port} "):
         serve_metrics(MonitoringConfig(port=port), list)
@@ -72,7 +72,7 @@ class Stats(Bus):
         self.report = receive
 
 
-def test_a_host_overhears_all_services_and_forgets_who_is_silent(
+def test_a_host_exports_all_services_and_drops_silent_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bus = Stats()

@@ -21,7 +21,7 @@ from placefield_services.ros_gateway import Topics, run_ros
         ({"bus": {"credentials": "x"}}, Topics(0, "/camera"), "credentials"),
     ],
 )
-def test_what_ros_cannot_have_is_refused(
+def test_settings_that_ros_cannot_use_are_refused(
     route_map: Map, settings: dict[str, object], topics: Topics, complaint: str
 ) -> None:
     with pytest.raises(ConfigError, match=complaint):

@@ -53,7 +53,7 @@ def test_a_known_match_is_a_pose_in_the_map(stage: Stage) -> None:
     "changes",
     [{"known": False}, {"known": None, "probability": None}, {"place": -1, "pose": None}],
 )
-def test_what_is_not_known_is_no_pose(stage: Stage, changes: dict[str, object]) -> None:
+def test_a_match_that_is_not_known_has_no_pose(stage: Stage, changes: dict[str, object]) -> None:
     stage.publish(**changes)
     assert not stage.topic.sent
 
@@ -77,7 +77,7 @@ def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) 
     assert not stage.topic.sent
 
 
-def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
+def test_a_smoothed_match_is_a_pose_too(stage: Stage) -> None:
     smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
     poses = Poses(PLACES, TOLERANCE, NO_DIGEST, stage.topic, stage.counts, smoothed=True)
     poses.publish(header(5), smoothed.encode())

@@ -20,10 +20,10 @@ class Stage:
 
     def __init__(self, spacing: Spacing | None = None) -> None:
         self.frames = RecordingPublisher(FrameMessage)
-        self.told: list[OdometryMessage] = []
+        self.odometry: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
         frames = CachedPublisher(self.frames, ReplayCache(1))
-        self.source = RosSource(frames, self.told.append, self.counts, spacing)
+        self.source = RosSource(frames, self.odometry.append, self.counts, spacing)
 
 
 @pytest.fixture
@@ -70,37 +70,37 @@ def test_each_source_has_a_stream_of_its_own(stage: Stage) -> None:
 def test_odometry_adds_up_the_way_and_never_goes_down(stage: Stage) -> None:
     for position in ([3, 4, 0], [3, 6, 9], [0, 2, 9], [0, 2, 9]):
         stage.source.publish_odometry(ODOMETRY, odometry(position))
-    assert [told.metres for told in stage.told] == [0, 2, 7, 7]
+    assert [message.metres for message in stage.odometry] == [0, 2, 7, 7]
 
 
-def test_an_image_carries_the_metres_if_odometry_came_since_the_one_before(stage: Stage) -> None:
+def test_a_frame_has_the_metres_if_odometry_came_since_the_previous_frame(stage: Stage) -> None:
     for second, positions in enumerate(([], [[0, 0, 0]], [], [[1, 0, 0], [3, 0, 0]], [])):
         for position in positions:
             stage.source.publish_odometry(ODOMETRY, odometry(position))
         stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((second, 0), b"image"))
-    told = [message.odometry_m for _, message in stage.frames.sent if message]
-    assert told == [None, 0, None, 3, None]
+    metres = [message.odometry_m for _, message in stage.frames.sent if message]
+    assert metres == [None, 0, None, 3, None]
 
 
-def test_odometry_that_is_absurd_costs_itself_only(stage: Stage) -> None:
+def test_implausible_odometry_is_refused_and_affects_nothing_else(stage: Stage) -> None:
     stage.source.publish_odometry(ODOMETRY, odometry([0, 0, 0]))
     for absurd in ([1e200, 0, 0], [0, -1e308, 0]):
         with pytest.raises(MessageError, match="too far away"):
             stage.source.publish_odometry(ODOMETRY, odometry(absurd))
     stage.source.publish_odometry(ODOMETRY, odometry([3, 4, 0]))
-    assert [told.metres for told in stage.told] == [0, 5]
+    assert [message.metres for message in stage.odometry] == [0, 5]
 
 
-def test_spaced_images_are_taken_by_odometry_and_the_others_counted(
+def test_images_are_spaced_by_odometry_and_the_others_counted(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     stage = Stage(Spacing(1.0))
-    take = stage.source.publish_image
+    publish = stage.source.publish_image
     for second in (1, 2):
-        take(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))
+        publish(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))
     for tenth in range(25):
         stage.source.publish_odometry(ODOMETRY, odometry([tenth / 10, 0, 0]))
-        take(COMPRESSED_IMAGE, compressed_image((3, tenth), str(tenth).encode()))
+        publish(COMPRESSED_IMAGE, compressed_image((3, tenth), str(tenth).encode()))
     stage.source.end()
     sent = [(header, message) for header, message in stage.frames.sent if message]
     assert [message.image for _, message in sent] == [b"0", b"10", b"20"]

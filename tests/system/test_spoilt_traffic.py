@@ -20,12 +20,14 @@ GROWTH = 64 * 2**20
 """Bytes that a process may grow by, however many messages come: queues and allocators fill up."""
 
 
-def overhear_a_replay(
-    heard: ReceivedTraffic, host: Host, query_dir: Path
+def record_a_replay(
+    traffic: ReceivedTraffic, host: Host, query_dir: Path
 ) -> dict[str, list[Received]]:
     host.replay(query_dir)
-    wait_until(lambda: sum("/stats/" in topic for topic in heard.topics) >= 4, "counts are heard")
-    return dict(heard.topics)
+    wait_until(
+        lambda: sum("/stats/" in topic for topic in traffic.topics) >= 4, "counts are received"
+    )
+    return dict(traffic.topics)
 
 
 def wait_until_digested(listener: Listener) -> None:
@@ -60,12 +62,12 @@ def test_thousands_of_bad_messages_change_no_answer_take_no_memory_and_are_count
     with Host(logs, map_path, "--workers", "2") as host:
         with open_bus(BusConfig(endpoint=host.endpoint)) as bus, host.listener() as listener:
             keys = listener.keys
-            heard = overhear_a_replay(ReceivedTraffic(bus, keys), host, query_dir)
+            traffic = record_a_replay(ReceivedTraffic(bus, keys), host, query_dir)
             be_strange(bus, keys)
-            publish(bus, heard, 300, seed=1)
+            publish(bus, traffic, 300, seed=1)
             wait_until_digested(listener)
             before = memory(host)
-            published = publish(bus, heard, EACH, seed=2)
+            published = publish(bus, traffic, EACH, seed=2)
             replies = list(query(bus, keys.cache(keys.feature), 4, seed=3))
             wait_until_digested(listener)
             after = memory(host)

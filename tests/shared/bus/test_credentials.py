@@ -129,7 +129,7 @@ def test_a_router_without_access_control_does_not_open(made: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("address", "warns"), [("0.0.0.0", True), ("127.0.0.1", False)])
-def test_a_router_that_others_reach_without_credentials_says_so(
+def test_a_router_exposed_without_credentials_logs_a_warning(
     endpoint: str, caplog: pytest.LogCaptureFixture, address: str, warns: bool
 ) -> None:
     elsewhere = endpoint.replace("127.0.0.1", address)

@@ -24,7 +24,7 @@ def test_never_more_frames_are_under_way_than_the_window(
         assert credits.answered == answered
 
 
-def test_an_answer_wakes_whoever_waits_for_a_credit() -> None:
+def test_an_answer_wakes_a_waiting_acquire() -> None:
     credits = Credits(1)
     assert credits.acquire(0)
     timer = threading.Timer(0.05, credits.answer, [0])

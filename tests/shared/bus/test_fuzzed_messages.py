@@ -1,4 +1,4 @@
-"""Whatever bytes come: a message within its documented bounds, or one short line of refusal."""
+"""Any bytes are a message within its documented limits, or are refused with one short line."""
 
 import struct
 import tracemalloc

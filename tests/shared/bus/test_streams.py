@@ -28,7 +28,7 @@ def follower_from_first(counts: Counter[str]) -> StreamFollower:
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=40), st.booleans())
-def test_each_frame_is_followed_once_in_order_and_every_one_that_was_done_without_is_counted(
+def test_each_frame_is_followed_once_in_order_and_every_skipped_frame_is_counted(
     sequences: list[int], skips: bool
 ) -> None:
     counts: Counter[str] = Counter()
@@ -60,7 +60,7 @@ def test_joining_a_stream_late_is_no_gap() -> None:
     assert follower.next == 504
 
 
-def test_whoever_follows_says_where_a_stream_begins() -> None:
+def test_join_decides_where_a_stream_begins() -> None:
     joined: list[int] = []
 
     def join(first: Header) -> int:
@@ -86,7 +86,7 @@ def test_a_message_that_is_dropped_leaves_the_stream_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_a_frame_that_says_otherwise_of_being_live_is_refused_and_the_stream_goes_on(
+def test_a_live_frame_in_a_lossless_stream_or_the_reverse_is_refused_and_the_stream_continues(
     live: bool,
 ) -> None:
     counts: Counter[str] = Counter()

@@ -97,7 +97,7 @@ def test_the_last_row_may_lack_its_padding() -> None:
         ({"width": 2**31, "height": 2**31}, "at most 64000000 pixels"),
     ],
 )
-def test_fields_that_do_not_fit_are_told(how: dict[str, object], what: str) -> None:
+def test_fields_that_do_not_fit_are_reported(how: dict[str, object], what: str) -> None:
     fields = {
         "height": HEIGHT,
         "width": WIDTH,

@@ -61,7 +61,7 @@ def test_odometry_is_its_position(order: str) -> None:
         lambda: pose_message(2**31 * 10**9, "map", (0, 0, 0), np.zeros((6, 6))),
     ],
 )
-def test_what_does_not_fit_is_a_message_error(spoilt) -> None:  # type: ignore[no-untyped-def]
+def test_a_malformed_message_is_a_message_error(spoilt) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(MessageError):
         spoilt()
 
