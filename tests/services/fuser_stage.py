@@ -22,8 +22,9 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser import Fuser, FuserCaches, FuserOutputs
+from placefield_services.fuser import Fuser, FuserCaches
 from placefield_services.live_channels import LiveChannels
+from placefield_services.match_publisher import FuserOutputs
 
 KEYS = Keys("test")
 CANDIDATES = KEYS.candidates("worker")

@@ -16,6 +16,7 @@ from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_EVIDENCE, NO_PLACES, Candidate
 from placefield_services import fuser as fuser_module
+from placefield_services import held_candidates
 
 Held = Callable[[int], tuple[np.ndarray, np.ndarray]]
 """Makes the places and evidence of a candidate, for a map of so many places."""
@@ -253,7 +254,7 @@ def test_of_a_stream_that_does_not_begin_the_newest_candidates_are_kept_and_the_
 def test_nor_do_they_take_more_than_so_many_bytes(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fuser_module, "_EARLY_BYTES", 1000)
+    monkeypatch.setattr(held_candidates, "_MOST_BYTES", 1000)
     for sequence in range(100):
         stage.answer(0, header(sequence, stream="late"))
     assert stage.counts["dropped_full"] > 90

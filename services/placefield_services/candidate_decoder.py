@@ -1,0 +1,65 @@
+"""What channel workers publish, decoded and checked before the fuser uses any of it."""
+
+from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage, SmoothedFrame
+from placefield.bus.message import Header
+from placefield.config import MatchingConfig
+from placefield.errors import MessageError
+from placefield.fusion.fusion_stage import FusionStage
+from placefield.maps.map import Map
+from placefield.matching.candidate import Candidate
+
+
+class CandidateDecoder:
+    """Decodes the messages of channel workers; a message is accepted as a whole or not at all."""
+
+    def __init__(self, placemap: Map, matching: MatchingConfig, stage: FusionStage) -> None:
+        """Take the fuser's own map and rule, which the workers must have, too."""
+        self._map = placemap
+        self._matching = matching
+        self._stage = stage
+
+    def decode(self, header: Header, payload: bytes) -> CandidatesMessage | FinishedMessage:
+        """Return the candidates of a frame, or what a worker smoothed at the end of a stream.
+
+        Raises:
+            MessageError: it does not parse, or it is of another map, rule or lag.
+        """
+        kind = FinishedMessage if header.end else CandidatesMessage
+        message = kind.decode(payload)
+        message.check_map(self._map.digest)
+        rule = self._matching.rule
+        if message.rule != rule:
+            raise MessageError(
+                f"candidate of rule {message.rule}, this fuser's is {rule}: give both one --rule"
+            )
+        for frame in [] if message.smoothed is None else message.smoothed.frames(0):
+            self.check_smoothed(frame, message.shards)
+        if isinstance(message, CandidatesMessage):
+            for each in message.candidates:
+                self.check(each.candidate, message.shards)
+        return message
+
+    def check(self, candidate: Candidate, shards: int = 1) -> None:
+        """Check a candidate of a channel, or of one of its shards.
+
+        Raises:
+            MessageError: it is of another map.
+        """
+        if not self._stage.fits(candidate, shards):
+            places = self._map.places.count
+            raise MessageError(f"candidate of another map: this fuser's has {places} places")
+
+    def check_smoothed(self, frame: SmoothedFrame, shards: int = 1) -> None:
+        """Check what a channel, or one of its shards, smoothed.
+
+        Raises:
+            MessageError: it is of another map or lag.
+        """
+        if not self._stage.fits(frame.candidate, shards):
+            raise MessageError("smoothed by a channel of another map")
+        lag = self._matching.lag
+        if frame.lag > lag:
+            raise MessageError(
+                f"smoothed after {frame.lag} frames, this fuser's lag is {lag}: "
+                "give both one matching.lag"
+            )

@@ -1,0 +1,31 @@
+"""What all streams of a run share in the fuser."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from placefield.config import Config
+from placefield.fusion.fusion_stage import FusionStage
+from placefield_services.candidate_decoder import CandidateDecoder
+from placefield_services.live_channels import LiveChannels
+from placefield_services.match_publisher import MatchPublisher
+
+
+@dataclass(frozen=True)
+class FusionParts:
+    """What all streams of a run share in the fuser.
+
+    Attributes:
+        config: of the fuser.
+        channels: which channels there are, and which are alive.
+        stage: fuses candidates.
+        decoder: decodes and checks what channel workers publish.
+        publisher: publishes what was fused.
+        counts: of the run.
+    """
+
+    config: Config
+    channels: LiveChannels
+    stage: FusionStage
+    decoder: CandidateDecoder
+    publisher: MatchPublisher
+    counts: Counter[str]
