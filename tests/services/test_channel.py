@@ -154,7 +154,7 @@ def test_a_malformed_message_or_one_of_another_map_leaves_the_stream_as_it_was(
 
 @dataclass(frozen=True)
 class Sent:
-    """What is sent to a worker: a run, a frame of its stream, and how many more in one batch."""
+    """A message to a worker: its run, its frame, and how many more are in the same batch."""
 
     run: str
     gap: int

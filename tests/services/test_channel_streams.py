@@ -122,7 +122,7 @@ class Shards:
             worker.after_batch("test")
 
     def joined(self, channel: int) -> dict[int, Candidate]:
-        """What the fuser makes of the answers, by frame."""
+        """Return the joined candidates of the shards, by frame."""
         joiner, joined = ShardJoiner(self._rule), {}
         for shard, answered in self.answered.items():
             for about, message in answered.sent:

@@ -38,7 +38,7 @@ def images(query_dir: Path) -> list[bytes]:
 
 
 class Stage:
-    """A featurizer, what it published and what it counted."""
+    """A featurizer with its published messages and its counts."""
 
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
@@ -218,7 +218,7 @@ def test_a_live_frame_waits_for_none(stage: Stage, images: list[bytes]) -> None:
 
 
 def ended_in_the_midst(route_map: Map, images: list[bytes], *, live: bool) -> tuple[Stage, Stage]:
-    """Return a featurizer of all frames, and one of the last with what is known of the first."""
+    """Return a featurizer of all frames, and one that resumes the stream after the first frames."""
     whole, second = Stage(route_map), Stage(route_map)
     for sequence, image in enumerate(images):
         whole.send(header(sequence, live=live), image)

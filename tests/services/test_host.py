@@ -1,4 +1,4 @@
-"""A host whose services are stand-ins: what starts, restarts and ends them does not know."""
+"""A host starts, restarts and ends its services; here they are small scripts."""
 
 import os
 import random

@@ -1,4 +1,4 @@
-"""Services answer for one map, and refuse what is of another, however alike the two are."""
+"""Services refuse messages of another map, even if it is very similar."""
 
 import hashlib
 from collections import Counter

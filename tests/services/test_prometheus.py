@@ -1,4 +1,4 @@
-"""What Prometheus reads of a service."""
+"""The metrics that Prometheus reads from a service."""
 
 from collections.abc import Callable
 from typing import Any

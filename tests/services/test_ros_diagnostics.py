@@ -14,7 +14,7 @@ KEYS = Keys("run")
 
 
 class Stage:
-    """Diagnostics at a time of their own, and what they published."""
+    """Diagnostics with a simulated clock, and their published messages."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
@@ -27,7 +27,7 @@ class Stage:
         self.diagnostics.receive(KEYS.stats(service, identity), stats.encode())
 
     def after(self, seconds: float) -> list[Any]:
-        """Return the statuses that are published so much later."""
+        """Return the statuses that are published after a time."""
         self.now += seconds
         self.topic.sent.clear()
         self.diagnostics.publish()

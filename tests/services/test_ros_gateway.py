@@ -1,4 +1,4 @@
-"""What the gateway refuses before it speaks to anybody."""
+"""Settings that the gateway refuses before it connects."""
 
 import threading
 

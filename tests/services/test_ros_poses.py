@@ -20,7 +20,7 @@ KNOWN = MatchMessage(
 
 
 class Stage:
-    """What publishes poses, what it published and what it counted."""
+    """A publisher of poses with its published messages and its counts."""
 
     def __init__(self) -> None:
         self.topic = RecordingTopic(POSE)

@@ -16,7 +16,7 @@ PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
 
 
 class Stage:
-    """A source, what it published and what it counted."""
+    """A source with its published messages and its counts."""
 
     def __init__(self, spacing: Spacing | None = None) -> None:
         self.frames = RecordingPublisher(FrameMessage)

@@ -214,7 +214,7 @@ class Bus:
             if self.alive(keys.all_alive(service)) - {own}:
                 raise BusError(
                     f"run {keys.run!r} has a {service} already; "
-                    "stop that one, or take another name with --run"
+                    "stop that one, or choose another name with --run"
                 )
             yield
         finally:

@@ -1,4 +1,4 @@
-"""A program's client, before services that stand in for the real ones."""
+"""The client for other programs, tested with simple services."""
 
 import itertools
 import threading
@@ -25,7 +25,7 @@ KEYS = Keys("test")
 
 
 class StandIn:
-    """Answers each frame, once or again, with the place that its image says."""
+    """Answers each frame, once or repeatedly, with the place that its image names."""
 
     def __init__(self, bus: Bus, *, deaf_to: frozenset[int] = frozenset()) -> None:
         self.ended: list[str] = []

@@ -10,7 +10,7 @@ from placefield.bus.credits import Credits
 def test_never_more_frames_are_under_way_than_the_window(
     window: int, steps: list[int | None]
 ) -> None:
-    """None asks for a credit, a number answers all frames up to that one that were sent."""
+    """None acquires a credit; a number answers all sent frames up to that number."""
     credits = Credits(window)
     sent = answered = 0
     for step in steps:

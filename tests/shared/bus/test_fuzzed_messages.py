@@ -167,7 +167,7 @@ def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
 
 
 def check_bounds(message: Message) -> None:
-    """Check what the docstrings of the messages promise, in other words than theirs."""
+    """Check the limits in the docstrings of the messages, with independent code."""
     assert message.version == 2
     match message:
         case Header():

@@ -111,7 +111,7 @@ def candidate(channel: int) -> ChannelCandidate:
 
 
 def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
-    """Decode; nothing but a MessageError of one short line may come out of what does not parse."""
+    """Decode a message; a malformed one must raise a MessageError of one short line."""
     try:
         return kind.decode(data)
     except MessageError as error:

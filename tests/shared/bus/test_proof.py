@@ -6,7 +6,7 @@ from placefield.bus.proof import Proof
 
 
 def sent(frames: int, *, again: int = 0) -> Proof:
-    """Return the books of so many frames and the end, of which the first were sent again."""
+    """Return the proof of some sent frames and the end; the first frames were sent again."""
     proof = Proof()
     for sequence in (*range(frames + 1), *range(again)):
         proof.send(sequence)

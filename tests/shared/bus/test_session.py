@@ -51,7 +51,7 @@ def receiver(router: Bus, config: BusConfig) -> Iterator[Bus]:
 
 @pytest.fixture
 def untrusted_client(router: Bus, config: BusConfig) -> Iterator[zenoh.Session]:
-    """A session that speaks Zenoh, but not our messages."""
+    """A Zenoh session that does not use our messages."""
     settings = zenoh.Config()
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", f'["{config.endpoint}"]')

@@ -38,7 +38,7 @@ def router(endpoint: str) -> Iterator[Bus]:
 
 @pytest.mark.usefixtures("router")
 def test_a_stopped_viewer_does_not_block_the_pipeline(endpoint: str) -> None:
-    """If it were, all would have been sent only once the router has given it up."""
+    """If the router waited, it would send nothing more until it drops the viewer."""
     frame = FrameMessage(image=np.random.default_rng(0).bytes(900_000)).encode()
     command = [sys.executable, "-c", VIEWER, endpoint]
     with open_bus(BusConfig(endpoint=endpoint)) as bus, subprocess.Popen(command) as viewer:

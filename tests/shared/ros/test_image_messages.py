@@ -24,7 +24,7 @@ BAYER = {
 
 
 def decoded(encoding: str, rows: NDArray[np.generic], *, padding: int = 0) -> NDArray[np.uint8]:
-    """What is read from an image with these rows (H, W, ...), padded."""
+    """Decode an image with these rows (H, W, ...), padded."""
     flat = np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), -1)
     padded = np.pad(flat, ((0, 0), (0, padding)), constant_values=77)
     big = rows.dtype.byteorder == ">"
