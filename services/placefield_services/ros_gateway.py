@@ -20,7 +20,7 @@ from placefield.ros.topic_keys import check_name, check_topic
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.ros_diagnostics import Diagnostics
-from placefield_services.ros_poses import Poses
+from placefield_services.ros_poses import MapPoses, Poses
 from placefield_services.ros_source import RosSource
 
 log = logging.getLogger(__name__)
@@ -102,10 +102,10 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
         if len(placemap.places.poses):
-            of_map = placemap.places.poses, config.matching.tolerance, placemap.digest
+            of_map = MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
-                poses = Poses(*of_map, publisher, counts, smoothed=key == keys.smoothed)
+                poses = Poses(of_map, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
         else:
             log.warning("the map has no poses, so no poses are published to ROS")

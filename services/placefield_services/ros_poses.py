@@ -1,6 +1,7 @@
 """Publishes the matches, or the smoothed matches, of a run as poses of ROS 2."""
 
 from collections import Counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,26 @@ FRAME = "map"
 """The coordinate frame of the poses in ROS."""
 
 
+class MapPoses(NamedTuple):
+    """The poses of one map's places.
+
+    Attributes:
+        poses: (K, 3) x and y in metres and yaw in radians; NaN where a place has none.
+        tolerance: how many places a known match may be off.
+        digest: of the map.
+    """
+
+    poses: NDArray[np.float64]
+    tolerance: int
+    digest: str
+
+
 class Poses:
     """Publishes the poses of known matches, and counts them as ``poses``, or ``smoothed_poses``."""
 
     def __init__(
         self,
-        of_map: NDArray[np.float64],
-        tolerance: int,
-        digest: str,
+        of_map: MapPoses,
         publisher: RosPublisher,
         counts: Counter[str],
         *,
@@ -32,17 +45,13 @@ class Poses:
         """Publish poses of one map's matches.
 
         Args:
-            of_map: (K, 3) poses of the map's places.
-            tolerance: how many places a known match may be off.
-            digest: of the map.
+            of_map: the poses of the map's places.
             publisher: of the topic.
             counts: of the run.
             smoothed: whether the matches are smoothed matches.
         """
         self._kind = SmoothedMessage if smoothed else MatchMessage
-        self._of_map = of_map
-        self._tolerance = tolerance
-        self._digest = digest
+        self._of_map, self._tolerance, self._digest = of_map
         self._publisher = publisher
         self._counts = counts
 

@@ -13,7 +13,7 @@ class RecordingPublisher(Publisher):
     """Records the published messages of one kind."""
 
     def __init__(self, kind: type[Message], end: type[Message] | None = None) -> None:
-        """Record messages of ``kind``, and of ``end`` at the end of a stream, if that has a payload."""
+        """Record messages of ``kind``; the end of a stream has a payload of ``end``, or none."""
         self._kind, self._end = kind, end
         self.sent: list[tuple[Header, Message | None]] = []
 

@@ -10,7 +10,7 @@ from placefield.errors import MessageError, OtherMapError
 from placefield.maps.digest import NO_DIGEST
 from placefield.ros.covariance import pose_covariance
 from placefield.ros.ros_messages import POSE
-from placefield_services.ros_poses import Poses
+from placefield_services.ros_poses import MapPoses, Poses
 
 PLACES = np.stack([np.arange(20.0), np.zeros(20), np.full(20, np.pi)], axis=1)
 TOLERANCE = 2
@@ -25,7 +25,7 @@ class Stage:
     def __init__(self) -> None:
         self.topic = RecordingTopic(POSE)
         self.counts: Counter[str] = Counter()
-        self._poses = Poses(PLACES, TOLERANCE, NO_DIGEST, self.topic, self.counts)
+        self._poses = Poses(MapPoses(PLACES, TOLERANCE, NO_DIGEST), self.topic, self.counts)
 
     def publish(self, **changes: object) -> None:
         self._poses.publish(header(5), KNOWN.model_copy(update=changes).encode())
@@ -71,7 +71,7 @@ def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
 def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) -> None:
     gappy = PLACES.copy()
     gappy[7] = np.nan
-    poses = Poses(gappy, TOLERANCE, NO_DIGEST, stage.topic, stage.counts)
+    poses = Poses(MapPoses(gappy, TOLERANCE, NO_DIGEST), stage.topic, stage.counts)
     with pytest.raises(MessageError, match="place 7 has no pose"):
         poses.publish(header(5), KNOWN.encode())
     assert not stage.topic.sent
@@ -79,7 +79,7 @@ def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) 
 
 def test_a_smoothed_match_is_a_pose_too(stage: Stage) -> None:
     smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
-    poses = Poses(PLACES, TOLERANCE, NO_DIGEST, stage.topic, stage.counts, smoothed=True)
+    poses = Poses(MapPoses(PLACES, TOLERANCE, NO_DIGEST), stage.topic, stage.counts, smoothed=True)
     poses.publish(header(5), smoothed.encode())
     stage.publish()
     assert str(stage.topic.sent[0]) == str(stage.topic.sent[1])
