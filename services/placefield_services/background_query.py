@@ -1,4 +1,4 @@
-"""Asking others without waiting for them: all runs share one loop, and one may be in trouble."""
+"""Queries in the background: all runs share one loop, which must not wait for an answer."""
 
 import threading
 from collections.abc import Callable
@@ -6,18 +6,18 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
-_AT_ONCE_S = 0.02  # most answers are there within
+_AT_ONCE_S = 0.02  # most answers come within this time
 _AGAIN_S = 0.02
 
 Question = ParamSpec("Question")
 Answer = TypeVar("Answer")
 
 
-class NotYet(Exception):  # noqa: N818  # no error
-    """A message cannot be taken yet: it and those of its run that are behind it wait.
+class NotYet(Exception):  # noqa: N818  # not an error
+    """A message cannot be handled yet: it must wait, and so must later messages of its run.
 
     Attributes:
-        wait_s: for how long, seconds.
+        wait_s: how long to wait, seconds.
     """
 
     def __init__(self, wait_s: float) -> None:
@@ -26,22 +26,22 @@ class NotYet(Exception):  # noqa: N818  # no error
 
 
 class BackgroundQuery(Generic[Question, Answer]):
-    """Asks of one stream at a time, in a thread of its own."""
+    """Runs a query about one stream at a time, in its own thread."""
 
     def __init__(self, ask: Callable[Concatenate[str, Question], Answer]) -> None:
-        """Take what asks of a stream, and waits for the answer."""
+        """Call ``ask`` with a stream and further arguments; it waits for the answer."""
         self._ask = ask
         self._stream = ""
         self._answer: Future[Answer] | None = None
 
     def __call__(self, stream: str, *rest: Question.args, **named: Question.kwargs) -> Answer:
-        """Return the answer, once; it is asked for anew then.
+        """Return the answer, once; the next call starts a new query.
 
-        It may be that to an older question of the same stream: the message for which that was asked
-        may have made room for a newer one.
+        The answer may be to an earlier question about the same stream, if a newer message has
+        displaced the one for which it was asked.
 
         Raises:
-            NotYet: it has not come; call again.
+            NotYet: the answer has not come; call again.
         """
         if self._answer is None or (self._answer.done() and self._stream != stream):
             self._stream, self._answer = stream, Future()

@@ -1,4 +1,4 @@
-"""The channel worker: descriptors in, the candidates of its channels out."""
+"""The channel worker: it receives descriptors and publishes the candidates of its channels."""
 
 import threading
 import time
@@ -34,17 +34,17 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.channel_streams import ChannelOutputs, ChannelStream, PendingFrame
-from placefield_services.metrics import serve_metrics
 from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess, counting_failure
+from placefield_services.prometheus import serve_metrics
 from placefield_services.served_channels import ServedChannels
 
 SERVICE = "channel"
 
-_EARLY = 256  # messages
+_MOST_PENDING = 256  # messages
 _ASK_FOR_S = 3.0
 
-_LIVE_FEATURES = 4  # of a run, that may wait: older ones are dropped
+_LIVE_FEATURES = 4  # live descriptors of a run that may wait; older ones are dropped
 
 
 def run_channels(
@@ -56,11 +56,11 @@ def run_channels(
     shard: int = 0,
     shards: int = 1,
 ) -> None:
-    """Serve these channels of a map, or one of so many shards of them, until ``stop`` is set.
+    """Serve channels of a map, or one shard of each channel, until ``stop`` is set.
 
     Raises:
-        ConfigError: the map has no such channel, or too few places for so many shards, or the rule
-            does not follow its descriptors.
+        ConfigError: the map has no such channel or has fewer places than shards, or the rule does
+            not support its descriptors.
     """
     placemap.features.check_rule(config.matching.rule)
     for channel in channels:
@@ -72,8 +72,8 @@ def run_channels(
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
-        # All shards of a channel take the same frames, so that none may drop one.
+        serve_metrics(config.monitoring, process.report)
+        # All shards of a channel must match the same frames, so a shard may not drop one.
         inbox = Inbox(process.counts, live_capacity=_LIVE_FEATURES if shards == 1 else CAPACITY)
         outputs = {}
         for run, keys in process.keys.items():
@@ -93,7 +93,7 @@ def run_channels(
 
 
 def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> ChannelOutputs:
-    # Of frames that are under way, and of those that a new fuser may have to smooth.
+    # The cache holds frames under way, and frames that a restarted fuser may have to smooth.
     candidates = CachedPublisher(
         bus.publisher(keys.candidates(identity)), ReplayCache(2 * WINDOW + lag)
     )
@@ -113,27 +113,29 @@ def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]
 
 
 @dataclass
-class _Run:
+class _ChannelRun:
     outputs: ChannelOutputs
     counts: Counter[str]
     follower: StreamFollower
     stream: ChannelStream | None = None
     is_joining: bool = False
-    """Whether the stream was on before, and what came is not known yet."""
+    """Whether the stream began earlier, and its frames have not been fetched yet."""
     ask_until: float = 0.0
-    """Until then what is missing may still be found."""
-    early: deque[tuple[Header, HaloMessage]] = field(default_factory=lambda: deque(maxlen=_EARLY))
-    """Partial results of a stream that is not on yet."""
+    """Until then missing frames may still be fetched, monotonic seconds."""
+    pending: deque[tuple[Header, HaloMessage]] = field(
+        default_factory=lambda: deque(maxlen=_MOST_PENDING)
+    )
+    """Partial results of a stream that has not begun here yet."""
 
 
 @dataclass(frozen=True)
 class _Accepted:
-    """A frame to match, in the stream that was on when it came.
+    """A frame to match, with the stream that was current when it came.
 
-    One that is not awaited was answered long ago, and is only to be known of.
+    A frame that is not awaited was answered before; it only updates the matchers.
     """
 
-    run: _Run
+    run: _ChannelRun
     stream: ChannelStream
     header: Header
     descriptor: NDArray[np.float32] | None
@@ -154,20 +156,22 @@ class ChannelWorker:
         outputs: Mapping[str, ChannelOutputs],
         counts: Mapping[str, Counter[str]],
     ) -> None:
-        """Publish and count by run."""
+        """Publish to the outputs of each run, and count in the counts of each run."""
         self._channels = channels
         self._descriptors = model
         self._model = fingerprint(model)
         self._runs = {
-            run: _Run(outputs, counts[run], StreamFollower(counts[run], partial(self._join, run)))
+            run: _ChannelRun(
+                outputs, counts[run], StreamFollower(counts[run], partial(self._join, run))
+            )
             for run, outputs in outputs.items()
         }
 
     def accept(self, received: Received) -> list[_Accepted]:
-        """Take a descriptor; return what is to be matched, with what was missed before it.
+        """Handle a message; return the frames to match, missed frames first.
 
         Raises:
-            NotYet: what was missed has been asked for, and has not come.
+            NotYet: missed frames have been queried, and the answer has not come.
         """
         header, run = received.header, self._runs[received.run]
         if received.key != Keys(received.run).feature:
@@ -175,7 +179,7 @@ class ChannelWorker:
             partials.check_map(self._channels.digest)
             self._receive(run, header, partials)
             return []
-        seen = (None, None) if header.end else self._decode(received.payload)
+        observed = (None, None) if header.end else self._decode(received.payload)
         turn = run.follower.follow(header)
         if turn is Turn.DROPPED:
             return []
@@ -183,17 +187,17 @@ class ChannelWorker:
         if turn is Turn.REPEATED:
             run.outputs.candidates.put_again(header)
             return []
-        missed = self._missed(run, header) if turn is Turn.AHEAD else []
+        missed = self._missed(run, header) if turn is Turn.AFTER_GAP else []
         if missed is None:
             run.counts["out_of_order"] += 1
             return []
         assert run.stream is not None
-        return [*missed, _Accepted(run, run.stream, header, *seen)]
+        return [*missed, _Accepted(run, run.stream, header, *observed)]
 
-    def _missed(self, run: _Run, header: Header) -> list[_Accepted] | None:
-        """Return the frames before this one that others remember, and take its turn.
+    def _missed(self, run: _ChannelRun, header: Header) -> list[_Accepted] | None:
+        """Fetch the frames of the gap before this one, and skip to the frame after it.
 
-        None: they may not be within reach yet; what comes now will be remembered, too.
+        None: not all frames could be fetched yet; the source will send this frame again.
         """
         first = max(run.follower.next, header.sequence - LENGTH)
         is_asked = run.is_joining or self._channels.needs_all or not header.live
@@ -201,57 +205,57 @@ class ChannelWorker:
         is_complete = len(frames) == header.sequence - first
         if not is_complete and not header.live and time.monotonic() < run.ask_until:
             return None
-        # A live stream drops frames itself: that some are missing says nothing.
+        # A live stream drops frames on purpose, so missing frames alone do not mean a loss.
         is_forgotten = not is_complete and (not header.live or (run.is_joining and not frames))
         if is_forgotten and run.stream is not None:
             run.stream.is_forgotten = True
         unknown = 0 if run.is_joining else header.sequence - run.follower.next - len(frames)
-        run.follower.leap(header.sequence, gaps=max(unknown, 0))
+        run.follower.skip_to(header.sequence, gaps=max(unknown, 0))
         run.is_joining, run.ask_until = False, time.monotonic() + _ASK_FOR_S
         return frames
 
-    def _receive(self, run: _Run, header: Header, partials: HaloMessage) -> None:
-        """Take the partial results of another worker's shards."""
+    def _receive(self, run: _ChannelRun, header: Header, partials: HaloMessage) -> None:
+        """Pass on the partial results of another shard, or keep them for a later stream."""
         if run.stream is not None and header.stream == run.follower.stream:
             run.stream.receive(header, partials)
         else:
-            run.early.append((header, partials))
+            run.pending.append((header, partials))
 
     def _join(self, name: str, header: Header) -> int:
-        """Begin a stream; if it is on already, with what others remember of it."""
+        """Begin a stream; return its first frame, which is earlier if the stream began before."""
         run = self._runs[name]
         first = max(0, header.sequence - LENGTH)
         run.stream = self._channels.new_stream(run.outputs, first)
         run.is_joining, run.ask_until = header.sequence > 0, time.monotonic() + _ASK_FOR_S
-        early = list(run.early)
-        run.early.clear()
-        for about, partials in early:
+        pending = list(run.pending)
+        run.pending.clear()
+        for about, partials in pending:
             self._receive(run, about, partials)
         return first
 
-    def _fetch(self, run: _Run, header: Header, first: int) -> list[_Accepted]:
-        """Return the frames before this one that others remember; the source awaits the newest."""
+    def _fetch(self, run: _ChannelRun, header: Header, first: int) -> list[_Accepted]:
+        """Fetch the frames before this one from other replay caches."""
         assert run.stream is not None
         frames = []
         for old, payload in run.outputs.fetch(header.stream, first, header.sequence).values():
             is_awaited = not header.live and old.sequence >= header.oldest
             try:
-                seen = self._decode(payload)
+                observed = self._decode(payload)
                 run.outputs.store(old, payload)
                 old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
-                frames.append(_Accepted(run, run.stream, old, *seen, is_awaited))
+                frames.append(_Accepted(run, run.stream, old, *observed, is_awaited))
             except MessageError as error:
                 count_refused(run.counts, error)
         run.counts["fetched"] += len(frames)
         return frames
 
     def _decode(self, payload: bytes) -> tuple[NDArray[np.float32] | None, float | None]:
-        """Return a frame's descriptor, None if there is none, and its odometry's reading."""
+        """Return the descriptor of a frame (None: a missing observation), and its odometry."""
         feature = FeatureMessage.decode(payload)
         if feature.model != self._model:
             raise OtherMapError(
-                f"descriptor of model {feature.model!r}; this channel's map has {self._model}: "
-                "give the featurizer the same map"
+                f"descriptor of model {feature.model!r}, but this channel's map has "
+                f"{self._model}; give the featurizer the same map"
             )
         if feature.descriptor is None:
             return None, feature.odometry_m
@@ -261,17 +265,17 @@ class ChannelWorker:
             raise MessageError(str(error)) from None
 
     def match(self, accepted: Sequence[Sequence[_Accepted]]) -> None:
-        """Publish the candidates of all channels for each frame, when they are known."""
+        """Compare the frames with the places, and publish the candidates of all channels."""
         frames = list(chain.from_iterable(accepted))
         comparing = self._channels.comparing([frame.descriptor for frame in frames])
         for frame, compare in zip(frames, comparing, strict=True):
             with counting_failure([frame.run.counts]):
-                frame.stream.take(
+                frame.stream.add(
                     PendingFrame(frame.header, compare, frame.odometry_m, frame.is_awaited)
                 )
 
     def after_batch(self, run: str) -> None:
-        """Do what is due in a run."""
+        """Continue a run's stream after each batch of messages."""
         stream = self._runs[run].stream
         if stream is not None:
             stream.after_batch()

@@ -1,11 +1,11 @@
-"""One stream in the channels of a worker, whole or one shard of each: frames in, candidates out.
+"""One stream of frames in the channels of a worker, or in one shard of each channel.
 
-Every frame takes two steps. In the local step a worker finds what its shard has of the frame, its
-partial result. Given those of all shards, the reduce step makes the candidates. A worker of whole
-channels has the only shard, and does both at once. Of several, each publishes its partial results,
-and the shards of a channel go from frame to frame together. While one is away the others wait, and
-the fuser goes on without the channel. One that comes back asks for the descriptors and for the
-partial results since, and all go on where they were.
+Every frame takes two steps. The local step computes the partial result of the worker's shard. The
+reduce step combines the partial results of all shards to candidates. A worker of whole channels has
+the only shard, and does both steps at once. If there are several shards, each worker publishes its
+partial results, and all shards of a channel work on the same frame. While a shard is away, the
+others wait, and the fuser answers without the channel. A shard that returns fetches the missed
+descriptors and partial results, and then all shards continue.
 """
 
 import time
@@ -17,7 +17,7 @@ from functools import cached_property
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
-    ChannelSummary,
+    ChannelPartial,
     FinishedMessage,
     HaloMessage,
     SmoothedFrame,
@@ -33,20 +33,20 @@ from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.matcher import Partial, SmoothedCandidate
 from placefield_services.background_query import NotYet
 
-_ASK_AFTER_S = 0.5  # in vain; what another published may be lost
+_ASK_AFTER_S = 0.5  # without progress: a message from another shard may be lost
 
 
 @dataclass(frozen=True)
 class ChannelOutputs:
-    """Where a worker publishes what it makes of a run, and asks others for what it missed.
+    """How a worker publishes its results for a run, and fetches the messages that it missed.
 
     Attributes:
-        candidates: where they are published.
-        fetch: returns descriptors that others remember, or raises ``NotYet``.
-        store: keeps a descriptor for others.
-        halos: where the partial results of its shards are published.
-        fetch_halos: yields the partial results of all shards, of frames from one up to another,
-            or raises ``NotYet``.
+        candidates: publishes the candidates.
+        fetch: fetches descriptors from other replay caches, or raises ``NotYet``.
+        store: keeps a descriptor for the other services.
+        halos: publishes the partial results of the worker's shards.
+        fetch_halos: fetches the partial results of all shards for a range of frames, or raises
+            ``NotYet``.
         counts: of the run.
     """
 
@@ -63,11 +63,12 @@ class PendingFrame:
     """A frame to answer.
 
     Attributes:
-        header: of it.
-        compare: returns how it compares with the places, None for a missing observation; called
-            once, when it is the next to be answered.
-        odometry_m: the odometer's reading at it, metres; None: unknown.
-        is_awaited: whether it is to be answered; else it was long ago, and is only to be known of.
+        header: of the frame.
+        compare: returns the comparison of the frame with the places, None for a missing
+            observation; called once, when the frame is due.
+        odometry_m: the odometer's reading at the frame, metres; None: unknown.
+        is_awaited: whether to publish candidates; if not, the frame was answered before and only
+            updates the matchers.
     """
 
     header: Header
@@ -77,15 +78,15 @@ class PendingFrame:
 
     @cached_property
     def compared(self) -> Compared | None:
-        """How it compares with the places; None is a missing observation."""
+        """The comparison of the frame with the places; None: a missing observation."""
         return self.compare()
 
 
 class ChannelStream:
-    """Answers the frames of a stream in order; those that did not come are missing observations.
+    """Answers the frames of a stream in order; frames that did not come are missing observations.
 
-    A frame that is lost to a defect is as one that did not come, in the channels that had none of
-    it.
+    A frame that is lost to a defect is a missing observation in the channels that had not
+    processed it.
     """
 
     def __init__(
@@ -100,49 +101,49 @@ class ChannelStream:
 
         Args:
             stage: of the channels.
-            matching: how it makes candidates.
-            digest: of their map.
+            matching: the configuration of the matching.
+            digest: of the channels' map.
             first: number of the first frame.
-            outputs: of its run.
+            outputs: of the run.
         """
         self._stage = stage
         self._map = digest
         self._rule: Rule = matching.rule
         self._lag = matching.lag
         self.is_forgotten = False
-        """Whether there are frames before that nobody remembered; see ``Match``."""
+        """Whether earlier frames are missing that no replay cache had; see ``Match``."""
         self._smoothed: list[SmoothedFrame] = []
-        """Not published yet."""
+        """Smoothed frames that are not published yet."""
         self._outputs = outputs
         self._waiting: deque[PendingFrame] = deque()
         self._partials: defaultdict[int, dict[tuple[int, int], Partial]] = defaultdict(dict)
-        """Of each frame, by channel and shard."""
+        """Partial results of each frame, by channel and shard."""
         self._begin(first)
 
     def _begin(self, first: int) -> None:
-        """Begin anew, with the frame of this number."""
+        """Begin again with the frame of this number."""
         self._stream = self._stage.new_stream(first)
         self._own: Mapping[int, Partial] | None = None
-        """The partial results of the frame that is next, once its local step is done."""
+        """This worker's partial results of the next frame, once its local step is done."""
         self._tail: int | None = None
-        """How many missing observations are to be taken at the end, once it has come."""
+        """How many missing observations remain to be added at the end of the stream."""
         self._ask_at = time.monotonic() + _ASK_AFTER_S
 
-    def take(self, frame: PendingFrame) -> None:
-        """Take the next frame that came; it is answered in its turn."""
+    def add(self, frame: PendingFrame) -> None:
+        """Add the next frame; it is answered in order."""
         self._waiting.append(frame)
-        if len(self._waiting) > 2 * LENGTH:  # none of the others will remember so many
+        if len(self._waiting) > 2 * LENGTH:  # no replay cache has so many
             self._waiting.popleft()
             self._begin(self._waiting[0].header.sequence)
         self._go_on()
 
     def receive(self, header: Header, message: HaloMessage) -> None:
-        """Take the partial results of another worker's shards."""
+        """Receive the partial results of another worker's shards."""
         self._keep(header.sequence, message)
         self._go_on()
 
     def after_batch(self) -> None:
-        """Ask again for what the next frame waits for, once in a while."""
+        """Fetch the partial results that the next frame waits for, at most twice a second."""
         if self._waiting and time.monotonic() >= self._ask_at:
             try:
                 self._ask()
@@ -164,16 +165,16 @@ class ChannelStream:
             self._keep(header.sequence, message)
             began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)
         begin = max(began.values(), default=first)
-        if begin > first:  # another has begun anew, too late for the frame that is next
+        if begin > first:  # another shard began again after the next frame
             while self._waiting and self._waiting[0].header.sequence < begin:
                 self._waiting.popleft()
             self._begin(begin)
 
     def _keep(self, sequence: int, message: HaloMessage) -> None:
-        """Keep the partial results of a shard until it is their frame's turn."""
+        """Keep the partial results of a shard until their frame is due."""
         if message.shards == self._stage.shards:
-            for each in message.summaries:
-                self._keep_one(sequence, each.channel, message.shard, each.summary)
+            for each in message.partials:
+                self._keep_one(sequence, each.channel, message.shard, each.partial)
 
     def _keep_one(self, sequence: int, channel: int, shard: int, partial: Partial) -> None:
         is_near = self._stream.next <= sequence < self._stream.next + 2 * LENGTH
@@ -181,7 +182,7 @@ class ChannelStream:
             self._partials[sequence].setdefault((channel, shard), partial)
 
     def _go_on(self) -> None:
-        """Answer the frames of which the partial results of all shards are there."""
+        """Answer the next frames as long as the partial results of all shards are there."""
         while self._waiting:
             frame = self._waiting[0]
             if frame.header.end and self._is_over():
@@ -196,20 +197,23 @@ class ChannelStream:
                     return
                 self._reduce(frame, partials)
             except Exception:
-                if self._waiting and self._waiting[0] is frame:  # it must not cost the next ones
+                if (
+                    self._waiting and self._waiting[0] is frame
+                ):  # so that it does not stop the next frames
                     self._waiting.popleft()
                 raise
 
     def _is_over(self) -> bool:
-        """Whether the stream, which has come to its end, has taken what is to be taken then."""
+        """Return whether all missing observations at the end of the stream have been added."""
         if self._tail is None:
             self._tail = self._stream.end()
         return self._tail == 0
 
     def _local(self, frame: PendingFrame) -> None:
-        """Do the local step of the frame, or of one before it that was missed, and publish it.
+        """Do the local step of the next frame, and publish the partial results.
 
-        At the end, it is that of one after the last.
+        The next frame is ``frame``, or a missed frame before it, or one after the end of the
+        stream.
         """
         if frame.header.end:
             self._own = self._stream.local(None, self._stream.next)
@@ -221,30 +225,30 @@ class ChannelStream:
         for channel, partial in self._own.items():
             self._keep_one(sequence, channel, shard, partial)
         if shards > 1:
-            summaries = tuple(
-                ChannelSummary(channel=channel, summary=partial)
+            partials = tuple(
+                ChannelPartial(channel=channel, partial=partial)
                 for channel, partial in self._own.items()
             )
-            message = HaloMessage(map=self._map, shard=shard, shards=shards, summaries=summaries)
+            message = HaloMessage(map=self._map, shard=shard, shards=shards, partials=partials)
             self._outputs.halos.put(frame.header.of_frame(sequence), message)
 
     def _all_partials(self) -> dict[int, list[Partial]] | None:
-        """Return the partial results of all shards by channel, for the frame that is next.
+        """Return the partial results of all shards for the next frame, by channel.
 
-        None while some are missing.
+        None while a partial result is missing.
         """
         assert self._own is not None
         there = self._partials[self._stream.next]
         for channel, shard in list(there):
             if not self._stream.fits(channel, there[channel, shard]):
-                del there[channel, shard]  # it is of another map, or rule
+                del there[channel, shard]  # it has another map or rule
         shards = range(self._stage.shards)
         if any((channel, shard) not in there for channel in self._own for shard in shards):
             return None
         return {channel: [there[channel, shard] for shard in shards] for channel in self._own}
 
     def _reduce(self, frame: PendingFrame, partials: Mapping[int, list[Partial]]) -> None:
-        """Finish the frame whose local step was done, and answer it unless it was missed."""
+        """Do the reduce step of the next frame, and answer it unless it was missed."""
         del self._partials[self._stream.next]
         self._own, self._ask_at = None, time.monotonic() + _ASK_AFTER_S
         candidates = self._stream.reduce(partials)
@@ -258,7 +262,7 @@ class ChannelStream:
         self._waiting.popleft()
         if frame.is_awaited:
             self._outputs.candidates.put(frame.header, self._message(sequence, candidates))
-        else:  # it was answered, and so nobody waits for what is older by the lag
+        else:  # it was answered before, so frames that are older by the lag are not awaited
             self._smoothed = [old for old in self._smoothed if old.sequence + self._lag > sequence]
 
     def _message(self, sequence: int, candidates: Mapping[int, Candidate]) -> CandidatesMessage:
@@ -273,7 +277,7 @@ class ChannelStream:
         )
 
     def _finish(self, end: Header) -> None:
-        """Settle what is left, and publish it with the end of the stream."""
+        """Smooth the last frames, and publish them with the end of the stream."""
         self._keep_smoothed(self._stream.finish())
         message = FinishedMessage(
             map=self._map,

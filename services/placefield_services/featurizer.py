@@ -1,4 +1,4 @@
-"""The featurizer: frames in, descriptors out."""
+"""The featurizer: it receives frames and publishes their descriptors."""
 
 import logging
 import threading
@@ -28,8 +28,8 @@ from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
-from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 
 log = logging.getLogger(__name__)
 
@@ -37,8 +37,8 @@ SERVICE = "featurizer"
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
-_IMPATIENT_S = 10.0  # after it was in vain: strangers may begin streams by the thousand
-_LIVE_FRAMES = 2  # of a run, that may wait: older ones are dropped
+_IMPATIENT_S = 10.0  # after a failed fetch: untrusted clients may begin streams by the thousand
+_LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
@@ -46,7 +46,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outputs = {}
         for run, keys in process.keys.items():
@@ -65,17 +65,17 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
         featurizer.warm_up()
 
         def handle(received: Received) -> None:
-            placemap.check_unchanged()  # what it is described by is mapped from there
+            placemap.check_unchanged()  # the descriptor model is memory-mapped from its files
             featurizer.handle(received)
 
         with process.sole():
-            # Frames share no work; one that waits may still make room for a newer one.
+            # A batch of frames saves no work, and a waiting frame can still be displaced.
             process.serve(inbox, handle, stop, at_once=1)
 
 
 @dataclass(frozen=True)
 class FeaturizerOutputs:
-    """Where a featurizer publishes what it makes of a run, and asks what another has made."""
+    """How a featurizer publishes its results for a run, and fetches those of its predecessor."""
 
     features: CachedPublisher
     moments: CachedPublisher
@@ -85,31 +85,31 @@ class FeaturizerOutputs:
 
 
 @dataclass
-class _Run:
+class _FeaturizerRun:
     outputs: FeaturizerOutputs
     counts: Counter[str]
     follower: StreamFollower
     images: ImageStream
     complained_of: str = ""
-    """The last stream of which an unreadable frame was logged."""
+    """The last stream for which an unreadable frame was logged."""
     patient_from: float = 0.0
-    background_query: BackgroundQuery[[Header], "_Known"] = field(init=False)
+    background_query: BackgroundQuery[[Header], "_KnownStream"] = field(init=False)
     asked_of: str = ""
-    """The last stream that others were asked of."""
+    """The last stream that was fetched from other replay caches."""
     ask_until: float = 0.0
     forgets: bool = False
-    """Whether too little was known of the stream that is on to go on with it."""
-    known: "_Known" = field(default_factory=lambda: _Known(-1, None))
-    """Of that stream."""
+    """Whether too little was cached of the current stream to resume it."""
+    known: "_KnownStream" = field(default_factory=lambda: _KnownStream(-1, None))
+    """The cached part of the current stream."""
 
 
 @dataclass(frozen=True)
-class _Known:
-    """What others know of a stream.
+class _KnownStream:
+    """The part of a stream that other replay caches have.
 
     Attributes:
         made: the last frame that was described; -1: none.
-        moments: of the stream then.
+        moments: of the stream after that frame.
     """
 
     made: int
@@ -119,9 +119,9 @@ class _Known:
 class Featurizer:
     """Makes each frame of a stream into its descriptor, in one stream per run at a time.
 
-    Counts ``unreadable`` frames; they go on as frames that were not seen, so that none is missing.
-    In a lossless stream no frame is taken before those before it: one that comes ``out_of_order``
-    will be sent again.
+    Counts ``unreadable`` frames; they are published as missing observations, so that each frame is
+    answered. A lossless stream is described in order: a frame that comes ``out_of_order`` is
+    dropped, as the source sends it again.
     """
 
     def __init__(
@@ -130,12 +130,12 @@ class Featurizer:
         outputs: Mapping[str, FeaturizerOutputs],
         counts: Mapping[str, Counter[str]],
     ) -> None:
-        """Publish and count by run."""
+        """Publish to the outputs of each run, and count in the counts of each run."""
         self._standardises = model.follows_query
         self._stage = DescriptorStage(model)
         self._fingerprint = fingerprint(model)
         self._runs = {
-            run: _Run(
+            run: _FeaturizerRun(
                 outputs,
                 counts[run],
                 StreamFollower(counts[run], partial(self._join, run)),
@@ -147,10 +147,10 @@ class Featurizer:
             each.background_query = BackgroundQuery(partial(self._fetch, each))
 
     def warm_up(self) -> None:
-        """Describe a frame of no stream, so that what is made at its first use is made.
+        """Describe a frame of no stream, so that everything is loaded and compiled before serving.
 
-        It is a large one: by the largest block that was freed, glibc tells how much memory to keep
-        for the next frame rather than to return. Else each would be paid for anew, page by page.
+        The frame is large: glibc keeps as much memory for later frames as the largest block that
+        was freed. Otherwise each frame would have to map its pages again.
         """
         frame = np.zeros(_LARGE, np.uint8)
         self._stage.describe(frame)
@@ -158,20 +158,20 @@ class Featurizer:
         self._stage.describe(frame)
 
     def handle(self, received: Received) -> None:
-        """Take a frame, publish its descriptor.
+        """Handle a frame: publish its descriptor.
 
         Raises:
-            NotYet: it is in the midst of a stream, and what others know of that has not come.
+            NotYet: the stream began earlier, and its cached part has not been fetched yet.
         """
         header, run = received.header, self._runs[received.run]
         frame = None if header.end else FrameMessage.decode(received.payload)
         if run.follower.begins(header):
             run.forgets = header.sequence > 0 and not self._ask(run, header)
         turn = run.follower.follow(header)
-        if turn is Turn.AHEAD and header.live:
-            run.follower.leap(header.sequence)
+        if turn is Turn.AFTER_GAP and header.live:
+            run.follower.skip_to(header.sequence)
             turn = Turn.NEXT
-        if turn is Turn.AHEAD:
+        if turn is Turn.AFTER_GAP:
             run.counts["out_of_order"] += 1
         if turn is Turn.NEXT:
             self._publish(run, header, frame)
@@ -179,7 +179,7 @@ class Featurizer:
             run.outputs.features.put_again(header)
 
     def _join(self, name: str, header: Header) -> int:
-        """Begin a stream, or go on with one where the featurizer before this one was ended."""
+        """Begin a stream, or resume it where the previous featurizer ended; return its frame."""
         run = self._runs[name]
         run.images = self._stage.new_stream()
         if header.sequence == 0:
@@ -188,11 +188,11 @@ class Featurizer:
         run.images = self._stage.new_stream(moments)
         return header.sequence if header.live else max(made + 1, header.oldest)
 
-    def _ask(self, run: _Run, header: Header) -> bool:
-        """Learn what others know of a stream that is on; return whether it is enough.
+    def _ask(self, run: _FeaturizerRun, header: Header) -> bool:
+        """Fetch the cached part of a stream; return whether it is enough to resume the stream.
 
         Raises:
-            NotYet: they have not answered.
+            NotYet: the answer has not come.
         """
         now = time.monotonic()
         if run.asked_of != header.stream:
@@ -201,20 +201,20 @@ class Featurizer:
         run.known = run.background_query(header.stream, header)
         if self._goes_on(header, run.known):
             return True
-        if time.monotonic() < run.ask_until:  # who knows may not be within reach at once
+        if time.monotonic() < run.ask_until:  # a cache may not be reachable at once
             raise NotYet(_ASK_EVERY_S)
         run.counts["forgotten"] += 1
         run.patient_from = time.monotonic() + _IMPATIENT_S
         return False
 
-    def _goes_on(self, header: Header, known: _Known) -> bool:
-        """Whether enough is known of a stream to go on with it as the one before would have."""
+    def _goes_on(self, header: Header, known: _KnownStream) -> bool:
+        """Return whether enough is known to resume a stream as its featurizer would have done."""
         has_moments = known.moments is not None or not self._standardises
         needed = 0 if header.live else header.oldest - 1
         return known.made >= needed and has_moments
 
-    def _fetch(self, run: _Run, stream: str, header: Header) -> _Known:
-        """Ask others what they know of a stream; in a thread of its own."""
+    def _fetch(self, run: _FeaturizerRun, stream: str, header: Header) -> _KnownStream:
+        """Fetch the cached part of a stream; this runs in its own thread."""
         first, end = max(0, header.sequence - LENGTH), header.sequence + 2 * WINDOW
         features = run.outputs.fetch_features(stream, first, end)
         for feature in features.values():
@@ -224,23 +224,23 @@ class Featurizer:
         fetched = run.outputs.fetch_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
         if last not in fetched:
-            return _Known(made, None)
+            return _KnownStream(made, None)
         try:
             moments = MomentsMessage.decode(fetched[last][1])
         except MessageError:
-            return _Known(made, None)
+            return _KnownStream(made, None)
         fits = moments.sums.shape == run.images.moments.sums.shape
-        return _Known(made, Moments(moments.frames, moments.sums) if fits else None)
+        return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
-    def _publish(self, run: _Run, header: Header, frame: FrameMessage | None) -> None:
+    def _publish(self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
-        if self._standardises and feature is not None:  # before what was made with them
+        if self._standardises and feature is not None:  # before the descriptor made with them
             moments = run.images.moments
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _describe(self, run: _Run, header: Header, frame: FrameMessage) -> FeatureMessage:
+    def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
             descriptor = run.images.update(frame.image)
@@ -253,14 +253,14 @@ class Featurizer:
             if run.complained_of != header.stream:
                 run.complained_of = header.stream
                 log.warning(
-                    "frame %d is answered as one that was not seen: %s; others like it in its "
-                    "stream are only counted",
+                    "frame %d is a missing observation: %s; further ones of its stream are only "
+                    "counted",
                     header.sequence,
                     error,
                 )
-        except Exception:  # a defect costs what was seen of the frame, and not its turn
+        except Exception:  # a defect loses the observation, but the frame is answered
             run.counts["failed"] += 1
-            log.exception("a defect; the frame goes on as one that was not seen")
+            log.exception("a defect; the frame is a missing observation")
         return FeatureMessage(
             model=self._fingerprint,
             descriptor=descriptor,

@@ -35,9 +35,9 @@ from placefield_services.fusion_parts import FusionParts
 from placefield_services.held_candidates import HeldCandidates
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import FuserOutputs, MatchPublisher
-from placefield_services.metrics import serve_metrics
 from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 
 SERVICE = "fuser"
 
@@ -54,7 +54,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         process.channels = len(placemap.channels)
         inbox = Inbox(process.counts)
         fusers = {}

@@ -1,8 +1,9 @@
-"""One host: an embedded router and the services as processes of their own.
+"""One host: an embedded router, and the services as child processes.
 
-What dies is started again; at the end all is stopped, the hard way after ``_PATIENCE_S``. A service
-that gives up before all have been there together has said why, and would do so again. One that dies
-over and over ends the host, however long it lives each time; and so do several that die by turns.
+A service that dies is started again. At the end all services are stopped, and killed after
+``_PATIENCE_S``. A service that gives up before all services were ready ends the host: it has logged
+the reason, and would fail again. A service that dies too often ends the host, too, and so do
+several services that die too often together.
 """
 
 import itertools
@@ -21,16 +22,16 @@ from placefield.bus.session import MOST_TOKENS, Bus, open_router
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield.loading import ENV_PREFIX
-from placefield_services.metrics import ReceivedStats, serve_metrics
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import SUPERVISED
+from placefield_services.prometheus import ReceivedStats, serve_metrics
 
 log = logging.getLogger(__name__)
 
 _POLL_S = 0.05
-_PATIENCE_S = 5.0  # services end by themselves before that, unless the machine is overloaded
+_PATIENCE_S = 5.0  # services end sooner by themselves, unless the machine is overloaded
 _RESTART_AFTER_S = 0.5
-_MOST_DEATHS = 5  # of one service; of all together, as many more as there are: all may die at once
+_MOST_DEATHS = 5  # of one service; plus the number of services for all together
 _WITHIN_S = 600.0
 
 _Role = tuple[str, int | None]  # a service, and which channel if it is one
@@ -52,23 +53,23 @@ def run_host(
         channels: how many channels they serve together.
         config: its bus and runs.
         stop: ends the host.
-        on_ready: called once, when featurizer, fuser and all channels are in all runs.
-        has_source: whether a source of frames is among the services, and awaited like them.
+        on_ready: called once, when featurizer, fuser and all channels of all runs are ready.
+        has_source: whether a source of frames is among the services, and must be ready, too.
 
     Raises:
-        BusError: the endpoint is in use, or services die again and again.
+        BusError: the endpoint is in use, or services die too often.
         SystemExit: a service gave up at the start; the reason is on stderr.
     """
     with open_router(config.bus) as bus:
         if config.monitoring.port is not None:
-            serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).tell)
+            serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).report)
         readiness = _Readiness(bus, config.runs, channels, has_source)
         deaths = _Deaths(len(commands))
         children = [_Child(name, command, deaths) for name, command in commands.items()]
         try:
             while not stop.is_set():
                 for child in children:
-                    if child.has_given_up() and not readiness.was_told:
+                    if child.has_given_up() and not readiness.was_reported:
                         raise SystemExit(1)
                     child.keep_running()
                 if readiness.is_reached():
@@ -81,7 +82,7 @@ def run_host(
 
 
 class _Readiness:
-    """Whether all services have been alive together, told once."""
+    """Reports once that all services are alive at the same time."""
 
     def __init__(self, bus: Bus, runs: Sequence[str], channels: int, has_source: bool) -> None:
         roles: list[_Role] = [("featurizer", None), ("fuser", None)]
@@ -89,7 +90,7 @@ class _Readiness:
         roles += [("replay", None)] if has_source else []
         self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
-        self.was_told = False
+        self.was_reported = False
         for run in runs:
             bus.watch_alive(Keys(run).all_alive(), self._change)
 
@@ -100,11 +101,11 @@ class _Readiness:
             self._alive.add(key)
 
     def is_reached(self) -> bool:
-        if self.was_told:
+        if self.was_reported:
             return False
         if not self._needed <= {(run_of(key), _role(key)) for key in tuple(self._alive)}:
             return False
-        self.was_told = True
+        self.was_reported = True
         return True
 
 
@@ -119,17 +120,17 @@ def _channel_of(identity: str) -> int | None:
 
 
 class _Deaths:
-    """Which services died lately, so that none is started again for ever."""
+    """The recent deaths of services, so that none is restarted for ever."""
 
     def __init__(self, services: int) -> None:
         self._most = _MOST_DEATHS + services
         self._lately: deque[tuple[float, str]] = deque()
 
     def note(self, name: str, code: int, now: float) -> None:
-        """Take a death, at ``now`` (monotonic seconds).
+        """Note a death at ``now`` (monotonic seconds).
 
         Raises:
-            BusError: there have been too many.
+            BusError: there have been too many deaths.
         """
         self._lately.append((now, name))
         while self._lately[0][0] < now - _WITHIN_S:
@@ -157,11 +158,11 @@ class _Child:
         self._process: subprocess.Popen[bytes] | None = None
 
     def has_given_up(self) -> bool:
-        """Whether the process has ended by itself, and not well."""
+        """Return whether the process has ended by itself with an error."""
         return self._process is not None and (self._process.poll() or 0) > 0
 
     def keep_running(self) -> None:
-        """Start the process, or start it again some time after it died."""
+        """Start the process, or restart it shortly after it died."""
         now = time.monotonic()
         if self._process is not None and self._process.poll() is not None:
             self._note_death(self._process.returncode, now)
@@ -171,9 +172,9 @@ class _Child:
     def _start(self) -> None:
         self._process = subprocess.Popen(
             self._command,
-            stdin=subprocess.PIPE,  # its end tells the child that the host is gone
+            stdin=subprocess.PIPE,  # the child ends when the host closes it
             env=child_environment(),
-            start_new_session=True,  # Ctrl-C is the host's to pass on
+            start_new_session=True,  # Ctrl-C reaches only the host, which stops the child
         )
 
     def _note_death(self, code: int, now: float) -> None:
@@ -208,17 +209,17 @@ class _Child:
 def _how_ended(code: int) -> str:
     if code >= 0:
         return f"ended with code {code}"
-    with suppress(ValueError):  # those for real time have no names
+    with suppress(ValueError):  # real-time signals have no names
         return f"was ended by {signal.Signals(-code).name}"
     return f"was ended by signal {-code}"
 
 
 def child_environment() -> dict[str, str]:
-    """Return the environment of services that end when this process does.
+    """Return the environment for services that end when this process ends.
 
-    Their commands carry the whole configuration, which settings in the environment would override.
-    What supervises the host hears of the host alone. One BLAS thread each: the processes are what
-    runs in parallel.
+    It has no Placefield settings: the command lines carry the whole configuration. It has no
+    notification socket: only the host reports to a supervisor. Each service has one BLAS thread, as
+    the processes already run in parallel.
     """
     kept = {
         name: value

@@ -1,4 +1,4 @@
-"""Which channels of a map can answer, from liveliness tokens."""
+"""Tracks by liveliness tokens which channels of a map can answer."""
 
 import threading
 import time
@@ -10,7 +10,7 @@ from placefield.bus.session import MOST_TOKENS
 
 
 class LiveChannels:
-    """Which channels have a living worker, or one for each of their shards."""
+    """The channels that have a live worker, or a live worker for each of their shards."""
 
     def __init__(self, count: int) -> None:
         self.all = range(count)
@@ -19,14 +19,15 @@ class LiveChannels:
         self._tokens: set[tuple[Part, str]] = set()
         self._workers: Counter[Part] = Counter()
         self._shards: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
-        """Those that are there of each channel and number of shards."""
+        """The live shards of each channel and number of shards."""
         self._whole: set[tuple[int, int]] = set()
         self._changed = threading.Condition()
 
     def change(self, key: str, is_alive: bool) -> None:
-        """Take the birth or death of a worker's token; of so many tokens that no more are real.
+        """Record that a worker's token has appeared or disappeared.
 
-        The work does not grow with how many there are.
+        At most ``MOST_TOKENS`` tokens are kept; more come from untrusted clients. The work does not
+        grow with the number of tokens.
         """
         _, identity = service_and_identity(key)
         part = part_of(identity)
@@ -47,7 +48,7 @@ class LiveChannels:
             self._changed.notify_all()
 
     def _note(self, part: Part) -> None:
-        """Note whether a part of a channel is there, and so the channel."""
+        """Update whether a part of a channel is alive, and whether the whole channel is."""
         cut = part.channel, part.shards
         is_there = self._workers[part] > 0
         (self._shards[cut].add if is_there else self._shards[cut].discard)(part.shard)
@@ -60,7 +61,7 @@ class LiveChannels:
             del self._shards[cut]
 
     def wait_for_all(self, timeout: float, is_over: Callable[[], bool]) -> None:
-        """Wait until every channel can answer, or it is over, at most ``timeout`` seconds."""
+        """Wait until every channel can answer or ``is_over``, at most ``timeout`` seconds."""
         end = time.monotonic() + timeout
         while not self.alive.issuperset(self.all) and not is_over():
             remaining = end - time.monotonic()

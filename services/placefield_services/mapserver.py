@@ -1,4 +1,4 @@
-"""The map server: hosts without a map fetch it from here."""
+"""The map server: it sends maps to other hosts."""
 
 import threading
 from collections import Counter
@@ -12,8 +12,8 @@ from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, MapError, MessageError
 from placefield.maps.transfer import OwnMap, digest_of
-from placefield_services.metrics import serve_metrics
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 
 SERVICE = "mapserver"
 
@@ -32,7 +32,7 @@ def run_mapserver(paths: Sequence[Path], config: Config, stop: threading.Event) 
         raise ConfigError("two maps of one name; give each name once")
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         for name, own in maps.items():
             keys = MapKeys(name)
             answers = MapAnswers(own, process.identity, process.counts.values())
@@ -43,9 +43,9 @@ def run_mapserver(paths: Sequence[Path], config: Config, stop: threading.Event) 
 
 
 class MapAnswers:
-    """Answers for one map.
+    """Answers the queries for one map.
 
-    Counts ``offers`` and ``chunks`` that were sent, and what was ``refused``.
+    Counts the ``offers`` and ``chunks`` that were sent, and the ``refused`` queries.
     """
 
     def __init__(self, own: OwnMap, identity: str, counts: Collection[Counter[str]]) -> None:

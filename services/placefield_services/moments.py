@@ -1,8 +1,8 @@
-"""What services remember for each other of a stream, so that none of them is its only home.
+"""The replicated cache of a stream's moments.
 
-The featurizer goes on with a stream by the descriptors and the moments that others remember; a
-channel worker by the descriptors. Featurizer, fuser and all channel workers remember them: while
-one of these is left, nothing is forgotten.
+A restarted featurizer resumes a stream from the descriptors and the moments in the replay caches of
+other services; a restarted channel worker needs only the descriptors. Featurizer, fuser and all
+channel workers cache both. While one of them is left, nothing is lost.
 """
 
 from collections import Counter
@@ -16,12 +16,12 @@ from placefield.bus.session import Bus
 
 
 def cache_moments(bus: Bus, keys: Keys, counts: Counter[str]) -> ReplicatedCache:
-    """Remember the moments that a run's featurizer publishes, and share them."""
+    """Cache the moments that a run's featurizer publishes, and answer queries for them."""
     moments = replicated_cache(bus, keys.cache(keys.moments), MOMENTS)
-    bus.subscribe(keys.moments, partial(_remember, moments.cache), counts)
+    bus.subscribe(keys.moments, partial(_store, moments.cache), counts)
     return moments
 
 
-def _remember(cache: ReplayCache, received: Received) -> None:
+def _store(cache: ReplayCache, received: Received) -> None:
     MomentsMessage.decode(received.payload)
     cache.store(received.header, received.payload)

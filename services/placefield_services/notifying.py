@@ -1,7 +1,7 @@
-"""Word to the supervisor that started this process, as systemd's sd_notify(3) has it.
+"""Notifies the supervisor that started this process, by the protocol of systemd's sd_notify(3).
 
-Nothing is said where there is none. What says ``alive`` is to be the loop that does the work, never
-a thread beside it: a supervisor that hears nothing takes the process for hung.
+Without a supervisor this does nothing. Only the loop that does the work may call ``notify_alive``,
+never another thread: if the notifications stop, the supervisor knows that the process hangs.
 """
 
 import os
@@ -9,16 +9,16 @@ import socket
 from contextlib import suppress
 
 NOTIFY_SOCKET = "NOTIFY_SOCKET"
-"""The supervisor's socket, in the environment."""
+"""The environment variable with the supervisor's socket."""
 
 
 def notify_ready() -> None:
-    """Say that this process serves from now on."""
+    """Notify the supervisor that this process is ready."""
     _notify(b"READY=1")
 
 
 def notify_alive() -> None:
-    """Say that this process does not hang."""
+    """Notify the supervisor that this process does not hang."""
     _notify(b"WATCHDOG=1")
 
 
@@ -26,8 +26,8 @@ def _notify(state: bytes) -> None:
     address = os.environ.get(NOTIFY_SOCKET)
     if not address:
         return
-    if address.startswith("@"):  # in no file system
+    if address.startswith("@"):  # a socket in the abstract namespace
         address = "\0" + address[1:]
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as supervisor:
-        supervisor.setblocking(False)  # a supervisor that does not listen holds nobody up
+        supervisor.setblocking(False)  # do not wait for a supervisor that does not read
         supervisor.sendto(state, address)

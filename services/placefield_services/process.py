@@ -1,4 +1,4 @@
-"""What every service process is: an inbox, a liveliness token, counts once a second, an end."""
+"""The frame of every service process: its loop, liveliness token, statistics and end."""
 
 import gc
 import logging
@@ -21,8 +21,8 @@ from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
 from placefield_services.background_query import NotYet
-from placefield_services.metrics import Told
 from placefield_services.notifying import notify_alive, notify_ready
+from placefield_services.prometheus import ReportedStats
 
 log = logging.getLogger(__name__)
 
@@ -31,11 +31,11 @@ _STATS_EVERY_S = 1.0
 _END_WITHIN_S = 1.0
 
 AT_ONCE = 16
-"""Messages that a service takes together: they share what can be shared, and the next stage does
-not wait long for them."""
+"""The most messages that a service handles in one batch. A batch shares work, but must not make the
+next stage wait for long."""
 
 SUPERVISED = "PLACEFIELD_SUPERVISED"
-"""Set in the environment of a service whose standard input ends when its host does."""
+"""Environment variable of a service whose standard input ends when its host ends."""
 
 Work = TypeVar("Work")
 
@@ -48,25 +48,25 @@ class ServiceProcess:
         self.keys = {run: Keys(run) for run in runs}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in runs}
         self.answers: dict[str, ReplayCache] = {}
-        """Of the runs in which the newest answer is to be told."""
+        """By run, the cache whose newest answer is reported."""
         self.channels: int | None = None
-        """Of the map, to be told where the service awaits them all."""
+        """How many channels the map has; reported by the service that needs them all."""
         self.map: str | None = None
-        """Digest of the service's map, to be told where it has one."""
+        """Digest of the service's map; reported if it has one."""
         self._service = service
         self._bus = bus
         self._stats_due = 0.0
 
     @contextmanager
     def sole(self) -> Iterator[None]:
-        """Hold the tokens of a service of which a run has one; see ``Bus.sole``."""
+        """Hold the tokens of a service of which each run has only one; see ``Bus.sole``."""
         with ExitStack() as tokens:
             for keys in self.keys.values():
                 tokens.enter_context(self._bus.sole(keys, self._service, self.identity))
             yield
 
     def declare_ready(self, identity: str) -> None:
-        """Declare the liveliness tokens; do so after subscribing: they say that all is ready."""
+        """Declare the liveliness tokens, after subscribing: a token means that all is ready."""
         for keys in self.keys.values():
             self._bus.declare_alive(keys.alive(self._service, identity))
 
@@ -80,22 +80,22 @@ class ServiceProcess:
         work: Callable[[Sequence[Work]], None] = lambda accepted: None,
         after_batch: Callable[[str], None] | None = None,
     ) -> None:
-        """Serve until ``stop`` is set: what waits is taken together.
+        """Serve until ``stop`` is set: handle waiting messages in batches.
 
-        A message that does not parse is counted as ``malformed``, one of another map as
-        ``other_map`` and one that is lost to a defect as ``failed``, in its run: none of them stops
-        the service.
+        A malformed message is counted as ``malformed``, a message of another map as ``other_map``,
+        and a message that is lost to a defect as ``failed``, in its run. None of them stops the
+        service.
 
         Args:
             inbox: of all runs.
-            accept: called with each message; returns what there is to do for it, if anything, or
-                raises ``NotYet``, and is called with it again.
+            accept: called with each message; returns the work to do for it, or None. If it raises
+                ``NotYet``, it is called with the same message again later.
             stop: ends the service.
-            at_once: how many messages are taken together at most.
-            work: called with what was accepted, in order.
-            after_batch: called with each run, after that and after each wait.
+            at_once: the most messages of a batch.
+            work: called with the accepted work of a batch, in order.
+            after_batch: called with each run after each batch and each wait.
         """
-        gc.freeze()  # what has come with the libraries stays
+        gc.freeze()  # the objects of the libraries stay for ever
         gc.enable()
         notify_ready()
         while not stop.is_set():
@@ -105,7 +105,7 @@ class ServiceProcess:
                     work([todo for _, todo in accepted])
             if after_batch is not None:
                 self._finish_batch(after_batch)
-            self._tell()
+            self._report_if_due()
 
     def _accept(
         self,
@@ -113,7 +113,7 @@ class ServiceProcess:
         received: Sequence[Received],
         accept: Callable[[Received], Work | None],
     ) -> Iterator[tuple[str, Work]]:
-        """Yield what there is to do, and in which run; put back what is to wait."""
+        """Yield each run and its work; put back the messages that must wait."""
         waiting: dict[str, tuple[list[Received], float]] = {}
         for message in received:
             run = message.run
@@ -142,8 +142,8 @@ class ServiceProcess:
             with counting_failure([self.counts[run]]):
                 after_batch(run)
 
-    def _tell(self) -> None:
-        """Publish the counts, and tell the supervisor, once in a while."""
+    def _report_if_due(self) -> None:
+        """Publish the statistics, and notify the supervisor, once a second."""
         now = time.monotonic()
         if now >= self._stats_due:
             self._stats_due = now + _STATS_EVERY_S
@@ -151,10 +151,10 @@ class ServiceProcess:
             for run, keys in self.keys.items():
                 self._bus.put(keys.stats(self._service, self.identity), self._stats(run))
 
-    def tell(self) -> Iterator[Told]:
-        """Yield what it has counted, by run."""
+    def report(self) -> Iterator[ReportedStats]:
+        """Yield the statistics of each run."""
         for run in self.keys:
-            yield Told(run, self.identity, self._stats(run))
+            yield ReportedStats(run, self.identity, self._stats(run))
 
     def _stats(self, run: str) -> StatsMessage:
         newest = self.answers[run].newest if run in self.answers else None
@@ -170,9 +170,9 @@ class ServiceProcess:
 
 @contextmanager
 def counting_failure(counts: Iterable[Counter[str]]) -> Iterator[None]:
-    """Outlive a defect that costs each of these runs a message: count it as ``failed``.
+    """Survive a defect: count it as ``failed`` in each of these runs, and log it.
 
-    A map that was written to is no such defect: nothing can be matched with it.
+    A changed map is not survived: nothing can be matched with it.
     """
     try:
         yield
@@ -181,23 +181,23 @@ def counting_failure(counts: Iterable[Counter[str]]) -> Iterator[None]:
     except Exception:
         for of_run in counts:
             of_run["failed"] += 1
-        log.exception("a defect; going on with the next message")
+        log.exception("a defect; continuing with the next message")
 
 
 def begin() -> None:
-    """Begin this process, which is to serve.
+    """Begin a process that will serve: turn off garbage collection until it does.
 
-    No garbage is looked for until it does: to go through all that libraries make while they load,
-    again and again, is a tenth of the work of a start, and finds nothing.
+    Collecting the objects of libraries while they load takes a tenth of the time of a start, and
+    frees nothing.
     """
     gc.disable()
 
 
 def leave() -> NoReturn:
-    """End this process, which has nothing left to do.
+    """End this process at once, without shutting the interpreter down.
 
-    To take the interpreter and its compiler down piece by piece takes longer than all else at the
-    end, and a host has many services to wait for.
+    An orderly shutdown of the interpreter and the compiler would take longer than everything else
+    at the end, and a host waits for many services.
     """
     logging.shutdown()
     sys.stdout.flush()
@@ -206,7 +206,7 @@ def leave() -> NoReturn:
 
 
 def stop_event() -> threading.Event:
-    """Return an event that SIGINT, SIGTERM and, under a host, the host's end set."""
+    """Return an event that is set by SIGINT, by SIGTERM and, under a host, by the host's end."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
@@ -216,9 +216,9 @@ def stop_event() -> threading.Event:
 
 
 def stop_of_service() -> threading.Event:
-    """Return ``stop_event()`` for a service, which ends soon after it is set, whatever it does.
+    """Return ``stop_event()`` for a service; the process ends soon after the event is set.
 
-    One that is still starting does not look whether it is to stop, and has nothing to finish.
+    A service that is still starting does not check the event, and has nothing to finish.
     """
     stop = stop_event()
     threading.Thread(target=_end_soon_after, args=(stop,), daemon=True).start()

@@ -1,15 +1,15 @@
-"""How the services of a run stand, as diagnostics of ROS 2."""
+"""Publishes the status of a run's services as ROS 2 diagnostics."""
 
 import time
 
 from placefield.bus.keys import service_and_identity
 from placefield.bus.messages import StatsMessage
-from placefield.bus.ros import RosPublisher
-from placefield.ros.messages import OK, STALE, WARN, Status, diagnostics_message
+from placefield.bus.ros_node import RosPublisher
+from placefield.ros.ros_messages import OK, STALE, WARN, Status, diagnostics_message
 
 _PUBLISH_EVERY_S = 1.0
-_SILENT_S = 3.0  # a service tells once a second
-_FORGOTTEN_S = 60.0  # one that is started again tells under another identity
+_SILENT_S = 3.0  # a service reports once a second
+_FORGOTTEN_S = 60.0  # a restarted service has another identity
 _TROUBLE = (
     "malformed",
     "other_map",
@@ -33,41 +33,43 @@ Process = tuple[str, str]
 class Diagnostics:
     """Publishes once a second a status for each process of a run's services.
 
-    It is ``STALE`` where nothing was heard for 3 s, and left out after a minute; ``WARN`` where
-    frames or messages were lost or spoilt since the one before; else ``OK``. All that the process
-    has counted since it started is among the values.
+    The status is ``STALE`` if the process has been silent for 3 s; after a minute it is left out.
+    The status is ``WARN`` if frames or messages were lost or damaged since the last one; else it is
+    ``OK``. Its values are all counts since the process started.
     """
 
     def __init__(self, run: str, publisher: RosPublisher) -> None:
         self._run = run
         self._publisher = publisher
-        self._told: dict[Process, tuple[StatsMessage, float]] = {}
+        self._received: dict[Process, tuple[StatsMessage, float]] = {}
         self._published: dict[Process, dict[str, int]] = {}  # counts
         self._due = 0.0
 
-    def take(self, key: str, data: bytes) -> None:
-        """Take what a process tells of itself.
+    def receive(self, key: str, data: bytes) -> None:
+        """Receive the statistics of a process.
 
         Raises:
-            MessageError: it does not parse.
+            MessageError: the message does not parse.
         """
         stats = StatsMessage.decode(data)
-        self._told[service_and_identity(key)] = stats, time.monotonic()
+        self._received[service_and_identity(key)] = stats, time.monotonic()
 
     def publish(self) -> None:
-        """Publish, if it is time to."""
+        """Publish all statuses, if a second has passed."""
         now = time.monotonic()
         if now < self._due:
             return
         self._due = now + _PUBLISH_EVERY_S
-        self._told = {
-            process: told for process, told in self._told.items() if now - told[1] < _FORGOTTEN_S
+        self._received = {
+            process: received
+            for process, received in self._received.items()
+            if now - received[1] < _FORGOTTEN_S
         }
         statuses = [
             self._status(process, stats, now - at > _SILENT_S)
-            for process, (stats, at) in sorted(self._told.items(), key=lambda item: item[0])
+            for process, (stats, at) in sorted(self._received.items(), key=lambda item: item[0])
         ]
-        self._published = {process: stats.counts for process, (stats, _) in self._told.items()}
+        self._published = {process: stats.counts for process, (stats, _) in self._received.items()}
         self._publisher.put(diagnostics_message(time.time_ns(), statuses))
 
     def _status(self, process: Process, stats: StatsMessage, is_silent: bool) -> Status:
@@ -75,14 +77,14 @@ class Diagnostics:
         if trouble := self._trouble(process, stats):
             level, message = WARN, trouble
         if is_silent:
-            level, message = STALE, f"nothing heard for {_SILENT_S:g} s"
+            level, message = STALE, f"silent for {_SILENT_S:g} s"
         values = {name: str(count) for name, count in sorted(stats.counts.items())}
         if stats.sequence is not None:
             values["newest_frame"] = str(stats.sequence)
         return Status(level, f"placefield: {' '.join(process)}", message, self._run, values)
 
     def _trouble(self, process: Process, stats: StatsMessage) -> str:
-        """Say what went wrong since this was published last."""
+        """Describe what went wrong since the last status; empty if nothing did."""
         before = self._published.get(process, stats.counts)
         more = {name: stats.counts.get(name, 0) - before.get(name, 0) for name in _TROUBLE}
         return ", ".join(f"{count} {name}" for name, count in more.items() if count > 0)

@@ -1,19 +1,34 @@
-"""A run's matches, or its smoothed ones, as poses of ROS 2."""
+"""Publishes the matches, or the smoothed matches, of a run as poses of ROS 2."""
 
 from collections import Counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
-from placefield.bus.ros import RosPublisher
+from placefield.bus.ros_node import RosPublisher
 from placefield.errors import MessageError
 from placefield.ros.covariance import pose_covariance
-from placefield.ros.messages import pose_message
+from placefield.ros.ros_messages import pose_message
 
 FRAME = "map"
-"""In which the poses are, as ROS calls it."""
+"""The coordinate frame of the poses in ROS."""
+
+
+class MapPoses(NamedTuple):
+    """The poses of one map's places.
+
+    Attributes:
+        poses: (K, 3) x and y in metres and yaw in radians; NaN where a place has none.
+        tolerance: how many places a known match may be off.
+        digest: of the map.
+    """
+
+    poses: NDArray[np.float64]
+    tolerance: int
+    digest: str
 
 
 class Poses:
@@ -21,30 +36,30 @@ class Poses:
 
     def __init__(
         self,
-        of_map: NDArray[np.float64],
-        tolerance: int,
-        digest: str,
+        of_map: MapPoses,
         publisher: RosPublisher,
         counts: Counter[str],
         *,
         smoothed: bool = False,
     ) -> None:
-        """Take the map's poses, (K, 3), how many places off a known match may be, and which map.
+        """Publish poses of one map's matches.
 
-        ``smoothed`` says whether the matches are smoothed ones.
+        Args:
+            of_map: the poses of the map's places.
+            publisher: of the topic.
+            counts: of the run.
+            smoothed: whether the matches are smoothed matches.
         """
         self._kind = SmoothedMessage if smoothed else MatchMessage
-        self._of_map = of_map
-        self._tolerance = tolerance
-        self._digest = digest
+        self._of_map, self._tolerance, self._digest = of_map
         self._publisher = publisher
         self._counts = counts
 
-    def take(self, header: Header, data: bytes) -> None:
-        """Publish the pose of a match, stamped as its frame, if it is known.
+    def publish(self, header: Header, data: bytes) -> None:
+        """Publish the pose of a match with the stamp of its frame, if the match is known.
 
         Raises:
-            MessageError: it is no match of this map.
+            MessageError: the message is no match of this map.
         """
         if header.end:
             return
@@ -53,9 +68,11 @@ class Poses:
         if not match.known or match.probability is None or match.pose is None:
             return
         if not 0 <= match.place < len(self._of_map):
-            raise MessageError(f"a match of another map: this one has {len(self._of_map)} places")
+            raise MessageError(
+                f"a match of another map: place {match.place} of {len(self._of_map)} places"
+            )
         if not np.isfinite(self._of_map[match.place]).all():
-            raise MessageError(f"a match of another map: of place {match.place} it has no pose")
+            raise MessageError(f"a match of another map: place {match.place} has no pose here")
         covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
         self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
         if self._kind is SmoothedMessage:

@@ -1,4 +1,4 @@
-"""A topic of ROS 2 as the live source of a run's frames."""
+"""Streams the images of a ROS 2 topic as the live source of a run's frames."""
 
 import logging
 import uuid
@@ -13,29 +13,29 @@ from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
-from placefield.ros.messages import read_image, read_position
+from placefield.ros.ros_messages import read_image, read_position
 
 log = logging.getLogger(__name__)
 
-_FARTHEST_M = 1e8  # above that the metres of a drive are lost in rounding, or it is not of earth
+_FARTHEST_M = 1e8  # farther positions are wrong, and rounding would lose the metres of a drive
 
 
 class RosSource:
-    """One live stream of frames, from a first image until the end, and the vehicle's odometry.
+    """One live stream of frames, from the first image until the end, and the vehicle's odometry.
 
-    Counts ``frames``, and as ``left_out`` the images that a spacing does not take, or of which it
-    is not known yet how far the vehicle has come.
+    Counts ``frames``, and as ``left_out`` the images between the spaced ones and the images before
+    the first odometry.
     """
 
     def __init__(
         self,
         frames: CachedPublisher,
-        tell_odometry: Callable[[OdometryMessage], None],
+        put_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
         spacing: Spacing | None = None,
     ) -> None:
         self._frames = frames
-        self._tell_odometry = tell_odometry
+        self._tell_odometry = put_odometry
         self._counts = counts
         self._spacing = spacing
         self._stream = uuid.uuid4().hex
@@ -43,54 +43,54 @@ class RosSource:
         self._stamp_ns = 0
         self._metres = 0.0
         self._position: NDArray[np.float64] | None = None
-        self._is_told = True
-        """Whether the metres went with a frame already."""
+        self._is_published = True
+        """Whether a frame was published with the current metres."""
 
-    def take_image(self, kind: str, data: bytes) -> None:
-        """Publish an image as the next frame, with the stamp of its header, if it is to be taken.
+    def publish_image(self, kind: str, data: bytes) -> None:
+        """Publish an image as the next frame with the stamp of its header, if the spacing uses it.
 
-        The metres travelled go with it, if odometry has come since the frame before: a vehicle
-        whose odometry has stopped coming must not look like one that stands still.
+        The frame has the metres travelled only if odometry has come since the previous frame. So a
+        vehicle whose odometry has stopped does not look like a stationary vehicle.
 
         Raises:
-            MessageError: it is none that we read.
+            MessageError: the message is no image, or its encoding is not supported.
         """
         stamp_ns, image = read_image(kind, data)
-        if not self._takes():
+        if not self._is_due():
             self._counts["left_out"] += 1
             return
         self._stamp_ns = stamp_ns
-        odometry_m = None if self._is_told else self._metres
+        odometry_m = None if self._is_published else self._metres
         self._frames.put(self._header(), FrameMessage(image=image, odometry_m=odometry_m))
-        self._is_told = True
+        self._is_published = True
         self._sent += 1
         self._counts["frames"] += 1
 
-    def _takes(self) -> bool:
+    def _is_due(self) -> bool:
         if self._spacing is None:
             return True
         if self._position is None:
             if not self._counts["left_out"]:
-                log.warning("images are left out until odometry comes, to space them by")
+                log.warning("images are left out until odometry comes: --spacing needs it")
             return False
         return self._spacing.takes(self._metres)
 
-    def take_odometry(self, kind: str, data: bytes) -> None:
-        """Publish the metres travelled so far, from one position to the next.
+    def publish_odometry(self, kind: str, data: bytes) -> None:
+        """Add the distance from the last position, and publish the metres travelled so far.
 
         Raises:
-            MessageError: it is no odometry.
+            MessageError: the message is no odometry, or its position is not plausible.
         """
         position = read_position(kind, data)[:2]  # in the plane, as of recordings
         step = 0.0 if self._position is None else float(np.hypot(*(position - self._position)))
         if not max(step, *np.abs(position)) < _FARTHEST_M:
-            raise MessageError(f"odometry at {position} m: too far away to be true")
+            raise MessageError(f"odometry at {position} m is too far away to be plausible")
         self._position, self._metres = position, self._metres + step
-        self._is_told = False
+        self._is_published = False
         self._tell_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:
-        """Publish the end of the stream, if it has begun."""
+        """Publish the end of the stream, if the stream has begun."""
         if self._sent:
             self._frames.put(self._header(end=True))
 

@@ -1,4 +1,4 @@
-"""What a worker serves: channels of a map, whole or one shard of each, while the map stays."""
+"""The channels of a map that a worker serves, whole or one shard of each."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -14,7 +14,7 @@ from placefield_services.channel_streams import ChannelOutputs, ChannelStream
 
 Descriptor = NDArray[np.float32]
 Comparing = Iterator[Callable[[], Compared | None]]
-"""What returns how frames compare with the places, to be called in their order."""
+"""Functions that return the comparison of each frame with the places; call them in order."""
 
 
 class ServedChannels:
@@ -28,42 +28,49 @@ class ServedChannels:
         shard: int = 0,
         shards: int = 1,
     ) -> None:
-        """Take the channels' numbers in a map, and which shard of how many.
+        """Serve channels of a map.
+
+        Args:
+            placemap: the map.
+            channels: numbers of the channels in the map.
+            matching: the configuration of the matching.
+            shard: number of the shard, from 0.
+            shards: how many shards each channel has.
 
         Raises:
-            ConfigError: the map has too few places for so many shards.
+            ConfigError: the map has fewer places than shards.
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
         self.digest = placemap.digest
-        """Which map they are of."""
+        """Digest of the map."""
         places = placemap.places
         self._stage = ChannelStage(
             self._channels, matching, shard, shards, places.travelled, places.same
         )
-        # Called before reading, for what was cut off would end the process, and again after.
+        # Called before reading, because reading a truncated file kills the process, and after.
         self._check_unchanged = placemap.check_unchanged
         self.needs_all = shards > 1
-        """Whether no frame may be left out that others have taken."""
+        """Whether the worker must match every frame that the other shards match."""
 
     def warm_up(self) -> None:
-        """Match frames of no stream, so that what is made at its first use is made."""
+        """Match frames of no stream, so that everything is loaded and compiled before serving."""
         warm_up(self._channels.values(), self._matching)
 
     def new_stream(self, outputs: ChannelOutputs, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number.
 
         Raises:
-            MapError: somebody has written to the map meanwhile.
+            MapError: the map's files have changed.
         """
         self._check_unchanged()
         return ChannelStream(self._stage, self._matching, self.digest, first, outputs)
 
     def comparing(self, descriptors: Sequence[Descriptor | None]) -> Comparing:
-        """Yield what returns how each descriptor compares, None for a missing observation.
+        """Yield for each descriptor a function that returns its comparison with the places.
 
-        Frames that come together are compared together. Not so those of shards, which may have to
-        wait: each is compared when its turn has come.
+        It returns None for a missing observation. The descriptors are compared in one batch. In a
+        shard each descriptor is compared when it is due, because it may have to wait.
         """
         together = self._compare([one for one in descriptors if one is not None])
         for descriptor in descriptors:
@@ -78,10 +85,10 @@ class ServedChannels:
         return next(self._compare([descriptor]))
 
     def _compare(self, descriptors: Sequence[Descriptor]) -> Iterator[Compared]:
-        """Yield how each descriptor compares with the places, under each metric.
+        """Yield the comparison of each descriptor with the places, under each metric.
 
         Raises:
-            MapError: somebody has written to the map meanwhile.
+            MapError: the map's files have changed.
         """
         self._check_unchanged()
         for compared in self._stage.compare(descriptors):
@@ -90,4 +97,4 @@ class ServedChannels:
 
 
 def _nothing() -> None:
-    """Return how a missing observation compares."""
+    """Return the comparison of a missing observation: None."""

@@ -1,4 +1,4 @@
-"""Stands for the bus where a service is tested without one."""
+"""Test doubles of the bus for tests of services."""
 
 from collections.abc import Callable
 
@@ -10,10 +10,10 @@ from placefield_services.background_query import NotYet
 
 
 class RecordingPublisher(Publisher):
-    """Keeps what is published, of one kind of message."""
+    """Records the published messages of one kind."""
 
     def __init__(self, kind: type[Message], end: type[Message] | None = None) -> None:
-        """Take the kind, and that of the end of a stream, where that has a payload."""
+        """Record messages of ``kind``; the end of a stream has a payload of ``end``, or none."""
         self._kind, self._end = kind, end
         self.sent: list[tuple[Header, Message | None]] = []
 
@@ -28,7 +28,7 @@ class RecordingPublisher(Publisher):
 
 
 def at_last(handle: Callable[[], None]) -> None:
-    """Handle a message, again and again while what others know of it has not come."""
+    """Handle a message, and repeat while an answer to a query has not come."""
     while True:
         try:
             return handle()
@@ -37,7 +37,7 @@ def at_last(handle: Callable[[], None]) -> None:
 
 
 class PeerCache:
-    """What others remember of a stream; nothing at first."""
+    """The replay cache of another service; empty at first."""
 
     def __init__(self) -> None:
         self.kept: dict[int, tuple[Header, bytes]] = {}

@@ -1,4 +1,4 @@
-"""A channel worker without a bus, and what it should answer."""
+"""A channel worker without a bus, and its expected answers."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -37,12 +37,12 @@ Descriptor = NDArray[np.float32]
 SmoothedCandidate = tuple[int, int, int, float, bytes, bytes]
 """Sequence, lag, place, score, places and evidence."""
 
-Told = tuple[int, int, float, bytes, bytes]
+ChannelAnswer = tuple[int, int, float, bytes, bytes]
 """Sequence, place, score, places and evidence of a candidate."""
 
 
 class Stage:
-    """A channel worker of two runs, what it published and what it counted."""
+    """A channel worker of two runs, with its published messages and its counts."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class Stage:
         live: bool = False,
         odometry_m: Sequence[float | None] = (),
     ) -> None:
-        """Let another service remember all of a stream."""
+        """Fill the replay cache of another service with a stream."""
         for sequence, (descriptor, reading) in enumerate(zip_longest(descriptors, odometry_m)):
             message = FeatureMessage(model=self.model, descriptor=descriptor, odometry_m=reading)
             self.elsewhere[RUNS[0]].kept[sequence] = header(sequence, live=live), message.encode()
@@ -105,8 +105,8 @@ class Stage:
     def send(self, about: Header, descriptor: Descriptor | None) -> None:
         self.handle(self.feature(about, descriptor))
 
-    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[Told]:
-        """What was published of a channel."""
+    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[ChannelAnswer]:
+        """Return the published candidates of a channel."""
         return [
             (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
             for about, message in self.publishers[run].sent
@@ -118,7 +118,7 @@ class Stage:
     def smoothed(
         self, channel: int, *, run: str = RUNS[0], first: int = 0
     ) -> list[SmoothedCandidate]:
-        """What was published of a channel in hindsight, from message ``first`` on."""
+        """Return the published smoothed candidates of a channel, from message ``first`` on."""
         return [
             _as_smoothed(each)
             for about, message in self.publishers[run].sent[first:]
@@ -137,7 +137,7 @@ def _as_smoothed(frame: SmoothedFrame) -> SmoothedCandidate:
 def smoothed_offline(
     placemap: Map, channel: int, rule: Rule, descriptors: list[Descriptor | None]
 ) -> list[SmoothedCandidate]:
-    """Return what a channel smooths of a whole stream."""
+    """Return the smoothed candidates of a channel for a whole stream."""
     stage = ChannelStage({channel: placemap.channels[channel]}, MatchingConfig(rule=rule))
     stream = stage.new_stream()
     smoothed = []
@@ -160,7 +160,7 @@ def offline(
     descriptors: list[Descriptor | None],
     *,
     reverse: bool = False,
-) -> list[Told]:
+) -> list[ChannelAnswer]:
     matching = MatchingConfig(rule=rule, reverse=reverse)
     matcher = ChannelShard(placemap.channels[channel], matching).new_matcher()
     places = MetricPlaces(placemap.channels[channel].metric, exact=False)

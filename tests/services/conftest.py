@@ -1,4 +1,4 @@
-"""What the tests of channel workers share."""
+"""Fixtures of the tests of channel workers."""
 
 from pathlib import Path
 
@@ -14,13 +14,13 @@ from placefield_services import channel as channel_module
 
 @pytest.fixture(autouse=True)
 def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a channel worker not wait for what nobody remembers."""
+    """Let a channel worker not wait for frames that no cache has."""
     monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
 
 
 @pytest.fixture(scope="session")
 def descriptors(query_dir: Path, route_map: Map) -> list[NDArray[np.float32]]:
-    """Of the first frames of the query."""
+    """Return the descriptors of the first frames of the query."""
     stream = DescriptorStream(route_map.model)
     feature = feature_of_model(route_map.model)
     files = sorted(query_dir.iterdir())[:20]

@@ -1,16 +1,16 @@
-"""Stands for a ROS 2 topic where what publishes on it is tested without a bus."""
+"""A test double of a ROS 2 topic."""
 
 from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
-from placefield.bus.ros import RosPublisher
+from placefield.bus.ros_node import RosPublisher
 
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 class RecordingTopic(RosPublisher):
-    """Keeps what is published, of one kind of message."""
+    """Records the published messages of one kind."""
 
     def __init__(self, kind: str) -> None:
         self._kind = kind

@@ -1,4 +1,4 @@
-"""Questions to others: no one waits for the answer but the run that asks."""
+"""Background queries: only the run that asks waits for the answer."""
 
 import threading
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from placefield_services.background_query import BackgroundQuery, NotYet
 
 
 class Others:
-    """Answer when they are let, with how many questions they have heard."""
+    """Answer when released, with the number of questions received."""
 
     def __init__(self) -> None:
         self.answering = threading.Event()
@@ -35,7 +35,7 @@ def answer_of(background_query: BackgroundQuery[[int], int], stream: str, first:
             return background_query(stream, first)
 
 
-def test_while_the_answer_is_out_no_one_waits_and_one_question_is_asked(others: Others) -> None:
+def test_a_pending_query_blocks_nothing_and_is_asked_once(others: Others) -> None:
     background_query = BackgroundQuery(others.ask)
     for _ in range(10):
         with pytest.raises(NotYet):
@@ -71,7 +71,7 @@ def test_an_answer_serves_a_newer_question_of_its_stream_and_none_of_another(
     assert others.asked == [("stream", 3), ("stream", 6), ("other", 7)]
 
 
-def test_what_goes_wrong_goes_wrong_where_the_answer_is_awaited() -> None:
+def test_an_error_of_a_query_is_raised_where_its_answer_is_awaited() -> None:
     def ask(stream: str, first: int) -> int:
         raise ZeroDivisionError
 

@@ -34,7 +34,7 @@ def test_each_channel_answers_each_frame_as_its_matcher_does(
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_frames_that_did_not_come_are_matched_as_frames_not_seen(
+def test_frames_that_did_not_come_are_missing_observations(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     stage = Stage(route_map, rule)
@@ -42,8 +42,8 @@ def test_frames_that_did_not_come_are_matched_as_frames_not_seen(
     for sequence, descriptor in enumerate(descriptors):
         if sequence not in missing:
             stage.send(header(sequence), descriptor)
-    seen = [None if s in missing else descriptor for s, descriptor in enumerate(descriptors)]
-    expected = [c for c in offline(route_map, 0, rule, seen) if c[0] not in missing]
+    observed = [None if s in missing else descriptor for s, descriptor in enumerate(descriptors)]
+    expected = [c for c in offline(route_map, 0, rule, observed) if c[0] not in missing]
     assert stage.candidates(0) == expected
     assert stage.counts[RUNS[0]]["gaps"] == len(missing)
 
@@ -63,11 +63,11 @@ def test_a_frame_that_could_not_be_read_is_answered(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     stage = Stage(route_map, rule)
-    seen: list[Descriptor | None] = [*descriptors]
-    seen[0] = seen[7] = None
-    for sequence, descriptor in enumerate(seen):
+    observed: list[Descriptor | None] = [*descriptors]
+    observed[0] = observed[7] = None
+    for sequence, descriptor in enumerate(observed):
         stage.send(header(sequence), descriptor)
-    assert stage.candidates(2) == offline(route_map, 2, rule, seen)
+    assert stage.candidates(2) == offline(route_map, 2, rule, observed)
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -107,13 +107,13 @@ def test_every_frame_is_smoothed_once_and_the_last_ones_with_the_end(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     stage = Stage(route_map, rule)
-    seen: list[Descriptor | None] = [*descriptors, *descriptors[::-1]]
-    seen[3] = seen[11] = None
-    batch = [stage.feature(header(s), descriptor) for s, descriptor in enumerate(seen)]
+    observed: list[Descriptor | None] = [*descriptors, *descriptors[::-1]]
+    observed[3] = observed[11] = None
+    batch = [stage.feature(header(s), descriptor) for s, descriptor in enumerate(observed)]
     stage.handle(*batch[:7])
-    stage.handle(*batch[7:], stage.feature(header(len(seen), end=True)))
+    stage.handle(*batch[7:], stage.feature(header(len(observed), end=True)))
     for channel in stage.channels:
-        assert stage.smoothed(channel) == smoothed_offline(route_map, channel, rule, seen)
+        assert stage.smoothed(channel) == smoothed_offline(route_map, channel, rule, observed)
 
 
 def test_a_frame_that_comes_again_is_answered_by_the_same_message(
@@ -128,7 +128,7 @@ def test_a_frame_that_comes_again_is_answered_by_the_same_message(
     assert stage.smoothed(0, first=len(batch)) == first
 
 
-def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
+def test_a_malformed_message_or_one_of_another_map_leaves_the_stream_as_it_was(
     route_map: Map, descriptors: list[Descriptor]
 ) -> None:
     stage = Stage(route_map, "evidence")
@@ -154,11 +154,11 @@ def test_what_does_not_parse_or_is_of_another_map_leaves_the_stream_as_it_was(
 
 @dataclass(frozen=True)
 class Sent:
-    """What is sent to a worker: a run, a frame of its stream, and how many more in one batch."""
+    """A message to a worker: its run, its frame, and how many more are in the same batch."""
 
     run: str
     gap: int
-    seen: bool
+    observed: bool
 
 
 traffic = st.lists(
@@ -186,11 +186,13 @@ def test_runs_and_batches_change_no_bit_of_a_candidate(
         for place, sent in enumerate(batch):
             of_run = pushed[sent.run]
             of_run += [None] * (sent.gap if of_run else 0)
-            seen = descriptors[(7 * number + place) % len(descriptors)] if sent.seen else None
+            observed = (
+                descriptors[(7 * number + place) % len(descriptors)] if sent.observed else None
+            )
             about = header(len(of_run), stream=sent.run)
-            messages.append(stage.feature(about, seen, run=sent.run))
+            messages.append(stage.feature(about, observed, run=sent.run))
             answered[sent.run].append(len(of_run))
-            of_run.append(seen)
+            of_run.append(observed)
         stage.handle(*messages)
     for run in RUNS:
         alone = offline(route_map, 2, rule, pushed[run], reverse=reverse)
@@ -209,7 +211,7 @@ def test_a_stream_that_follows_another_in_one_batch_begins_afresh(
     assert stage.publishers[RUNS[0]].sequences == [*range(5), 5, *range(len(descriptors))]
 
 
-def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
+def test_frames_lost_to_a_defect_are_missing_observations(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stage = Stage(route_map, "filter")
@@ -220,8 +222,8 @@ def test_frames_that_a_defect_cost_are_matched_as_frames_not_seen(
         stage.handle(*messages[4:6])
     assert stage.counts[RUNS[0]]["failed"] == 2
     stage.handle(*messages[6:])
-    seen = [None if s in (4, 5) else d for s, d in enumerate(descriptors)]
-    expected = offline(route_map, 0, "filter", seen)
+    observed = [None if s in (4, 5) else d for s, d in enumerate(descriptors)]
+    expected = offline(route_map, 0, "filter", observed)
     assert stage.candidates(0) == expected[:4] + expected[6:]
 
 
@@ -237,16 +239,18 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
     ]
     pushed, real = iter(range(1000)), FilterMatcher.local
 
-    def local(self: FilterMatcher, seen: Comparison | None, odometry_m: float | None) -> Partial:
+    def local(
+        self: FilterMatcher, observed: Comparison | None, odometry_m: float | None
+    ) -> Partial:
         if next(pushed) == 9:  # two runs and two channels: the second channel, in the third frame
             raise ZeroDivisionError
-        return real(self, seen, odometry_m)
+        return real(self, observed, odometry_m)
 
     monkeypatch.setattr(FilterMatcher, "local", local)
     stage.handle(*batch)
     assert stage.counts[RUNS[0]]["failed"] == 1
-    seen = [None if s == 2 else d for s, d in enumerate(descriptors[:8])]
-    damaged = offline(route_map, 2, "filter", seen)
+    observed = [None if s == 2 else d for s, d in enumerate(descriptors[:8])]
+    damaged = offline(route_map, 2, "filter", observed)
     assert stage.candidates(2) == damaged[:2] + damaged[3:]
     whole = offline(route_map, 0, "filter", [*descriptors[:8]])
     assert stage.candidates(0) == whole[:2] + whole[3:]
@@ -256,11 +260,11 @@ def test_a_defect_in_one_stream_costs_one_frame_and_no_other_of_the_batch(
         assert stage.candidates(channel, run=RUNS[1]) == expected
 
 
-def test_matchers_are_told_the_odometry_of_frames_and_none_of_those_that_did_not_come(
+def test_matchers_get_the_odometry_of_frames_and_none_for_frames_that_did_not_come(
     route_map: Map, descriptors: list[Descriptor], given_odometry: list[float | None]
 ) -> None:
     stage = Stage(route_map, "filter")
-    given_odometry.clear()  # of the rehearsal
+    given_odometry.clear()  # of the warm-up
     readings = {0: 3.5, 1: None, 4: 7.0, 5: 7.0}
     stage.handle(
         *(
@@ -272,7 +276,7 @@ def test_matchers_are_told_the_odometry_of_frames_and_none_of_those_that_did_not
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_matchers_are_told_the_metres_travelled_if_the_map_has_them(
+def test_matchers_get_the_metres_travelled_if_the_map_has_them(
     route_map: Map,
     descriptors: list[Descriptor],
     given_routes: list[RouteCells | None],
@@ -285,7 +289,7 @@ def test_matchers_are_told_the_metres_travelled_if_the_map_has_them(
     assert (given_routes[-1] is not None) == known
 
 
-def test_odometry_comes_back_with_the_frames_that_others_remember(
+def test_odometry_is_fetched_with_the_frames(
     route_map: Map, descriptors: list[Descriptor], given_odometry: list[float | None]
 ) -> None:
     stage = Stage(route_map, "filter")
@@ -295,6 +299,6 @@ def test_odometry_comes_back_with_the_frames_that_others_remember(
     assert given_odometry == [0.0, 1.0, 2.0, None, 4.0, 5.0, 6.0]
 
 
-def test_a_channel_that_the_map_has_not_is_refused(route_map: Map) -> None:
+def test_a_channel_that_the_map_does_not_have_is_refused(route_map: Map) -> None:
     with pytest.raises(ConfigError, match="--channel 3: the map has channels 0 to 2"):
         run_channels(route_map, [0, 3], Config(), threading.Event())

@@ -9,7 +9,7 @@ from placefield_services import channel as channel_module
 
 @pytest.mark.parametrize("live", [False, True])
 @pytest.mark.parametrize("rule", RULES)
-def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
+def test_a_restarted_worker_answers_as_if_it_had_never_been_away(
     route_map: Map, descriptors: list[Descriptor], rule: Rule, live: bool
 ) -> None:
     stage = Stage(route_map, rule)
@@ -27,7 +27,7 @@ def test_one_that_comes_back_answers_as_if_it_had_never_been_away(
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
+def test_a_missed_lossless_frame_is_fetched(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     stage = Stage(route_map, rule)
@@ -41,7 +41,7 @@ def test_a_lossless_frame_that_was_missed_is_looked_for_elsewhere(
 
 
 @pytest.mark.parametrize("known", [0, 5, 11])
-def test_one_that_comes_back_and_lacks_frames_that_nobody_remembers_says_so_with_every_answer(
+def test_a_restarted_worker_without_frames_that_no_cache_has_marks_every_answer_as_forgotten(
     route_map: Map, descriptors: list[Descriptor], known: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
@@ -52,25 +52,25 @@ def test_one_that_comes_back_and_lacks_frames_that_nobody_remembers_says_so_with
         for sequence in range(12, 16):
             stage.send(header(sequence, oldest=12), descriptors[sequence])
         stage.send(header(0, stream="next"), descriptors[0])
-    told = [
+    flags = [
         [message.forgotten for _, message in stage.publishers[RUNS[0]].sent if message]
         for stage in (knows, lacks)
     ]
-    assert told == [[False] * 5, [True] * 4 + [False]]
+    assert flags == [[False] * 5, [True] * 4 + [False]]
 
 
-def test_a_lossless_frame_that_nobody_remembers_is_told_of_from_then_on(
+def test_a_lossless_frame_that_no_cache_has_marks_all_later_answers_as_forgotten(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
     stage = Stage(route_map, "filter")
     for sequence in (0, 1, 3, 4):
         stage.send(header(sequence), descriptors[sequence])
-    told = [message.forgotten for _, message in stage.publishers[RUNS[0]].sent if message]
-    assert told == [False, False, True, True]
+    flags = [message.forgotten for _, message in stage.publishers[RUNS[0]].sent if message]
+    assert flags == [False, False, True, True]
 
 
-def test_what_may_still_be_found_is_waited_for(
+def test_a_worker_waits_for_frames_that_may_still_be_fetched(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_module, "_ASK_FOR_S", 1000.0)
@@ -90,5 +90,5 @@ def test_a_frame_that_comes_again_is_answered_again_and_matched_once(
     stage = Stage(route_map, "filter")
     for sequence in (0, 1, 2, 1, 2, 3):
         stage.send(header(sequence), descriptors[sequence])
-    told = offline(route_map, 0, "filter", [*descriptors])
-    assert stage.candidates(0) == [*told[:3], *told[1:4]]
+    expected = offline(route_map, 0, "filter", [*descriptors])
+    assert stage.candidates(0) == [*expected[:3], *expected[1:4]]

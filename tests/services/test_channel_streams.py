@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
-    ChannelSummary,
+    ChannelPartial,
     FinishedMessage,
     HaloMessage,
 )
@@ -50,23 +50,23 @@ class Shards:
         self.features = PeerCache()
         self.counts: Counter[str] = Counter()
         self.halos: dict[int, ReplayCache] = {}
-        self.told: dict[int, RecordingPublisher] = {}
+        self.partials: dict[int, RecordingPublisher] = {}
         self.answered: dict[int, RecordingPublisher] = {}
         self.workers: dict[int, ChannelWorker] = {}
-        self._heard: dict[tuple[int, int], int] = {}
+        self._passed_on: dict[tuple[int, int], int] = {}
         for shard in range(SHARDS):
             self.start(shard)
 
     def start(self, shard: int) -> None:
-        """Start a worker, in the place of another perhaps."""
-        self.told[shard] = RecordingPublisher(HaloMessage)
+        """Start a worker, or replace it."""
+        self.partials[shard] = RecordingPublisher(HaloMessage)
         self.answered[shard] = RecordingPublisher(CandidatesMessage, FinishedMessage)
         self.halos[shard] = ReplayCache()
         outputs = ChannelOutputs(
             candidates=CachedPublisher(self.answered[shard], ReplayCache()),
             fetch=self.features.fetch,
             store=ReplayCache().store,
-            halos=CachedPublisher(self.told[shard], self.halos[shard]),
+            halos=CachedPublisher(self.partials[shard], self.halos[shard]),
             fetch_halos=self._fetch_halos,
             counts=self.counts,
         )
@@ -77,8 +77,8 @@ class Shards:
         self.workers[shard] = ChannelWorker(
             self._map.model, served, {"test": outputs}, {"test": Counter()}
         )
-        self._heard = (
-            {key: 0 for key in self._heard if shard not in key}
+        self._passed_on = (
+            {key: 0 for key in self._passed_on if shard not in key}
             | {(shard, other): 0 for other in range(SHARDS)}
             | {(other, shard): 0 for other in range(SHARDS)}
         )
@@ -90,7 +90,7 @@ class Shards:
                 yield Header.decode(attachment), payload
 
     def send(self, about: Header, descriptor: Descriptor | None, shards: Iterable[int]) -> None:
-        """Let workers have a descriptor, in this order."""
+        """Pass a descriptor to the workers in this order."""
         message = FeatureMessage(model=self.model, descriptor=descriptor)
         payload = b"" if about.end else message
         self.features.kept[about.sequence] = about, b"" if about.end else message.encode()
@@ -99,30 +99,30 @@ class Shards:
             worker.match([worker.accept(received(KEYS.feature, about, payload))])
 
     def exchange(self, *, lost: bool = False) -> None:
-        """Let all hear what the others have told by now, and what they tell then."""
+        """Pass all partial results on, and those that follow from them."""
         while self._pass_on(lost=lost):
             pass
 
     def _pass_on(self, *, lost: bool) -> bool:
-        news = False
-        for (speaker, hearer), heard in list(self._heard.items()):
-            told = self.told[speaker].sent
-            self._heard[speaker, hearer] = len(told)
-            if speaker == hearer or hearer not in self.workers or lost:
+        is_any_new = False
+        for (sender, receiver), passed_on in list(self._passed_on.items()):
+            sent = self.partials[sender].sent
+            self._passed_on[sender, receiver] = len(sent)
+            if sender == receiver or receiver not in self.workers or lost:
                 continue
-            for about, message in told[heard:]:
+            for about, message in sent[passed_on:]:
                 assert message is not None
-                news = True
-                border = received(KEYS.halo(str(speaker)), about, message)
-                self.workers[hearer].accept(border)
-        return news
+                is_any_new = True
+                halo = received(KEYS.halo(str(sender)), about, message)
+                self.workers[receiver].accept(halo)
+        return is_any_new
 
     def after_batch(self) -> None:
         for worker in self.workers.values():
             worker.after_batch("test")
 
     def joined(self, channel: int) -> dict[int, Candidate]:
-        """What the fuser makes of the answers, by frame."""
+        """Return the joined candidates of the shards, by frame."""
         joiner, joined = ShardJoiner(self._rule), {}
         for shard, answered in self.answered.items():
             for about, message in answered.sent:
@@ -154,36 +154,36 @@ def assert_same(joined: dict[int, Candidate], expected: Sequence[Candidate]) -> 
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_workers_that_hear_each_other_late_and_in_any_order_answer_as_the_whole(
+def test_shards_that_receive_partial_results_late_and_in_any_order_answer_as_the_whole(
     route_map: Map, descriptors: list[Descriptor], rule: Rule
 ) -> None:
     shards, rng = Shards(route_map, rule), np.random.default_rng(0)
-    seen = [None if s == 5 else one for s, one in enumerate(descriptors)]
-    for sequence, descriptor in enumerate(seen):
+    observed = [None if s == 5 else one for s, one in enumerate(descriptors)]
+    for sequence, descriptor in enumerate(observed):
         shards.send(header(sequence), descriptor, rng.permutation(SHARDS).tolist())
         if rng.random() < 0.5:
             shards.exchange()
     shards.exchange()
     for channel in (0, 2):
-        assert_same(shards.joined(channel), whole(route_map, channel, rule, seen))
+        assert_same(shards.joined(channel), whole(route_map, channel, rule, observed))
 
 
-def test_a_frame_that_no_one_has_is_one_that_was_not_seen(
+def test_a_frame_that_no_worker_has_is_a_missing_observation(
     route_map: Map, descriptors: list[Descriptor]
 ) -> None:
     shards = Shards(route_map, "filter")
-    seen = [None if s in (4, 5, 6) else one for s, one in enumerate(descriptors)]
-    for sequence, descriptor in enumerate(seen):
+    observed = [None if s in (4, 5, 6) else one for s, one in enumerate(descriptors)]
+    for sequence, descriptor in enumerate(observed):
         if descriptor is not None:
             shards.send(header(sequence, live=True), descriptor, range(SHARDS))
             shards.exchange()
-    expected = whole(route_map, 0, "filter", seen)
+    expected = whole(route_map, 0, "filter", observed)
     joined = shards.joined(0)
-    assert sorted(joined) == [s for s, one in enumerate(seen) if one is not None]
+    assert sorted(joined) == [s for s, one in enumerate(observed) if one is not None]
     assert all(joined[s].place == expected[s].place for s in joined)
 
 
-def test_what_was_lost_between_workers_is_asked_for(
+def test_lost_partial_results_are_fetched(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
@@ -198,7 +198,7 @@ def test_what_was_lost_between_workers_is_asked_for(
     assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
 
 
-def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had_not_been(
+def test_the_other_shards_wait_for_a_restarted_one_and_all_answers_are_the_same(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
@@ -220,7 +220,7 @@ def test_the_others_wait_for_one_that_was_ended_and_all_answers_are_as_if_it_had
     assert_same(shards.joined(0), whole(route_map, 0, "filter", descriptors))
 
 
-def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_others(
+def test_the_other_shards_join_one_that_was_away_for_longer_than_the_caches_last(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
@@ -240,7 +240,7 @@ def test_one_that_was_away_for_longer_than_anyone_remembers_is_joined_by_the_oth
     assert max(shards.joined(0)) == len(descriptors) - 1
 
 
-def test_a_frame_that_a_defect_cost_a_shard_is_missing_there_and_holds_up_nobody(
+def test_a_frame_that_a_shard_lost_to_a_defect_is_missing_there_and_blocks_no_other_shard(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shards = Shards(route_map, "filter")
@@ -257,9 +257,7 @@ def test_a_frame_that_a_defect_cost_a_shard_is_missing_there_and_holds_up_nobody
     assert all(joined.place == expected[s].place for s, joined in shards.joined(0).items())
 
 
-def test_the_end_comes_behind_the_last_answer(
-    route_map: Map, descriptors: list[Descriptor]
-) -> None:
+def test_the_end_comes_after_the_last_answer(route_map: Map, descriptors: list[Descriptor]) -> None:
     shards = Shards(route_map, "filter")
     shards.send(header(0), descriptors[0], range(SHARDS))
     shards.send(header(1, end=True), None, range(SHARDS))
@@ -272,16 +270,16 @@ def test_the_end_comes_behind_the_last_answer(
     assert (finished.shard, finished.shards, finished.channels) == (0, SHARDS, (0, 1, 2))
 
 
-def test_what_is_told_of_another_cut_or_map_is_not_taken(
+def test_partial_results_of_another_sharding_or_map_are_refused(
     route_map: Map, descriptors: list[Descriptor]
 ) -> None:
     shards = Shards(route_map, "filter")
     for foreign in (2, 40):
-        summary = ChannelSummary(channel=0, summary=np.zeros(foreign))
+        partial = ChannelPartial(channel=0, partial=np.zeros(foreign))
         for count in (SHARDS, SHARDS + 1):
-            message = HaloMessage(map=route_map.digest, shard=1, shards=count, summaries=(summary,))
-            border = received(KEYS.halo("stranger"), header(0), message)
-            shards.workers[0].accept(border)
+            message = HaloMessage(map=route_map.digest, shard=1, shards=count, partials=(partial,))
+            halo = received(KEYS.halo("untrusted"), header(0), message)
+            shards.workers[0].accept(halo)
     shards.send(header(0), descriptors[0], range(SHARDS))
     shards.exchange()
     shards.after_batch()

@@ -38,18 +38,18 @@ def images(query_dir: Path) -> list[bytes]:
 
 
 class Stage:
-    """A featurizer, what it published and what it counted."""
+    """A featurizer with its published messages and its counts."""
 
     def __init__(self, placemap: Map) -> None:
         self.publisher = RecordingPublisher(FeatureMessage)
         self.moments = RecordingPublisher(MomentsMessage)
-        self.unseen = RecordingPublisher(MissingObservationMessage)
+        self.unobserved = RecordingPublisher(MissingObservationMessage)
         self.features_elsewhere, self.moments_elsewhere = PeerCache(), PeerCache()
         self.counts: Counter[str] = Counter()
         outputs = FeaturizerOutputs(
             CachedPublisher(self.publisher, ReplayCache()),
             CachedPublisher(self.moments, ReplayCache()),
-            self.unseen,
+            self.unobserved,
             self.features_elsewhere.fetch,
             self.moments_elsewhere.fetch,
         )
@@ -109,7 +109,7 @@ def test_each_frame_becomes_its_descriptor(
         assert np.array_equal(message.descriptor, expected)
 
 
-def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
+def test_odometry_is_passed_on_with_every_frame_observed_or_not(
     stage: Stage, images: list[bytes]
 ) -> None:
     blank = cv2.imencode(".png", np.full((48, 64), 99, np.uint8))[1].tobytes()
@@ -119,15 +119,15 @@ def test_odometry_goes_on_with_every_frame_whatever_is_to_be_seen_on_it(
     assert [message.odometry_m for message in stage.features if message] == readings
     assert [descriptor is None for descriptor in stage.descriptors] == [0, 1, 1, 0, 0]
     assert (stage.counts["unreadable"], stage.counts["blank"]) == (1, 1)
-    told = [(about.sequence, message) for about, message in stage.unseen.sent]
-    assert told == [
+    sent = [(about.sequence, message) for about, message in stage.unobserved.sent]
+    assert sent == [
         (1, MissingObservationMessage(reason="unreadable")),
         (2, MissingObservationMessage(reason="blank")),
     ]
 
 
 @pytest.mark.parametrize("broken", [b"", b"no image", b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n"])
-def test_an_unreadable_frame_goes_on_without_a_descriptor_and_touches_no_other(
+def test_an_unreadable_frame_has_no_descriptor_and_affects_no_other(
     route_map: Map, images: list[bytes], broken: bytes
 ) -> None:
     whole, damaged = Stage(route_map), Stage(route_map)
@@ -141,17 +141,17 @@ def test_an_unreadable_frame_goes_on_without_a_descriptor_and_touches_no_other(
     assert damaged.descriptors[:3] + damaged.descriptors[4:] == whole.descriptors
 
 
-def test_of_the_unreadable_frames_of_a_stream_the_first_is_told_of(
+def test_only_the_first_unreadable_frame_of_a_stream_is_logged(
     stage: Stage, caplog: pytest.LogCaptureFixture
 ) -> None:
     for stream in ("first", "second"):
         for sequence in range(3):
             stage.send(header(sequence, stream=stream), b"no image")
-    told = [message for message in caplog.messages if "was not seen" in message]
-    assert [message[:8] for message in told] == ["frame 0 ", "frame 0 "]
+    logged = [message for message in caplog.messages if "missing observation" in message]
+    assert [message[:8] for message in logged] == ["frame 0 ", "frame 0 "]
 
 
-def test_an_even_image_has_no_descriptor_and_is_counted(stage: Stage, images: list[bytes]) -> None:
+def test_a_blank_image_has_no_descriptor_and_is_counted(stage: Stage, images: list[bytes]) -> None:
     even = cv2.imencode(".png", np.full((48, 64), 99, np.uint8))[1].tobytes()
     for sequence, image in enumerate([images[0], even, images[1]]):
         stage.send(header(sequence), image)
@@ -218,7 +218,7 @@ def test_a_live_frame_waits_for_none(stage: Stage, images: list[bytes]) -> None:
 
 
 def ended_in_the_midst(route_map: Map, images: list[bytes], *, live: bool) -> tuple[Stage, Stage]:
-    """Return a featurizer of all frames, and one of the last with what is known of the first."""
+    """Return a featurizer of all frames, and one that resumes the stream after the first frames."""
     whole, second = Stage(route_map), Stage(route_map)
     for sequence, image in enumerate(images):
         whole.send(header(sequence, live=live), image)
@@ -233,7 +233,7 @@ def ended_in_the_midst(route_map: Map, images: list[bytes], *, live: bool) -> tu
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_one_that_comes_back_goes_on_as_if_nothing_had_happened(
+def test_a_restarted_featurizer_resumes_a_stream_with_the_same_descriptors(
     route_map: Map, images: list[bytes], live: bool
 ) -> None:
     whole, second = ended_in_the_midst(route_map, images, live=live)
@@ -242,7 +242,7 @@ def test_one_that_comes_back_goes_on_as_if_nothing_had_happened(
     assert second.descriptors == whole.descriptors[3:]
 
 
-def test_one_that_comes_back_takes_up_a_lossless_stream_where_the_other_left_it(
+def test_a_restarted_featurizer_resumes_a_lossless_stream_where_it_ended(
     route_map: Map, images: list[bytes]
 ) -> None:
     whole, second = ended_in_the_midst(route_map, images, live=False)
@@ -252,7 +252,7 @@ def test_one_that_comes_back_takes_up_a_lossless_stream_where_the_other_left_it(
     assert second.descriptors == whole.descriptors[1:]
 
 
-def test_where_nobody_remembers_a_stream_it_goes_on_from_the_oldest_frame_that_is_awaited(
+def test_a_stream_in_no_cache_is_resumed_from_the_oldest_awaited_frame(
     stage: Stage, images: list[bytes]
 ) -> None:
     for sequence in (3, 2, 3):
@@ -261,7 +261,7 @@ def test_where_nobody_remembers_a_stream_it_goes_on_from_the_oldest_frame_that_i
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_where_too_little_is_remembered_every_later_frame_of_the_stream_says_so(
+def test_if_too_little_is_cached_every_later_frame_of_the_stream_is_marked_as_forgotten(
     route_map: Map, images: list[bytes], live: bool
 ) -> None:
     _, knows = ended_in_the_midst(route_map, images, live=live)
@@ -270,11 +270,13 @@ def test_where_too_little_is_remembered_every_later_frame_of_the_stream_says_so(
         for sequence in (3, 4):
             stage.send(header(sequence, live=live, oldest=0 if live else 3), images[sequence])
         stage.send(header(0, stream="next", live=live), images[0])
-    told = [[feature.forgotten for feature in each.features if feature] for each in (knows, forgot)]
-    assert told == [[False, False, False], [True, True, False]]
+    flags = [
+        [feature.forgotten for feature in each.features if feature] for each in (knows, forgot)
+    ]
+    assert flags == [[False, False, False], [True, True, False]]
 
 
-def test_the_end_of_the_stream_is_passed_on_behind_the_last_frame(
+def test_the_end_of_the_stream_is_passed_on_after_the_last_frame(
     stage: Stage, images: list[bytes]
 ) -> None:
     stage.send(header(0), images[0])

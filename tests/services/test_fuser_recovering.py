@@ -29,7 +29,7 @@ def test_a_frame_whose_answer_was_lost_is_answered_again(stage: Stage) -> None:
     assert stage.acks.sequences == [0, 1, 2, 1]
 
 
-def test_one_that_comes_back_begins_with_the_oldest_frame_that_is_awaited(stage: Stage) -> None:
+def test_a_restarted_fuser_begins_with_the_oldest_awaited_frame(stage: Stage) -> None:
     stage.announce(header(7, oldest=5))
     stage.answer((0, 1, 2), header(7, oldest=5))
     stage.pass_time(1000)
@@ -50,8 +50,8 @@ def test_where_the_featurizer_forgot_the_stream_every_later_match_of_it_says_so(
         stage.answer((0, 1, 2), about)
     stage.announce(header(0, stream="next"))
     stage.answer((0, 1, 2), header(0, stream="next"))
-    told = [message.forgotten for _, message in stage.matches.sent if message]
-    assert told == [False, False, True, True, True, True, False]
+    flags = [message.forgotten for _, message in stage.matches.sent if message]
+    assert flags == [False, False, True, True, True, True, False]
 
 
 def test_where_a_worker_lacks_frames_of_the_stream_later_matches_say_so(stage: Stage) -> None:
@@ -60,28 +60,28 @@ def test_where_a_worker_lacks_frames_of_the_stream_later_matches_say_so(stage: S
         candidates = [stage.written(channel, sequence) for channel in range(3)]
         message = stage.message(*candidates).model_copy(update={"forgotten": sequence == 1})
         stage.handle(KEYS.candidates("worker"), header(sequence), message)
-    told = [message.forgotten for _, message in stage.matches.sent if message]
-    assert told == [False, True, True, True]
+    flags = [message.forgotten for _, message in stage.matches.sent if message]
+    assert flags == [False, True, True, True]
 
 
-def test_descriptors_are_remembered_for_who_asks(stage: Stage) -> None:
+def test_descriptors_are_cached_for_queries(stage: Stage) -> None:
     for sequence in range(3):
         stage.announce(header(sequence))
     query = CacheQuery(stream="s", first=1, end=9).encode()
-    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
-    assert told == [1, 2]
+    kept = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert kept == [1, 2]
 
 
-def test_one_that_comes_back_learns_what_others_remember(stage: Stage) -> None:
+def test_a_restarted_fuser_fills_its_cache_from_others(stage: Stage) -> None:
     message = FeatureMessage(model="m", descriptor=None).encode()
     stage.elsewhere.kept = {sequence: (header(sequence), message) for sequence in range(5)}
     stage.announce(header(5, oldest=5))
     query = CacheQuery(stream="s", first=0, end=9).encode()
-    told = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
-    assert told == [0, 1, 2, 3, 4, 5]
+    kept = [Header.decode(attachment).sequence for _, attachment in stage.features.reply(query)]
+    assert kept == [0, 1, 2, 3, 4, 5]
 
 
-def test_a_stream_is_not_over_before_its_last_frames_have_been_heard_of(stage: Stage) -> None:
+def test_a_stream_does_not_end_before_its_last_frames_have_come(stage: Stage) -> None:
     stage.announce(header(0))
     stage.answer((0, 1, 2), header(0))
     stage.handle(KEYS.feature, header(2, end=True))
@@ -117,7 +117,7 @@ def test_a_defect_in_one_frame_is_answered_by_nothing_and_costs_no_other(
     assert stage.counts["failed"] == 1
 
 
-def test_candidates_that_were_early_and_do_not_fit_cost_their_descriptor_nothing(
+def test_candidates_that_come_before_their_descriptor_and_do_not_fit_do_not_affect_it(
     route_map: Map, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = Clock()

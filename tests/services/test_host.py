@@ -1,4 +1,4 @@
-"""A host whose services are stand-ins: what starts, restarts and ends them does not know."""
+"""A host starts, restarts and ends its services; here they are small scripts."""
 
 import os
 import random
@@ -66,7 +66,7 @@ def lines(file: Path) -> list[str]:
     return file.read_text().splitlines() if file.exists() else []
 
 
-def test_what_dies_is_started_again(config: Config, tmp_path: Path) -> None:
+def test_a_service_that_dies_is_restarted(config: Config, tmp_path: Path) -> None:
     dies, stays = tmp_path / "dies", tmp_path / "stays"
     scripts = {"dies": appends_to(dies) + IS_KILLED, "stays": appends_to(stays)}
     scripts["stays"] += RUNS_ON
@@ -75,7 +75,7 @@ def test_what_dies_is_started_again(config: Config, tmp_path: Path) -> None:
     assert len(lines(stays)) == 1
 
 
-def test_what_cannot_start_at_all_ends_the_host_by_name(
+def test_a_service_that_cannot_start_ends_the_host_and_is_named(
     config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
@@ -84,7 +84,7 @@ def test_what_cannot_start_at_all_ends_the_host_by_name(
         run(scripts, config, lambda: False)
 
 
-def test_services_that_die_by_turns_end_the_host_in_one_line(
+def test_several_services_that_die_too_often_end_the_host_with_one_line(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
@@ -159,22 +159,22 @@ def _announce_all(config: Config, keys: Keys, stop: threading.Event) -> None:
         stop.wait(60)
 
 
-def test_what_does_not_listen_is_killed(config: Config, tmp_path: Path) -> None:
+def test_a_service_that_ignores_the_stop_is_killed(config: Config, tmp_path: Path) -> None:
     ready = tmp_path / "ready"
     deaf = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
     run({"deaf": deaf + appends_to(ready) + RUNS_ON}, config, ready.exists)
 
 
-def test_services_take_their_settings_from_their_command_alone(
+def test_services_get_their_settings_only_from_their_command(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PLACEFIELD_RUNS", "from-outside")
     monkeypatch.setenv("HOME", "/home")
-    seen = tmp_path / "seen"
-    script = f"import os, sys\nopen({str(seen)!r}, 'w').write(chr(10).join(os.environ))\n"
-    run({"service": script + RUNS_ON}, config, lambda: bool(lines(seen)))
-    assert "HOME" in lines(seen)
-    assert "PLACEFIELD_RUNS" not in lines(seen)
+    environment = tmp_path / "environment"
+    script = f"import os, sys\nopen({str(environment)!r}, 'w').write(chr(10).join(os.environ))\n"
+    run({"service": script + RUNS_ON}, config, lambda: bool(lines(environment)))
+    assert "HOME" in lines(environment)
+    assert "PLACEFIELD_RUNS" not in lines(environment)
     assert "PLACEFIELD_RUNS" in os.environ
 
 
@@ -192,10 +192,10 @@ def test_an_endpoint_in_use_is_refused_before_anything_is_started(
 
 def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Config) -> None:
     keys, stop, ready = Keys(config.run), threading.Event(), threading.Event()
-    told: list[bool] = []
+    reported: list[bool] = []
 
     def on_ready() -> None:
-        told.append(True)
+        reported.append(True)
         ready.set()
 
     served = threading.Thread(target=run_host, args=({}, 2, config, stop, on_ready))
@@ -207,16 +207,16 @@ def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Confi
             with open_bus(config.bus) as bus:
                 for token in tokens[:-1]:
                     bus.declare_alive(token)
-                assert told or not ready.wait(0.3)
+                assert reported or not ready.wait(0.3)
                 bus.declare_alive(tokens[-1])
                 assert ready.wait(20)
     finally:
         stop.set()
         served.join()
-    assert told == [True]
+    assert reported == [True]
 
 
-def test_how_a_service_ended_is_told_of_signals_without_a_name_too() -> None:
+def test_the_end_of_a_service_by_a_signal_without_a_name_is_described() -> None:
     assert host._how_ended(1) == "ended with code 1"
     assert host._how_ended(-9) == "was ended by SIGKILL"
     assert host._how_ended(-35) == "was ended by signal 35"

@@ -27,7 +27,7 @@ def answers(map_path: Path, counts: Counter[str]) -> MapAnswers:
     return MapAnswers(OwnMap(map_path), "12ab", [counts])
 
 
-def test_the_manifest_comes_with_who_answers_for_the_files_and_their_sizes(
+def test_the_manifest_comes_with_the_server_and_the_sizes_of_the_files(
     answers: MapAnswers, map_path: Path, counts: Counter[str]
 ) -> None:
     ((written, about),) = answers.offer(KEYS.manifest, b"")
@@ -49,7 +49,7 @@ def test_a_chunk_comes_with_its_digest(
     assert counts == {"chunks": 1}
 
 
-def test_what_a_stranger_may_not_have_is_refused_and_counted(
+def test_a_query_for_anything_but_a_chunk_is_refused_and_counted(
     answers: MapAnswers, map_path: Path, counts: Counter[str]
 ) -> None:
     digest = OwnMap(map_path).offer().digest

@@ -15,7 +15,7 @@ from placefield_services.process import ServiceProcess
 
 
 class SilentBus(Bus):
-    """A bus that nobody hears."""
+    """A bus without readers."""
 
     def __init__(self) -> None: ...
 
@@ -36,7 +36,7 @@ def supervisor(
         yield opened
 
 
-def heard(supervisor: socket.socket) -> list[bytes]:
+def notifications(supervisor: socket.socket) -> list[bytes]:
     said = []
     while True:
         try:
@@ -45,20 +45,20 @@ def heard(supervisor: socket.socket) -> list[bytes]:
             return said
 
 
-def test_a_supervisor_hears_what_it_is_told(supervisor: socket.socket) -> None:
+def test_a_supervisor_receives_the_notifications(supervisor: socket.socket) -> None:
     notify_ready()
     notify_alive()
-    assert heard(supervisor) == [b"READY=1", b"WATCHDOG=1"]
+    assert notifications(supervisor) == [b"READY=1", b"WATCHDOG=1"]
 
 
-def test_a_supervisor_that_does_not_read_holds_nobody_up(supervisor: socket.socket) -> None:
+def test_a_supervisor_that_does_not_read_blocks_nothing(supervisor: socket.socket) -> None:
     for _ in range(1000):
         notify_alive()
-    assert 0 < len(heard(supervisor)) < 1000
+    assert 0 < len(notifications(supervisor)) < 1000
 
 
 @pytest.mark.parametrize("address", ["", "/nowhere/at/all"])
-def test_where_nobody_listens_nothing_happens(
+def test_without_a_supervisor_nothing_happens(
     monkeypatch: pytest.MonkeyPatch, address: str
 ) -> None:
     monkeypatch.setenv(NOTIFY_SOCKET, address)
@@ -67,16 +67,16 @@ def test_where_nobody_listens_nothing_happens(
     notify_ready()
 
 
-def test_a_service_tells_that_it_serves_from_the_loop_that_does(supervisor: socket.socket) -> None:
+def test_a_service_notifies_its_supervisor_from_its_main_loop(supervisor: socket.socket) -> None:
     process = ServiceProcess("fuser", SilentBus(), ["test"])
     inbox, stop = Inbox(process.counts), threading.Event()
     inbox.offer(received(Keys("test").frame, header(0)))
     before_work = []
 
     def work(message: Received) -> None:
-        before_work.extend(heard(supervisor))
+        before_work.extend(notifications(supervisor))
         stop.set()
 
     process.serve(inbox, work, stop)
     assert before_work == [b"READY=1"]
-    assert heard(supervisor) == [b"WATCHDOG=1"]
+    assert notifications(supervisor) == [b"WATCHDOG=1"]

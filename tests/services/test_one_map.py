@@ -1,4 +1,4 @@
-"""Services answer for one map, and refuse what is of another, however alike the two are."""
+"""Services refuse messages of another map, even if it is very similar."""
 
 import hashlib
 from collections import Counter
@@ -11,7 +11,7 @@ from channel_stage import RUNS
 from channel_stage import Stage as WorkerStage
 from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
-from placefield.bus.candidate_messages import ChannelSummary, HaloMessage, SmoothedFrame
+from placefield.bus.candidate_messages import ChannelPartial, HaloMessage, SmoothedFrame
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.refusing import count_refused
@@ -32,29 +32,29 @@ def stage(route_map: Map, monkeypatch: pytest.MonkeyPatch) -> Stage:
 
 
 @pytest.mark.parametrize("is_end", [False, True])
-def test_a_fuser_refuses_candidates_of_another_map_and_takes_its_own(
+def test_a_fuser_refuses_candidates_of_another_map_and_accepts_its_own(
     stage: Stage, *, is_end: bool
 ) -> None:
     stage.announce(header(0))
     about = header(1, end=True) if is_end else header(0)
-    told = stage.message_of_smoothed(
+    sent = stage.message_of_smoothed(
         about, *(stage.smoothed(channel, 0, 0) for channel in range(CHANNELS))
     )
     with pytest.raises(OtherMapError, match="of map ffffffffffffffff, not "):
-        stage.handle(CANDIDATES, about, told.model_copy(update=OTHER))
+        stage.handle(CANDIDATES, about, sent.model_copy(update=OTHER))
     assert not stage.published
     stage.answer(tuple(range(CHANNELS)), header(0))
     assert stage.published == [(0, stage.expected(0))]
     assert stage.matches.sent[0][1].model_dump()["map"] == stage.map
 
 
-def test_a_fuser_that_goes_on_with_a_stream_counts_what_is_remembered_of_another_map(
+def test_a_fuser_that_resumes_a_stream_counts_cached_messages_of_another_map(
     stage: Stage,
 ) -> None:
     for sequence in range(4):
         smoothed = SmoothedFrame(0, sequence, 0, stage.candidate(0, sequence))
-        told = stage.message_of_smoothed(header(sequence), smoothed).model_copy(update=OTHER)
-        stage.remembered.append((header(sequence), told.encode()))
+        sent = stage.message_of_smoothed(header(sequence), smoothed).model_copy(update=OTHER)
+        stage.remembered.append((header(sequence), sent.encode()))
     stage.announce(header(4, oldest=4))
     assert stage.counts["other_map"] == LAG
     assert stage.counts["malformed"] == 0
@@ -63,9 +63,9 @@ def test_a_fuser_that_goes_on_with_a_stream_counts_what_is_remembered_of_another
 def test_candidates_of_another_map_that_were_faster_than_the_descriptor_are_counted(
     stage: Stage,
 ) -> None:
-    early = stage.message(stage.written(0, 0)).model_copy(update=OTHER)
+    candidates = stage.message(stage.written(0, 0)).model_copy(update=OTHER)
     with pytest.raises(OtherMapError):
-        stage.handle(CANDIDATES, header(0), early)
+        stage.handle(CANDIDATES, header(0), candidates)
     stage.announce(header(0))
     stage.answer(tuple(range(CHANNELS)), header(0))
     assert stage.published == [(0, stage.expected(0))]
@@ -77,22 +77,22 @@ def test_a_worker_says_which_map_it_has_and_refuses_partial_results_of_another(
     stage = WorkerStage(route_map, "filter")
     stage.send(header(0), None)
     stage.send(header(1, end=True), None)
-    told = [message for _, message in stage.publishers[RUNS[0]].sent]
-    assert [message.model_dump()["map"] for message in told if message] == [route_map.digest] * 2
-    summary = ChannelSummary(channel=0, summary=route_map.places.travelled[:1])
-    border = HaloMessage(**OTHER, shard=0, shards=2, summaries=(summary,))
+    sent = [message for _, message in stage.publishers[RUNS[0]].sent]
+    assert [message.model_dump()["map"] for message in sent if message] == [route_map.digest] * 2
+    partial = ChannelPartial(channel=0, partial=route_map.places.travelled[:1])
+    halo = HaloMessage(**OTHER, shard=0, shards=2, partials=(partial,))
     with pytest.raises(OtherMapError):
-        stage.handle(_border(border))
+        stage.handle(_halo(halo))
 
 
-def _border(message: HaloMessage) -> Received:
-    return received(Keys(RUNS[0]).halo("stranger"), header(0), message)
+def _halo(message: HaloMessage) -> Received:
+    return received(Keys(RUNS[0]).halo("untrusted"), header(0), message)
 
 
 @pytest.mark.parametrize(
     ("error", "counted"), [(MessageError("x"), "malformed"), (OtherMapError("x"), "other_map")]
 )
-def test_what_is_of_another_map_is_counted_apart(error: MessageError, counted: str) -> None:
+def test_a_message_of_another_map_has_a_count_of_its_own(error: MessageError, counted: str) -> None:
     counts: Counter[str] = Counter()
     count_refused(counts, error)
     assert counts == {counted: 1}

@@ -22,7 +22,7 @@ KEYS = Keys("test")
 
 
 class QuietBus(Bus):
-    """A bus with nobody on it but one process."""
+    """A bus with only one process."""
 
     def __init__(self) -> None:
         self.published: list[tuple[str, Message]] = []
@@ -73,22 +73,22 @@ def process(bus: QuietBus) -> ServiceProcess:
     return ServiceProcess("fuser", bus, ["test", "other"])
 
 
-def test_a_message_that_cannot_be_taken_yet_waits_with_its_run_and_no_other_does(
+def test_a_message_that_cannot_be_handled_yet_delays_only_its_run(
     process: ServiceProcess,
 ) -> None:
-    taken: list[tuple[str, int]] = []
+    accepted: list[tuple[str, int]] = []
 
     def accept(message: Received) -> None:
-        is_other_through = ("other", 3) in taken
+        is_other_through = ("other", 3) in accepted
         if message.run == "test" and sequence_of(message) == 1 and not is_other_through:
             raise NotYet(0.001)
-        taken.append((message.run, sequence_of(message)))
+        accepted.append((message.run, sequence_of(message)))
 
     ours, others = messages_of(4), messages_of(4, "other")
     last = ours.pop()
     serve(process, accept, [*ours, *others, last])
-    assert [sequence for run, sequence in taken if run == "test"] == [0, 1, 2, 3]
-    assert [sequence for run, sequence in taken if run == "other"] == [0, 1, 2, 3]
+    assert [sequence for run, sequence in accepted if run == "test"] == [0, 1, 2, 3]
+    assert [sequence for run, sequence in accepted if run == "other"] == [0, 1, 2, 3]
     assert process.counts == {"test": {"received": 4}, "other": {"received": 4}}
 
 
@@ -154,7 +154,7 @@ def test_counts_are_published_by_run_under_the_process_own_name(
     ]
 
 
-def test_the_newest_answer_of_each_run_is_told_and_the_channels(
+def test_the_newest_answer_of_each_run_and_the_channels_are_reported(
     bus: QuietBus, process: ServiceProcess
 ) -> None:
     answers = ReplayCache()
@@ -171,7 +171,7 @@ def test_the_newest_answer_of_each_run_is_told_and_the_channels(
     )
 
 
-def test_no_garbage_is_looked_for_until_a_process_serves(process: ServiceProcess) -> None:
+def test_garbage_collection_is_off_until_a_process_serves(process: ServiceProcess) -> None:
     looked_for = []
     try:
         begin()
@@ -234,7 +234,7 @@ def test_a_supervised_process_stops_when_its_host_is_gone() -> None:
         assert waiting.wait(20) == 0
 
 
-def test_any_other_process_does_not_mind_the_end_of_its_input() -> None:
+def test_an_unsupervised_process_survives_the_end_of_its_input() -> None:
     with start() as waiting:
         assert waiting.stdin is not None
         waiting.stdin.close()

@@ -6,7 +6,7 @@ from ros_doubles import RecordingTopic
 from placefield.bus.keys import Keys
 from placefield.bus.messages import StatsMessage
 from placefield.errors import MessageError
-from placefield.ros.messages import DIAGNOSTICS, OK, STALE, WARN
+from placefield.ros.ros_messages import DIAGNOSTICS, OK, STALE, WARN
 from placefield_services import ros_diagnostics
 from placefield_services.ros_diagnostics import Diagnostics
 
@@ -14,7 +14,7 @@ KEYS = Keys("run")
 
 
 class Stage:
-    """Diagnostics at a time of their own, and what they published."""
+    """Diagnostics with a simulated clock, and their published messages."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
@@ -22,12 +22,12 @@ class Stage:
         self.topic = RecordingTopic(DIAGNOSTICS)
         self.diagnostics = Diagnostics("run", self.topic)
 
-    def tell(self, service: str = "fuser", identity: str = "ab", **counts: int) -> None:
+    def report(self, service: str = "fuser", identity: str = "ab", **counts: int) -> None:
         stats = StatsMessage(service=service, counts=counts, stream="s", sequence=8)
-        self.diagnostics.take(KEYS.stats(service, identity), stats.encode())
+        self.diagnostics.receive(KEYS.stats(service, identity), stats.encode())
 
     def after(self, seconds: float) -> list[Any]:
-        """Return the statuses that are published so much later."""
+        """Return the statuses that are published after a time."""
         self.now += seconds
         self.topic.sent.clear()
         self.diagnostics.publish()
@@ -41,8 +41,8 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
 
 
 def test_each_process_has_a_status_with_its_counts(stage: Stage) -> None:
-    stage.tell("fuser", "cd", matches=3)
-    stage.tell("featurizer", "ab", received=4)
+    stage.report("fuser", "cd", matches=3)
+    stage.report("featurizer", "ab", received=4)
     featurizer, fuser = stage.after(1)
     assert (featurizer.name, featurizer.hardware_id) == ("placefield: featurizer ab", "run")
     assert (fuser.name, fuser.level, fuser.message) == ("placefield: fuser cd", OK, "ok")
@@ -50,19 +50,19 @@ def test_each_process_has_a_status_with_its_counts(stage: Stage) -> None:
     assert values == {"matches": "3", "newest_frame": "8"}
 
 
-def test_new_trouble_is_warned_of_and_old_trouble_is_not(stage: Stage) -> None:
-    stage.tell(late=5)
+def test_only_new_trouble_is_a_warning(stage: Stage) -> None:
+    stage.report(late=5)
     assert stage.after(1)[0].level == OK  # it was before anybody listened
-    stage.tell(late=6, matches=9)
-    stage.tell(late=7, partial=1, matches=10)  # it may tell twice between two of ours
+    stage.report(late=6, matches=9)
+    stage.report(late=7, partial=1, matches=10)  # it may report twice between two statuses
     (warned,) = stage.after(1)
     assert (warned.level, warned.message) == (WARN, "2 late, 1 partial")
-    stage.tell(late=7, partial=1, matches=11)
+    stage.report(late=7, partial=1, matches=11)
     assert stage.after(1)[0].level == OK
 
 
 def test_a_process_that_is_silent_is_stale_and_then_forgotten(stage: Stage) -> None:
-    stage.tell(matches=1)
+    stage.report(matches=1)
     assert stage.after(2.9)[0].level == OK
     assert stage.after(1)[0].level == STALE
     assert stage.after(60) == []
@@ -75,6 +75,6 @@ def test_they_are_published_once_a_second(stage: Stage) -> None:
     assert len(stage.topic.sent) == 4
 
 
-def test_what_is_no_stats_is_malformed(stage: Stage) -> None:
+def test_a_malformed_message_of_statistics_is_refused(stage: Stage) -> None:
     with pytest.raises(MessageError):
-        stage.diagnostics.take(KEYS.stats("fuser", "ab"), b"garbage")
+        stage.diagnostics.receive(KEYS.stats("fuser", "ab"), b"garbage")

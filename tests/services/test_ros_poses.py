@@ -9,8 +9,8 @@ from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.errors import MessageError, OtherMapError
 from placefield.maps.digest import NO_DIGEST
 from placefield.ros.covariance import pose_covariance
-from placefield.ros.messages import POSE
-from placefield_services.ros_poses import Poses
+from placefield.ros.ros_messages import POSE
+from placefield_services.ros_poses import MapPoses, Poses
 
 PLACES = np.stack([np.arange(20.0), np.zeros(20), np.full(20, np.pi)], axis=1)
 TOLERANCE = 2
@@ -20,15 +20,15 @@ KNOWN = MatchMessage(
 
 
 class Stage:
-    """What publishes poses, what it published and what it counted."""
+    """A publisher of poses with its published messages and its counts."""
 
     def __init__(self) -> None:
         self.topic = RecordingTopic(POSE)
         self.counts: Counter[str] = Counter()
-        self._poses = Poses(PLACES, TOLERANCE, NO_DIGEST, self.topic, self.counts)
+        self._poses = Poses(MapPoses(PLACES, TOLERANCE, NO_DIGEST), self.topic, self.counts)
 
-    def take(self, **changes: object) -> None:
-        self._poses.take(header(5), KNOWN.model_copy(update=changes).encode())
+    def publish(self, **changes: object) -> None:
+        self._poses.publish(header(5), KNOWN.model_copy(update=changes).encode())
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def stage() -> Stage:
 
 
 def test_a_known_match_is_a_pose_in_the_map(stage: Stage) -> None:
-    stage.take()
+    stage.publish()
     (sent,) = stage.topic.sent
     assert (sent.header.stamp.sec, sent.header.stamp.nanosec) == (0, 5)
     assert sent.header.frame_id == "map"
@@ -53,35 +53,35 @@ def test_a_known_match_is_a_pose_in_the_map(stage: Stage) -> None:
     "changes",
     [{"known": False}, {"known": None, "probability": None}, {"place": -1, "pose": None}],
 )
-def test_what_is_not_known_is_no_pose(stage: Stage, changes: dict[str, object]) -> None:
-    stage.take(**changes)
+def test_a_match_that_is_not_known_has_no_pose(stage: Stage, changes: dict[str, object]) -> None:
+    stage.publish(**changes)
     assert not stage.topic.sent
 
 
 def test_the_end_of_a_stream_is_no_pose(stage: Stage) -> None:
-    stage._poses.take(header(5, end=True), b"")
+    stage._poses.publish(header(5, end=True), b"")
     assert not stage.topic.sent
 
 
 def test_a_match_of_a_larger_map_is_malformed(stage: Stage) -> None:
     with pytest.raises(MessageError, match="another map"):
-        stage.take(place=20)
+        stage.publish(place=20)
 
 
 def test_a_match_with_a_pose_where_this_map_has_none_is_malformed(stage: Stage) -> None:
     gappy = PLACES.copy()
     gappy[7] = np.nan
-    poses = Poses(gappy, TOLERANCE, NO_DIGEST, stage.topic, stage.counts)
-    with pytest.raises(MessageError, match="place 7 it has no pose"):
-        poses.take(header(5), KNOWN.encode())
+    poses = Poses(MapPoses(gappy, TOLERANCE, NO_DIGEST), stage.topic, stage.counts)
+    with pytest.raises(MessageError, match="place 7 has no pose"):
+        poses.publish(header(5), KNOWN.encode())
     assert not stage.topic.sent
 
 
-def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
+def test_a_smoothed_match_is_a_pose_too(stage: Stage) -> None:
     smoothed = SmoothedMessage(**KNOWN.model_dump(), lag=7)
-    poses = Poses(PLACES, TOLERANCE, NO_DIGEST, stage.topic, stage.counts, smoothed=True)
-    poses.take(header(5), smoothed.encode())
-    stage.take()
+    poses = Poses(MapPoses(PLACES, TOLERANCE, NO_DIGEST), stage.topic, stage.counts, smoothed=True)
+    poses.publish(header(5), smoothed.encode())
+    stage.publish()
     assert str(stage.topic.sent[0]) == str(stage.topic.sent[1])
     assert stage.counts == {"poses": 1, "smoothed_poses": 1}
 
@@ -89,5 +89,5 @@ def test_a_smoothed_match_is_a_pose_likewise(stage: Stage) -> None:
 def test_a_match_of_another_map_has_no_pose_here() -> None:
     stage = Stage()
     with pytest.raises(OtherMapError):
-        stage.take(map="f" * 16)
+        stage.publish(map="f" * 16)
     assert not stage.topic.sent

@@ -9,21 +9,21 @@ from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
 from placefield.features.spacing import Spacing
-from placefield.ros.messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
 from placefield_services.ros_source import RosSource
 
 PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
 
 
 class Stage:
-    """A source, what it published and what it counted."""
+    """A source with its published messages and its counts."""
 
     def __init__(self, spacing: Spacing | None = None) -> None:
         self.frames = RecordingPublisher(FrameMessage)
-        self.told: list[OdometryMessage] = []
+        self.odometry: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
         frames = CachedPublisher(self.frames, ReplayCache(1))
-        self.source = RosSource(frames, self.told.append, self.counts, spacing)
+        self.source = RosSource(frames, self.odometry.append, self.counts, spacing)
 
 
 @pytest.fixture
@@ -32,8 +32,8 @@ def stage() -> Stage:
 
 
 def test_images_are_the_frames_of_one_live_stream(stage: Stage) -> None:
-    stage.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
-    stage.source.take_image(IMAGE, image((2, 0), 8, 9, "mono8", 9, PIXELS.tobytes()))
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+    stage.source.publish_image(IMAGE, image((2, 0), 8, 9, "mono8", 9, PIXELS.tobytes()))
     stage.source.end()
     first, second, end = (header for header, _ in stage.frames.sent)
     assert {header.stream for header in (first, second, end)} == {first.stream}
@@ -49,8 +49,8 @@ def test_images_are_the_frames_of_one_live_stream(stage: Stage) -> None:
 
 def test_an_image_that_cannot_be_read_leaves_no_gap(stage: Stage) -> None:
     with pytest.raises(MessageError):
-        stage.source.take_image(IMAGE, b"garbage")
-    stage.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+        stage.source.publish_image(IMAGE, b"garbage")
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
     assert stage.frames.sequences == [0]
     assert stage.counts == {"frames": 1}
 
@@ -63,44 +63,44 @@ def test_a_stream_that_has_not_begun_does_not_end(stage: Stage) -> None:
 def test_each_source_has_a_stream_of_its_own(stage: Stage) -> None:
     other = Stage()
     for each in (stage, other):
-        each.source.take_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+        each.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
     assert stage.frames.sent[0][0].stream != other.frames.sent[0][0].stream
 
 
 def test_odometry_adds_up_the_way_and_never_goes_down(stage: Stage) -> None:
     for position in ([3, 4, 0], [3, 6, 9], [0, 2, 9], [0, 2, 9]):
-        stage.source.take_odometry(ODOMETRY, odometry(position))
-    assert [told.metres for told in stage.told] == [0, 2, 7, 7]
+        stage.source.publish_odometry(ODOMETRY, odometry(position))
+    assert [message.metres for message in stage.odometry] == [0, 2, 7, 7]
 
 
-def test_an_image_carries_the_metres_if_odometry_came_since_the_one_before(stage: Stage) -> None:
+def test_a_frame_has_the_metres_if_odometry_came_since_the_previous_frame(stage: Stage) -> None:
     for second, positions in enumerate(([], [[0, 0, 0]], [], [[1, 0, 0], [3, 0, 0]], [])):
         for position in positions:
-            stage.source.take_odometry(ODOMETRY, odometry(position))
-        stage.source.take_image(COMPRESSED_IMAGE, compressed_image((second, 0), b"image"))
-    told = [message.odometry_m for _, message in stage.frames.sent if message]
-    assert told == [None, 0, None, 3, None]
+            stage.source.publish_odometry(ODOMETRY, odometry(position))
+        stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((second, 0), b"image"))
+    metres = [message.odometry_m for _, message in stage.frames.sent if message]
+    assert metres == [None, 0, None, 3, None]
 
 
-def test_odometry_that_is_absurd_costs_itself_only(stage: Stage) -> None:
-    stage.source.take_odometry(ODOMETRY, odometry([0, 0, 0]))
+def test_implausible_odometry_is_refused_and_affects_nothing_else(stage: Stage) -> None:
+    stage.source.publish_odometry(ODOMETRY, odometry([0, 0, 0]))
     for absurd in ([1e200, 0, 0], [0, -1e308, 0]):
         with pytest.raises(MessageError, match="too far away"):
-            stage.source.take_odometry(ODOMETRY, odometry(absurd))
-    stage.source.take_odometry(ODOMETRY, odometry([3, 4, 0]))
-    assert [told.metres for told in stage.told] == [0, 5]
+            stage.source.publish_odometry(ODOMETRY, odometry(absurd))
+    stage.source.publish_odometry(ODOMETRY, odometry([3, 4, 0]))
+    assert [message.metres for message in stage.odometry] == [0, 5]
 
 
-def test_spaced_images_are_taken_by_odometry_and_the_others_counted(
+def test_images_are_spaced_by_odometry_and_the_others_counted(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     stage = Stage(Spacing(1.0))
-    take = stage.source.take_image
+    publish = stage.source.publish_image
     for second in (1, 2):
-        take(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))
+        publish(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))
     for tenth in range(25):
-        stage.source.take_odometry(ODOMETRY, odometry([tenth / 10, 0, 0]))
-        take(COMPRESSED_IMAGE, compressed_image((3, tenth), str(tenth).encode()))
+        stage.source.publish_odometry(ODOMETRY, odometry([tenth / 10, 0, 0]))
+        publish(COMPRESSED_IMAGE, compressed_image((3, tenth), str(tenth).encode()))
     stage.source.end()
     sent = [(header, message) for header, message in stage.frames.sent if message]
     assert [message.image for _, message in sent] == [b"0", b"10", b"20"]

@@ -79,7 +79,7 @@ def refusal(ended: "subprocess.CompletedProcess[str]") -> str:
 
 
 class Process:
-    """A command that runs until it is told to stop, with its output in files."""
+    """A command that runs until it is stopped, with its output in files."""
 
     def __init__(
         self,
@@ -134,7 +134,7 @@ class Process:
         return children
 
     def left_behind(self) -> list[psutil.Process]:
-        """Return those of all children ever seen that live."""
+        """Return all known child processes that are alive."""
         return [child for child in self._family if is_alive(child)]
 
     @contextmanager
@@ -239,20 +239,20 @@ class Listener:
     def alive(self, service: str) -> set[str]:
         return self.bus.alive(self.keys.all_alive(service))
 
-    def get(self) -> tuple[Header, MatchMessage | None]:
+    def next_match(self) -> tuple[Header, MatchMessage | None]:
         """Return the next match; what is no match is left out."""
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
             with suppress(MessageError):
-                if (taken := self._matches.get(0.1)) is not None:
-                    return taken
+                if (received := self._matches.get(0.1)) is not None:
+                    return received
         raise AssertionError("no match came")
 
     def answers(self, first: int = 0, count: int | None = None) -> list[Answer]:
         """Return the next answers, of frames from ``first`` on: so many, or all of the stream."""
         answers: list[Answer] = []
         while count is None or len(answers) < count:
-            header, match = self.get()
+            header, match = self.next_match()
             assert header.sequence == first + len(answers), "an answer is missing or out of turn"
             if match is None:
                 assert count is None, "the stream ended too early"
@@ -265,13 +265,13 @@ class Listener:
         smoothed: list[tuple[int, SmoothedMessage]] = []
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            taken = self._smoothed.get(0.1)
-            if taken is None or taken[0].stream != stream:
+            received = self._smoothed.get(0.1)
+            if received is None or received[0].stream != stream:
                 continue
-            if taken[0].end:
+            if received[0].end:
                 return smoothed
-            if isinstance(taken[1], SmoothedMessage):
-                smoothed.append((taken[0].sequence, taken[1]))
+            if isinstance(received[1], SmoothedMessage):
+                smoothed.append((received[0].sequence, received[1]))
         raise AssertionError("the smoothed matches have no end")
 
     def until_flagged(self, first: int) -> list[Answer]:

@@ -10,7 +10,7 @@ from zenoh_ros2_sdk.utils import compute_type_hash_from_msg
 
 
 class Robot:
-    """Publishes and hears whole ROS 2 messages, as dictionaries of their fields."""
+    """Publishes and receives whole ROS 2 messages, as dictionaries of their fields."""
 
     def __init__(self, session: ZenohSession, domain: int) -> None:
         self.session = session
@@ -22,7 +22,7 @@ class Robot:
         self._open.append(made)
         return made
 
-    def hear(self, topic: str, kind: str, receive: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: str, kind: str, receive: Callable[[Any], None]) -> None:
         self._open.append(ROS2Subscriber(topic, kind, receive, **self._known(kind)))
 
     def _known(self, kind: str) -> dict[str, Any]:

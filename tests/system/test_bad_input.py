@@ -30,7 +30,7 @@ from placefield_tools.build.map_from_sources import build_from
 HURRIED = ("--set", "bus.connect_timeout_s=0.3")
 
 
-def test_a_port_in_use_is_refused_and_whoever_has_it_goes_on(
+def test_a_port_in_use_is_refused_and_its_router_continues(
     host: Host, listener: Listener, map_path: Path, query_dir: Path
 ) -> None:
     line = refusal(placefield("up", map_path, "--endpoint", host.endpoint))
@@ -142,7 +142,7 @@ def test_a_second_replay_on_a_run_is_refused(
         assert first.stop() == 0
 
 
-def test_a_replay_says_how_many_frames_were_not_seen_and_why(
+def test_a_replay_says_how_many_frames_were_missing_observations_and_why(
     host: Host, listener: Listener, query_dir: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "frames"

@@ -1,4 +1,4 @@
-"""A map that is built for a coarse look finds, through the recognizer, what exact search does."""
+"""A map that is built for a coarse search finds, through the recognizer, what exact search does."""
 
 from pathlib import Path
 

@@ -135,7 +135,7 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
 @pytest.mark.usefixtures("replayed")
 def test_the_page_tells_how_the_services_are(shown: Shown) -> None:
     rows = shown.page.get_by_role("region", name="Services").get_by_role("row")
-    wait_until(lambda: rows.count() >= 1 + 5, "all services are told")
+    wait_until(lambda: rows.count() >= 1 + 5, "all services are shown")
     shown.await_text("whole gaps", "0")
     shown.await_text("whole partial", "0")
     shown.await_text("whole behind", "0")
@@ -266,6 +266,6 @@ def test_a_port_in_use_is_refused(dashboard: Dashboard, host: Host, map_path: Pa
     assert f"--port {port}: " in refusal(placefield("dashboard", map_path, *at))
 
 
-def test_a_dashboard_ends_when_told(dashboard: Dashboard) -> None:
+def test_a_dashboard_ends_on_request(dashboard: Dashboard) -> None:
     assert dashboard.stop() == 0, dashboard.err
     assert not dashboard.err

@@ -1,4 +1,4 @@
-"""A dashboard that is told to end does, whoever is still connected."""
+"""A dashboard ends on request, even with clients connected."""
 
 import base64
 import os

@@ -25,7 +25,7 @@ from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield_tools.common.host_process import free_endpoint
 
-_AN_HOUR_AHEAD = """
+_FAST_CLOCK = """
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <sys/time.h>
@@ -59,26 +59,26 @@ PATIENT = ("--set", f"bus.connect_timeout_s={PATIENCE_S:g}")
 
 @dataclass
 class Hosts:
-    """The host that is near, and the link to the one that is far and ahead."""
+    """The near host, and the link to the far host, whose clock is fast."""
 
     endpoint: str
     link: SlowLink
 
 
 @pytest.fixture(scope="module")
-def an_hour_ahead(logs: Path) -> Path:
+def fast_clock_library(logs: Path) -> Path:
     """A library that makes the clock of a process an hour fast."""
     compiler = shutil.which("cc")
     if compiler is None:
-        pytest.skip("to change the clock of a process takes a C compiler, cc")
-    source, library = logs / "ahead.c", logs / "ahead.so"
-    source.write_text(_AN_HOUR_AHEAD)
+        pytest.skip("to change the clock of a process needs a C compiler, cc")
+    source, library = logs / "fast_clock.c", logs / "fast_clock.so"
+    source.write_text(_FAST_CLOCK)
     subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
     return library
 
 
 @pytest.fixture(scope="module")
-def hosts(logs: Path, map_path: Path, an_hour_ahead: Path) -> Iterator[Hosts]:
+def hosts(logs: Path, map_path: Path, fast_clock_library: Path) -> Iterator[Hosts]:
     """Featurizer and a channel are far, the source, the other channels and the fuser near."""
     near, linked, far = free_endpoint(), free_endpoint(), free_endpoint()
     with ExitStack() as stack:
@@ -87,11 +87,11 @@ def hosts(logs: Path, map_path: Path, an_hour_ahead: Path) -> Iterator[Hosts]:
         for service in (["fuser"], ["channel", "--channel", "0", "--channel", "1"]):
             stack.enter_context(Process(logs, *service, map_path, "--endpoint", near, *PATIENT))
         router = ("router", "--endpoint", far, "--connect", linked)
-        ahead = environment(LD_PRELOAD=str(an_hour_ahead))
-        stack.enter_context(Process(logs, *router, env=ahead))
+        fast_clock = environment(LD_PRELOAD=str(fast_clock_library))
+        stack.enter_context(Process(logs, *router, env=fast_clock))
         for service in (["featurizer"], ["channel", "--channel", "2"]):
             command = (*service, map_path, "--endpoint", far, *PATIENT)
-            stack.enter_context(Process(logs, *command, env=ahead))
+            stack.enter_context(Process(logs, *command, env=fast_clock))
         bus = stack.enter_context(open_bus(BusConfig(endpoint=near, connect_timeout_s=PATIENCE_S)))
         listener = Listener(bus)
         wait_until(lambda: listener.alive("fuser"), "the fuser is ready")
@@ -110,13 +110,13 @@ def _port(endpoint: str) -> int:
 
 
 def test_nothing_depends_on_the_clock_of_a_host(
-    hosts: Hosts, listener: Listener, route_map: Map, query_dir: Path, an_hour_ahead: Path
+    hosts: Hosts, listener: Listener, route_map: Map, query_dir: Path, fast_clock_library: Path
 ) -> None:
     show = ["python3", "-c", "import time; print(int(time.time()))"]
-    ahead = environment(LD_PRELOAD=str(an_hour_ahead))
+    fast_clock = environment(LD_PRELOAD=str(fast_clock_library))
     now, then = (
         int(subprocess.run(show, env=env, capture_output=True, text=True, check=True).stdout)
-        for env in (environment(), ahead)
+        for env in (environment(), fast_clock)
     )
     assert 3600 <= then - now < 3660
     replayed = placefield("replay", query_dir, "--endpoint", hosts.endpoint)

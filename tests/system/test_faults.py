@@ -75,7 +75,7 @@ def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
     assert answers_of(answers) == undisturbed
 
 
-def test_where_all_that_remember_a_stream_are_killed_at_once_its_later_answers_say_so(
+def test_if_all_caches_of_a_stream_are_killed_at_once_later_answers_are_marked_as_forgotten(
     tmp_path: Path,
     host: Host,
     query_dir: Path,
@@ -121,10 +121,10 @@ def test_without_a_channel_answers_are_flagged_and_once_it_is_back_they_are_as_e
         answers = answers_of(first + listener.answers(first=len(first)))
         in_hindsight = smoothed_of(listener.smoothed(first[0][0].stream))
     assert [number for number, *_ in in_hindsight] == list(range(len(smoothed)))
-    told = [known for known, one in zip(smoothed, in_hindsight, strict=True) if not one[-1]]
-    assert [one for one in in_hindsight if not one[-1]] == told
+    expected = [known for known, one in zip(smoothed, in_hindsight, strict=True) if not one[-1]]
+    assert [one for one in in_hindsight if not one[-1]] == expected
     assert {one[-1] for one in in_hindsight} <= {(), (1,)}
-    assert in_hindsight[-1] in told
+    assert in_hindsight[-1] in expected
     flagged = [number for number, (_, _, missing) in enumerate(answers) if missing]
     assert len(answers) == len(undisturbed)
     assert flagged
@@ -160,5 +160,7 @@ def test_a_router_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
             answers = answers_of(first + listener.answers(first=BEFORE))
     whole = [answer for answer in answers if not answer[2]]
     assert len(answers) == len(undisturbed)
-    assert whole == [known for known, told in zip(undisturbed, answers, strict=True) if not told[2]]
+    assert whole == [
+        known for known, answer in zip(undisturbed, answers, strict=True) if not answer[2]
+    ]
     assert not answers[-1][2]

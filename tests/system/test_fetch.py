@@ -23,7 +23,7 @@ LONG = 160  # chunks of the largest file of a large map: so many that there is t
 
 @pytest.fixture(scope="module")
 def large_path(tmp_path_factory: pytest.TempPathFactory, route_map: Map) -> Path:
-    """The route's map with thumbnails that take their time to travel; do not change it."""
+    """The route's map with thumbnails that are slow to send; do not change it."""
     ends = route_map.places.thumbnail_ends.copy()
     ends[-1] = LONG * CHUNK - CHUNK // 2
     pixels = np.random.default_rng(4).integers(0, 256, ends[-1], np.uint8)
@@ -97,9 +97,7 @@ def ended_well(fetch: Process) -> bool:
     return fetch.stop() == 0
 
 
-def test_who_is_killed_while_fetching_asks_only_for_the_rest(
-    server: Server, tmp_path: Path
-) -> None:
+def test_a_fetch_that_was_killed_continues_with_the_rest(server: Server, tmp_path: Path) -> None:
     chunks = OwnMap(server.path).offer().chunks
     with in_the_middle(server, tmp_path) as fetch:
         fetch.stop(signal.SIGKILL)
@@ -128,14 +126,14 @@ def _smoothed(server: Server) -> int:
 
 def _await_two_counts(server: Server) -> None:
     """Wait until the counts have been published anew."""
-    heard: list[str] = []
+    received: list[str] = []
     server.listener.bus.subscribe_raw(
-        server.listener.keys.all_stats, lambda key, payload: heard.append(key)
+        server.listener.keys.all_stats, lambda key, payload: received.append(key)
     )
-    wait_until(lambda: len(heard) > 1, "counts")
+    wait_until(lambda: len(received) > 1, "counts")
 
 
-def test_a_fetch_outlives_the_one_who_serves(server: Server, tmp_path: Path) -> None:
+def test_a_fetch_survives_the_restart_of_its_server(server: Server, tmp_path: Path) -> None:
     with in_the_middle(server, tmp_path) as fetch:
         server.kill()
         with server.fetch(tmp_path) as second:

@@ -1,4 +1,4 @@
-"""Answers that a stranger makes up, for frames that are under way: they change nothing."""
+"""Forged answers of an untrusted client to frames under way change nothing."""
 
 import json
 import re
@@ -22,17 +22,17 @@ KEYS = Keys("default")
 
 NOT_DUE = {"one": (0, 1), "each": (1, 60), "end": (1, 122), "beyond": (60, 120), "match": (12, 12)}
 """How many answers and matches of a kind are counted: on a busy machine, a forged answer may come
-behind the match that it stands for, and is as good as the fuser's then."""
+after the match that it stands for, and is then valid like the fuser's."""
 
 
 @pytest.fixture
-def stranger(host: Host) -> Iterator[Bus]:
+def untrusted_client(host: Host) -> Iterator[Bus]:
     with open_bus(BusConfig(endpoint=host.endpoint)) as bus:
         yield bus
 
 
 class Forger:
-    """Answers each frame as it is sent, ahead of the services."""
+    """Answers each frame as it is sent, before the services."""
 
     def __init__(self, bus: Bus, kind: str) -> None:
         self._kind = kind
@@ -68,13 +68,13 @@ class Forger:
 def test_forged_answers_leave_each_frame_matched_and_the_source_knows(
     host: Host,
     listener: Listener,
-    stranger: Bus,
+    untrusted_client: Bus,
     route_map: Map,
     query_dir: Path,
     kind: str,
 ) -> None:
     before = matches_of_fuser(host)
-    forger = Forger(stranger, kind)
+    forger = Forger(untrusted_client, kind)
     ended = host.replay(query_dir)
     assert ended.returncode == 0, ended.stderr
     assert "60 frames replayed" in ended.stdout

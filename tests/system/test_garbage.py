@@ -14,7 +14,7 @@ from placefield.maps.map import Map
 
 
 class Vandal(threading.Thread):
-    """Puts garbage on every topic of a run until told to stop."""
+    """Puts garbage on every topic of a run until stopped."""
 
     def __init__(self, session: zenoh.Session, keys: Keys, stream: str) -> None:
         super().__init__()

@@ -56,8 +56,8 @@ def test_a_live_stream_loses_what_comes_while_its_featurizer_is_away_and_counts_
                 answered += [taken_sequence(listener) for _ in range(AFTER)]
             finally:
                 enough.set()
-            while (taken := listener.get())[1] is not None:
-                answered.append(taken[0].sequence)
+            while (received := listener.next_match())[1] is not None:
+                answered.append(received[0].sequence)
             sent = replayed.result().sent
         assert all(before < after for before, after in pairwise(answered))
         lost = sent - len(answered)
@@ -67,6 +67,6 @@ def test_a_live_stream_loses_what_comes_while_its_featurizer_is_away_and_counts_
 
 
 def taken_sequence(listener: Listener) -> int:
-    header, match = listener.get()
+    header, match = listener.next_match()
     assert match is not None
     return header.sequence

@@ -1,4 +1,4 @@
-"""Strangers' tokens by the thousand: a run is told of, and gone on with, all the same."""
+"""Thousands of tokens of an untrusted client stop neither the status nor a run."""
 
 import json
 from collections.abc import Iterator
@@ -21,22 +21,22 @@ TOKENS = [
 
 
 @pytest.fixture
-def stranger(host: Host) -> Iterator[Bus]:
+def untrusted_client(host: Host) -> Iterator[Bus]:
     with open_bus(BusConfig(endpoint=host.endpoint)) as bus:
         yield bus
 
 
 @pytest.mark.timeout(120)
 def test_thousands_of_tokens_stop_neither_status_nor_a_replay(
-    host: Host, listener: Listener, stranger: Bus, route_map: Map, query_dir: Path
+    host: Host, listener: Listener, untrusted_client: Bus, route_map: Map, query_dir: Path
 ) -> None:
     for token in TOKENS:
-        stranger.declare_alive(token)
+        untrusted_client.declare_alive(token)
     at = ("--endpoint", host.endpoint)
     status = placefield("status", "--json", *at)
-    standing = json.loads(status.stdout)
-    assert len(standing["services"]) >= len(TOKENS)
-    assert {"featurizer", "fuser"} <= {each["service"] for each in standing["services"]}
+    report = json.loads(status.stdout)
+    assert len(report["services"]) >= len(TOKENS)
+    assert {"featurizer", "fuser"} <= {each["service"] for each in report["services"]}
     assert placefield("alive", "fuser", *at).returncode == 0
     ended = host.replay(query_dir)
     assert ended.returncode == 0, ended.stderr

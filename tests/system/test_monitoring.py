@@ -1,4 +1,4 @@
-"""What machines read of a running host: metrics and the log."""
+"""Machine-readable output of a running host: metrics and the log."""
 
 import json
 import subprocess
@@ -24,7 +24,7 @@ def counted(port: int, service: str, event: str) -> float:
     )
 
 
-def test_a_host_tells_of_all_its_services_and_logs_an_object_per_line(
+def test_a_host_exports_all_its_services_and_logs_an_object_per_line(
     logs: Path, map_path: Path, query_dir: Path
 ) -> None:
     port = free_endpoint().rpartition(":")[2]
@@ -36,10 +36,10 @@ def test_a_host_tells_of_all_its_services_and_logs_an_object_per_line(
         (worker,) = host.service("channel")
         worker.kill()
         wait_until(lambda: "SIGKILL" in host.err, "it is logged")
-        told = [json.loads(line) for line in host.err.splitlines()]
-    assert told[0]["message"] == "channel worker 0 was ended by SIGKILL; starting it again"
-    assert told[0]["level"] == "WARNING"
-    assert told[0]["time"].endswith("Z")
+        logged = [json.loads(line) for line in host.err.splitlines()]
+    assert logged[0]["message"] == "channel worker 0 was ended by SIGKILL; starting it again"
+    assert logged[0]["level"] == "WARNING"
+    assert logged[0]["time"].endswith("Z")
 
 
 def test_an_error_is_an_object_too(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ def test_a_feature_crosses_to_a_host_once_however_many_read_it_there(network: Ne
 def _at_once(listening: Process) -> list[dict[str, Any]]:
     """Return what was printed of matches that are not smoothed ones, and of the end."""
     lines = [line for line in listening.out.splitlines(keepends=True) if line.endswith("\n")]
-    return [told for line in lines if not (told := json.loads(line))["smoothed"]]
+    return [match for line in lines if not (match := json.loads(line))["smoothed"]]
 
 
 def _is_connected(network: Network, host: str, process: Process) -> bool:

@@ -10,10 +10,10 @@ from hosting import PATIENCE_S, Host, Listener, answers_of, wait_until
 
 from placefield.bus.inbox import Received
 from placefield.bus.messages import FeatureMessage, OdometryMessage
-from placefield.bus.ros import RosNode
+from placefield.bus.ros_node import RosNode
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield.ros.messages import COMPRESSED_IMAGE, ODOMETRY
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
 
 CAMERA, ODOM = "/camera/image_raw/compressed", "/odom"
 
@@ -22,12 +22,12 @@ def hear_readings(listener: Listener) -> dict[int, float | None]:
     """Return what will hold the odometry of each frame that the featurizer passes on."""
     readings: dict[int, float | None] = {}
 
-    def hear(received: Received) -> None:
+    def receive(received: Received) -> None:
         if not received.header.end:
             message = FeatureMessage.decode(received.payload)
             readings[received.header.sequence] = message.odometry_m
 
-    listener.bus.subscribe(listener.keys.feature, hear, Counter())
+    listener.bus.subscribe(listener.keys.feature, receive, Counter())
     return readings
 
 
@@ -41,7 +41,7 @@ def test_odometry_of_a_folder_goes_with_every_frame_and_answers_are_those_given_
     readings = hear_readings(listener)
     host.replay(folder)
     answers = answers_of(listener.answers())
-    wait_until(lambda: len(readings) == len(files), "all descriptors are heard of")
+    wait_until(lambda: len(readings) == len(files), "all descriptors have come")
     assert readings == {number: number * 0.75 for number in range(len(files))}
     recognizer = Recognizer(route_map)
     matches = [recognizer.update(file, number * 0.75) for number, file in enumerate(files)]
@@ -70,5 +70,5 @@ def test_images_of_ros_carry_its_odometry_until_it_stops(
                 assert metres.get(timeout=PATIENCE_S) == at
             images.put(compressed_image((number, 0), file.read_bytes()))
             listener.answers(first=number, count=1)
-        wait_until(lambda: len(readings) == len(way), "all descriptors are heard of")
+        wait_until(lambda: len(readings) == len(way), "all descriptors have come")
     assert readings == dict(enumerate(way))

@@ -1,4 +1,4 @@
-"""A map that is built anew under the name of the one that is served: nothing is mixed up."""
+"""A map that replaces the served map under the same name: the maps are not mixed."""
 
 import json
 import re
@@ -31,7 +31,7 @@ def served(tmp_path: Path, map_path: Path) -> Path:
 def build_anew(served: Path, route_map: Map) -> str:
     """Put another map in its place, as ``build --overwrite`` does; return its digest.
 
-    Its model, places and channels are the old one's: nothing but the digest tells them apart.
+    It has the model, places and channels of the old one; only the digest differs.
     """
     other = served.with_name("other.pfmap")
     save_map(replace(route_map, seed=route_map.seed + 1), other)
@@ -70,7 +70,7 @@ def services(logs: Path, served: Path, endpoint: str) -> Iterator[Process]:
         yield running.enter_context(Process(logs, "fuser", served, *at))
 
 
-def test_no_place_of_another_map_is_taken_by_fuser_recorder_or_status(
+def test_fuser_recorder_and_status_refuse_places_of_another_map(
     logs: Path, tmp_path: Path, served: Path, route_map: Map, query_dir: Path, endpoint: str
 ) -> None:
     at = ("--endpoint", endpoint)
@@ -91,7 +91,7 @@ def test_no_place_of_another_map_is_taken_by_fuser_recorder_or_status(
             other = build_anew(served, route_map)
             with Process(logs, "fuser", served, *deadline, *at) as another:
                 wait_until(lambda: not replay.runs, "the replay is over")
-                wait_until(lambda: listener.count("fuser", "other_map") > BEFORE, "it is told")
+                wait_until(lambda: listener.count("fuser", "other_map") > BEFORE, "it is reported")
                 status = placefield("status", *at)
                 named = placefield("status", "--json", *at)
                 assert "of map" in another.err

@@ -22,7 +22,7 @@ from placefield.recognizer import Recognizer
 PAPER = load_config(None, {"preset": "paper"})
 SETTINGS = ("--preset", "paper", "--channels", "3", "--set", "features.dimensions=16")
 
-Told = tuple[int, int, float, int, tuple[int, ...]]
+SmoothedAnswer = tuple[int, int, float, int, tuple[int, ...]]
 """Frame, place, score, lag and missing channels of a smoothed match."""
 
 
@@ -47,11 +47,11 @@ def paper_host(logs: Path, paper_path: Path) -> Iterator[Host]:
         yield host
 
 
-def told(smoothed: list[tuple[int, SmoothedMessage]]) -> list[Told]:
+def smoothed_answers(smoothed: list[tuple[int, SmoothedMessage]]) -> list[SmoothedAnswer]:
     return [(n, each.place, each.score, each.lag, each.missing) for n, each in smoothed]
 
 
-def told_offline(placemap: Map, folder: Path) -> list[Told]:
+def smoothed_offline(placemap: Map, folder: Path) -> list[SmoothedAnswer]:
     recognizer = Recognizer(placemap, PAPER)
     for file in sorted(folder.iterdir()):
         recognizer.update(file.read_bytes())
@@ -70,8 +70,8 @@ def test_smoothed_matches_are_the_librarys_to_the_last_bit(
     with paper_host.listener() as listener:
         paper_host.replay(folder)
         answers = listener.answers()
-        smoothed = told(listener.smoothed(answers[0][0].stream))
-    assert smoothed == told_offline(paper_map, folder)
+        smoothed = smoothed_answers(listener.smoothed(answers[0][0].stream))
+    assert smoothed == smoothed_offline(paper_map, folder)
     right = sum(abs(place - frame) <= 3 for frame, place, *_ in smoothed)
     assert right > 40
 
@@ -91,7 +91,7 @@ def test_smoothed_matches_are_recorded_as_the_library_gives_them(
     assert [
         (one["sequence"], one["place"], one["score"], one["lag"], tuple(one["missing"]))
         for one in smoothed
-    ] == told_offline(paper_map, query_dir)
+    ] == smoothed_offline(paper_map, query_dir)
 
 
 def test_a_map_built_by_the_command_is_the_librarys(paper_map: Map, reference_dir: Path) -> None:

@@ -13,7 +13,7 @@ from placefield.features.images import decode
 from placefield_tools.record.records import Record, read_records
 
 
-def told(fields: dict[str, object]) -> dict[str, object]:
+def match_fields(fields: dict[str, object]) -> dict[str, object]:
     return {name: value for name, value in fields.items() if value is not None}
 
 
@@ -59,7 +59,7 @@ def test_recordings_hold_what_was_on_the_bus(
         ]
     objects = [read for topic, _, read in messages if topic == "/placefield/match"]
     smoothed = [read for topic, _, read in messages if topic == "/placefield/smoothed/match"]
-    written = [told(json.loads(line)) for line in lines.read_text().splitlines()]
+    written = [match_fields(json.loads(line)) for line in lines.read_text().splitlines()]
     assert objects == [one for one in written if not one["smoothed"]]
     assert smoothed == [one for one in written if one["smoothed"]]
     images = [read["data"] for topic, _, read in messages if topic == "/placefield/frame"]

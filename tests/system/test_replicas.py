@@ -1,4 +1,4 @@
-"""Two workers serve the same channels: one of them may die, and nobody notices."""
+"""Two workers serve the same channels: one of them may die without effect."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""ROS 2 on the bus, spoken by a client that is not ours."""
+"""ROS 2 on the bus, with an independent client."""
 
 import math
 import queue
@@ -51,8 +51,8 @@ class Ros:
     shown: int = 0
 
     def __post_init__(self) -> None:
-        self.robot.hear("/placefield/default/pose", POSE, self.poses.append)
-        self.robot.hear("/diagnostics", DIAGNOSTICS, self.diagnostics.append)
+        self.robot.subscribe("/placefield/default/pose", POSE, self.poses.append)
+        self.robot.subscribe("/diagnostics", DIAGNOSTICS, self.diagnostics.append)
         self.listener.bus.subscribe_raw(
             self.listener.keys.odometry,
             lambda _, payload: self.metres.put(OdometryMessage.decode(payload).metres),
@@ -117,21 +117,21 @@ class Ros:
         return self.listener.count("replay", name)
 
     @property
-    def taken(self) -> int:
+    def received(self) -> int:
         """How much of what was shown has come, or is counted as dropped."""
         return sum(map(self.count, ("frames", "malformed", "dropped_old")))
 
     def has_taken_all(self) -> bool:
         """Whether all that was shown has come, or is counted as dropped."""
-        return self.taken == self.shown
+        return self.received == self.shown
 
     def await_rest(self) -> None:
         """Wait until nothing comes any more: the robot's client may itself drop of a burst."""
-        seen = -1
-        while seen != self.taken:
-            seen = self.taken
+        before = -1
+        while before != self.received:
+            before = self.received
             time.sleep(2.2)  # counts come once a second
-        self.shown = seen
+        self.shown = before
 
     def levels(self, service: str) -> list[int]:
         """Return the levels of a service's statuses so far."""
@@ -178,13 +178,13 @@ def ros(logs: Path, posed_map: Path) -> Iterator[Ros]:
         yield Ros(host, listener, robot)
 
 
-def test_the_robot_sees_what_is_spoken(ros: Ros) -> None:
-    seen = ros.robot.topics()
-    assert seen["/placefield/default/pose"] == [POSE]
-    assert seen["/placefield/default/smoothed_pose"] == [POSE]
-    assert seen["/diagnostics"] == [DIAGNOSTICS]
-    assert COMPRESSED_IMAGE in seen[CAMERA]
-    assert seen[ODOM] == [ODOMETRY]
+def test_the_robot_lists_the_topics(ros: Ros) -> None:
+    topics = ros.robot.topics()
+    assert topics["/placefield/default/pose"] == [POSE]
+    assert topics["/placefield/default/smoothed_pose"] == [POSE]
+    assert topics["/diagnostics"] == [DIAGNOSTICS]
+    assert COMPRESSED_IMAGE in topics[CAMERA]
+    assert topics[ODOM] == [ODOMETRY]
 
 
 def test_each_frame_is_matched_and_its_pose_is_the_match_s(
@@ -251,7 +251,7 @@ def test_garbage_is_counted_and_stops_nothing(ros: Ros, query_dir: Path) -> None
 
 def test_each_service_has_a_status_with_its_counts(ros: Ros) -> None:
     names = {"channel", "featurizer", "fuser", "mapserver", "replay"}
-    wait_until(lambda: ros.statuses().keys() == names, "all services are told of")
+    wait_until(lambda: ros.statuses().keys() == names, "all services are reported")
     wait_until(
         lambda: ros.statuses()["fuser"]["matches"] == str(ros.listener.count("fuser", "matches")),
         "the counts are those of the bus",

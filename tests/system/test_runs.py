@@ -92,7 +92,7 @@ def test_a_run_that_floods_costs_another_not_one_frame(
         flooding = threading.Thread(target=replay, args=(flood, bus, config, stop))
         flooding.start()
         try:
-            listeners["night"].take()
+            listeners["night"].next_match()
             shared_host.replay(query_dir, "--run", "day")
             answers = answers_of(listeners["day"].answers())
         finally:

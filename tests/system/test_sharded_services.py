@@ -95,7 +95,7 @@ def test_shards_answer_as_the_whole_and_so_does_one_that_was_killed_and_started_
     assert smoothed_of(host.listener.smoothed(again[0][0].stream)) == in_hindsight
     assert any(match.missing for _, match in again)
     assert not again[-1][1].missing
-    for (_, told), known in zip(again, answers, strict=True):
-        assert told.missing in ((), (0, 1, 2))
-        if not told.missing:
-            assert (told.place, told.score) == (known[1].place, known[1].score)
+    for (_, answer), known in zip(again, answers, strict=True):
+        assert answer.missing in ((), (0, 1, 2))
+        if not answer.missing:
+            assert (answer.place, answer.score) == (known[1].place, known[1].score)

@@ -26,16 +26,16 @@ def test_status_tells_how_far_each_service_of_a_whole_run_is(host: Host, query_d
     host.replay(query_dir)
     ended = placefield("status", "--json", "--endpoint", host.endpoint)
     assert ended.returncode == 0, ended.stderr
-    standing = json.loads(ended.stdout)
-    assert standing["run"] == "default"
-    assert standing["channels"] == 3
-    assert standing["missing"] == []
-    assert standing["newest"] == 60  # the end: so many frames
-    told = [s for s in standing["services"] if s["service"] in ("featurizer", "channel", "fuser")]
-    assert len(told) == 1 + 3 + 1
-    assert sorted(s["part"]["channel"] for s in told if s["part"]) == [0, 1, 2]
-    for service in told:
-        assert service["stream"] == standing["stream"]
+    report = json.loads(ended.stdout)
+    assert report["run"] == "default"
+    assert report["channels"] == 3
+    assert report["missing"] == []
+    assert report["newest"] == 60  # the end: so many frames
+    services = [s for s in report["services"] if s["service"] in ("featurizer", "channel", "fuser")]
+    assert len(services) == 1 + 3 + 1
+    assert sorted(s["part"]["channel"] for s in services if s["part"]) == [0, 1, 2]
+    for service in services:
+        assert service["stream"] == report["stream"]
         assert (service["sequence"], service["behind"]) == (60, 0)
         assert not service["silent"]
         assert service["counts"]["received"] >= 60
@@ -43,9 +43,9 @@ def test_status_tells_how_far_each_service_of_a_whole_run_is(host: Host, query_d
 
 def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
     at = ("--endpoint", host.endpoint)
-    nobody = placefield("status", *at, "--run", "nobody")
+    empty_run = placefield("status", *at, "--run", "nobody")
     hint = "there is default: name one with --run"
-    assert complaint(nobody) == (
+    assert complaint(empty_run) == (
         f"placefield: run 'nobody' lacks featurizer; fuser; channel; {hint}"
     )
 
@@ -89,16 +89,16 @@ def half_a_run(bus: Bus, keys: Keys) -> Iterator[None]:
     stats = StatsMessage(service="fuser", counts={"matches": 7, "too_fast": 2}, channels=2)
     over = threading.Event()
 
-    def tell() -> None:
+    def report_counts() -> None:
         while not over.wait(0.2):
             bus.put(keys.stats("fuser", "cd"), stats)
 
     bus.declare_alive(keys.alive("fuser", "cd"))
     bus.declare_alive(keys.alive("channel", Part(0, 1, 2).identity("ab")))
-    telling = threading.Thread(target=tell)
-    telling.start()
+    reporter = threading.Thread(target=report_counts)
+    reporter.start()
     try:
         yield
     finally:
         over.set()
-        telling.join()
+        reporter.join()

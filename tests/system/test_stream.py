@@ -33,7 +33,7 @@ from placefield.maps.map import Map
 
 
 def connected(process: Process, endpoint: str) -> bool:
-    """Tell whether a process has reached the router, so that it hears what comes."""
+    """Return whether a process has reached the router, so that it receives messages."""
     port = int(endpoint.rpartition(":")[2])
     connections = psutil.Process(process.pid).net_connections()
     return any(c.raddr and c.raddr.port == port and c.status == "ESTABLISHED" for c in connections)
@@ -100,7 +100,7 @@ def test_a_loop_runs_until_it_is_stopped(
         listener.answers(count=25)  # of 10 frames
         assert replay.stop(signal.SIGINT) == 0
         sent = int(replay.out.split()[0])
-    while listener.get()[1] is not None:
+    while listener.next_match()[1] is not None:
         pass  # what is still under way would come to the next test's listener
     assert sent >= 25
     assert "Traceback" not in replay.err
@@ -164,8 +164,8 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
     for number, one in smoothed:
         assert later[number].startswith(f"  smoothed frame {number}: place {one.place}, score ")
         assert later[number].endswith(f", {one.lag} frames later")
-        told = [each for each in parsed if each["smoothed"]][number]
-        assert (told["place"], told["lag"], told["end"]) == (one.place, one.lag, False)
+        printed = [each for each in parsed if each["smoothed"]][number]
+        assert (printed["place"], printed["lag"], printed["end"]) == (one.place, one.lag, False)
     assert printed[-1].startswith("end of stream")
     assert printed[-1].endswith("10 frames")
     assert parsed[-1]["end"] is True

@@ -1,4 +1,4 @@
-"""A supervisor hears from real processes, until they hang."""
+"""Real processes notify a supervisor until they hang."""
 
 import socket
 import time
@@ -32,7 +32,7 @@ def watched(
             process.__exit__(None, None, None)
 
 
-def heard(supervisor: socket.socket) -> list[bytes]:
+def notifications(supervisor: socket.socket) -> list[bytes]:
     """Take what has been said so far."""
     supervisor.settimeout(0)
     said = []
@@ -43,13 +43,13 @@ def heard(supervisor: socket.socket) -> list[bytes]:
 
 
 def assert_silent_while_stopped(process: Process, supervisor: socket.socket) -> None:
-    """Check that nothing is heard while the process hangs, and that it is heard after."""
+    """Check that no notification comes while the process hangs, and that one comes after."""
     for _ in range(2):
         assert supervisor.recv(100) == b"WATCHDOG=1"
     stopped = psutil.Process(process.pid)
     stopped.suspend()
     wait_until(lambda: stopped.status() == psutil.STATUS_STOPPED, "it has stopped")
-    heard(supervisor)
+    notifications(supervisor)
     supervisor.settimeout(2)
     with pytest.raises(TimeoutError):
         supervisor.recv(100)
@@ -58,7 +58,7 @@ def assert_silent_while_stopped(process: Process, supervisor: socket.socket) -> 
     assert supervisor.recv(100) == b"WATCHDOG=1"
 
 
-def test_a_supervisor_hears_a_router_and_a_service_until_they_hang(
+def test_a_supervisor_is_notified_by_a_router_and_a_service_until_they_hang(
     monkeypatch: pytest.MonkeyPatch, logs: Path, map_path: Path
 ) -> None:
     at = ("--endpoint", free_endpoint())
@@ -77,7 +77,7 @@ def test_a_supervisor_hears_a_router_and_a_service_until_they_hang(
         assert not router.err
 
 
-def test_a_supervisor_of_a_host_hears_the_host_alone_once_all_is_ready(
+def test_a_supervisor_of_a_host_is_notified_only_by_the_host_once_all_is_ready(
     monkeypatch: pytest.MonkeyPatch, logs: Path, map_path: Path
 ) -> None:
     with watched(monkeypatch, logs, "up", map_path, "--endpoint", free_endpoint()) as (
@@ -88,4 +88,4 @@ def test_a_supervisor_of_a_host_hears_the_host_alone_once_all_is_ready(
             assert said == b"WATCHDOG=1"
         wait_until(lambda: host.out.startswith("ready: "), "the host is ready")
         assert supervisor.recv(100) == b"WATCHDOG=1"
-        assert set(heard(supervisor)) <= {b"WATCHDOG=1"}
+        assert set(notifications(supervisor)) <= {b"WATCHDOG=1"}

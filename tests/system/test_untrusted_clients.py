@@ -1,4 +1,4 @@
-"""Real sessions and processes: who is let in, to do what, and what is open to whom."""
+"""Real sessions and processes: which clients may connect, and what each role may do."""
 
 import json
 import threading
@@ -54,7 +54,7 @@ PUBLISHES = {
     "mapserver": {"stats/mapserver/x"},
     "dashboard": set[str](),
 }
-"""But for the run's name; so are the others."""
+"""Keys without the run's prefix, as in the next tables."""
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
     "featurizer": {"frame"},
@@ -77,7 +77,7 @@ ROLES = tuple(PUBLISHES)
 @pytest.fixture(scope="module")
 def issued(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Credentials of ours."""
-    folder = tmp_path_factory.mktemp("strangers") / "issued"
+    folder = tmp_path_factory.mktemp("untrusted") / "issued"
     write_credentials(folder, [], days=30)
     return folder
 
@@ -85,29 +85,29 @@ def issued(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def others(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Credentials of another authority, which bears the same name."""
-    folder = tmp_path_factory.mktemp("strangers") / "others"
+    folder = tmp_path_factory.mktemp("untrusted") / "others"
     write_credentials(folder, [], days=30)
     return folder
 
 
 @pytest.fixture(scope="module")
 def endpoint(issued: Path) -> Iterator[str]:
-    """Of a router that lets in only who has credentials of ours."""
+    """The endpoint of a router that accepts only our credentials."""
     at = free_endpoint().replace("tcp/", "tls/")
     with open_router(BusConfig(endpoint=at, credentials=str(issued / "router"))):
         yield at
 
 
-def test_the_roles_are_those_of_which_this_says_what_they_may_do(issued: Path) -> None:
+def test_this_file_covers_all_roles(issued: Path) -> None:
     folders = {folder.name for folder in issued.iterdir() if folder.is_dir()}
     assert folders == {*ROLES, "router"}
 
 
 def raw(endpoint: str, *, mode: str = "client", **tls: object) -> zenoh.Session:
-    """Open a session that is held to nothing of ours.
+    """Open a session without Placefield's own checks.
 
     Raises:
-        zenoh.ZError: nobody lets it in.
+        zenoh.ZError: the router refuses it.
     """
     settings: dict[str, Any] = {
         "mode": mode,
@@ -125,7 +125,7 @@ def raw(endpoint: str, *, mode: str = "client", **tls: object) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def is_let_in(endpoint: str, **tls: object) -> bool:
+def may_connect(endpoint: str, **tls: object) -> bool:
     try:
         raw(endpoint, **tls).close()
     except zenoh.ZError:
@@ -138,7 +138,7 @@ def session_of(bus: Bus) -> zenoh.Session:
 
 
 def shown(folder: Path) -> dict[str, object]:
-    """Return the settings in which a session shows the certificate of a folder."""
+    """Return the settings with which a session presents the certificate of a folder."""
     return {
         "enable_mtls": True,
         "connect_certificate": str(folder / "certificate.pem"),
@@ -158,25 +158,23 @@ def expired(issued: Path, folder: Path) -> Path:
     return folder
 
 
-def test_only_who_has_a_valid_certificate_of_the_authority_is_let_in(
+def test_only_a_client_with_a_valid_certificate_of_the_authority_may_connect(
     endpoint: str, issued: Path, others: Path, tmp_path: Path
 ) -> None:
     ours = {"root_ca_certificate": str(issued / "ca.pem")}
-    assert is_let_in(endpoint, **ours, **shown(issued / "camera"))
-    strangers: dict[str, tuple[str, dict[str, object]]] = {
+    assert may_connect(endpoint, **ours, **shown(issued / "camera"))
+    clients: dict[str, tuple[str, dict[str, object]]] = {
         "no TLS": (endpoint.replace("tls/", "tcp/"), {}),
         "no certificate": (endpoint, ours),
         "no certificate though asked": (endpoint, ours | {"enable_mtls": True}),
         "another authority's": (endpoint, ours | shown(others / "camera")),
         "expired": (endpoint, ours | shown(expired(issued, tmp_path / "expired"))),
     }
-    for stranger, (at, tls) in strangers.items():
-        assert not is_let_in(at, **tls), stranger
+    for client, (at, tls) in clients.items():
+        assert not may_connect(at, **tls), client
 
 
-def test_a_client_takes_nobody_for_the_router_but_who_has_its_certificate(
-    endpoint: str, issued: Path
-) -> None:
+def test_clients_verify_the_certificate_of_the_router(endpoint: str, issued: Path) -> None:
     ours: dict[str, object] = {
         "root_ca_certificate": str(issued / "ca.pem"),
         **shown(issued / "camera"),
@@ -188,9 +186,9 @@ def test_a_client_takes_nobody_for_the_router_but_who_has_its_certificate(
     for name, value in (settings | tls_settings(issued / "camera")).items():
         config.insert_json5(name, json.dumps(value))
     with zenoh.open(config):
-        assert not is_let_in(false, **ours)
+        assert not may_connect(false, **ours)
     with open_router(BusConfig(endpoint=elsewhere, credentials=str(issued / "router"))):
-        assert not is_let_in(elsewhere, **ours)
+        assert not may_connect(elsewhere, **ours)
 
 
 def test_a_command_that_is_refused_says_so_in_one_line(endpoint: str, others: Path) -> None:
@@ -213,11 +211,9 @@ def gather(into: set[tuple[str, str]], name: str) -> Callable[[str, bytes], None
     return lambda key, payload: into.add((name, f"{payload.decode()} {key.removeprefix(RUN)}"))
 
 
-def test_each_role_publishes_and_reads_what_it_may_and_nothing_else(
-    endpoint: str, issued: Path
-) -> None:
+def test_each_role_publishes_and_reads_only_what_it_may(endpoint: str, issued: Path) -> None:
     keys = (*STREAMS, *COUNTS, "halo/x", "anything")
-    heard: set[tuple[str, str]] = set()
+    received: set[tuple[str, str]] = set()
     expected = {
         (reader, f"{writer} {key}")
         for reader in ROLES
@@ -226,20 +222,22 @@ def test_each_role_publishes_and_reads_what_it_may_and_nothing_else(
     }
     with sessions(endpoint, issued) as readers, sessions(endpoint, issued) as writers:
         for role, bus in readers.items():
-            bus.subscribe_raw(RUN + "**", gather(heard, role))
+            bus.subscribe_raw(RUN + "**", gather(received, role))
             for key in keys:
-                bus.subscribe_raw(RUN + key, gather(heard, role))
+                bus.subscribe_raw(RUN + key, gather(received, role))
         time.sleep(0.5)
         for role, bus in writers.items():
             for key in keys:
                 session_of(bus).put(RUN + key, role.encode())
                 session_of(bus).delete(RUN + key)
-        wait_until(lambda: heard >= expected, "what is allowed comes")
+        wait_until(lambda: received >= expected, "what is allowed comes")
         time.sleep(0.5)  # and what is not would have come
-    assert heard == expected
+    assert received == expected
 
 
-def test_each_role_is_alive_as_itself_and_everyone_sees_it(endpoint: str, issued: Path) -> None:
+def test_each_role_declares_its_own_token_and_every_role_reads_it(
+    endpoint: str, issued: Path
+) -> None:
     expected = {RUN + token for tokens in IS_ALIVE_AS.values() for token in tokens}
     with sessions(endpoint, issued) as holders, sessions(endpoint, issued) as lookers:
         for role, bus in holders.items():
@@ -249,13 +247,13 @@ def test_each_role_is_alive_as_itself_and_everyone_sees_it(endpoint: str, issued
             for token in IS_ALIVE_AS[role]:
                 bus.declare_alive(RUN + token)
         for bus in lookers.values():
-            wait_until(lambda bus=bus: bus.alive(RUN + "alive/*/*") >= expected, "all are seen")
+            wait_until(
+                lambda bus=bus: bus.alive(RUN + "alive/*/*") >= expected, "all tokens are there"
+            )
             assert bus.alive(RUN + "alive/*/*") == expected
 
 
-def test_each_role_asks_and_answers_what_it_may_and_nothing_else(
-    endpoint: str, issued: Path
-) -> None:
+def test_each_role_queries_and_answers_only_what_it_may(endpoint: str, issued: Path) -> None:
     def replies(bus: Bus, key: str) -> set[str]:
         return {payload.decode() for payload, _ in bus.ask(key, timeout_s=5)}
 
@@ -275,10 +273,10 @@ def test_each_role_asks_and_answers_what_it_may_and_nothing_else(
 def test_a_camera_does_no_more_as_whatever_it_connects(
     endpoint: str, issued: Path, mode: str
 ) -> None:
-    heard: list[str] = []
+    received: list[str] = []
     ours = {"root_ca_certificate": str(issued / "ca.pem"), **shown(issued / "camera")}
     with sessions(endpoint, issued, ["dashboard", "fuser"]) as ordinary:
-        ordinary["dashboard"].subscribe_raw("placefield/**", lambda key, _: heard.append(key))
+        ordinary["dashboard"].subscribe_raw("placefield/**", lambda key, _: received.append(key))
         with raw(endpoint, mode=mode, **ours) as camera:
             read: list[str] = []
             readers = [
@@ -290,25 +288,25 @@ def test_a_camera_does_no_more_as_whatever_it_connects(
                 camera.put(RUN + key, b"forged", allowed_destination=zenoh.Locality.REMOTE)
             for key in ("match", "ack"):
                 session_of(ordinary["fuser"]).put(RUN + key, b"")
-            wait_until(lambda: len(heard) >= 3 and len({*read}) >= 2, "what is allowed comes")
+            wait_until(lambda: len(received) >= 3 and len({*read}) >= 2, "what is allowed comes")
             time.sleep(0.3)
             assert set(read) == {RUN + "ack", RUN + "match"}
-            assert sorted(heard) == sorted(RUN + key for key in ("frame", "match", "ack"))
+            assert sorted(received) == sorted(RUN + key for key in ("frame", "match", "ack"))
             del readers
 
 
 def test_roles_hold_across_routers_that_trust_each_other(endpoint: str, issued: Path) -> None:
     beyond = free_endpoint().replace("tcp/", "tls/")
     second = BusConfig(endpoint=beyond, connect=(endpoint,), credentials=str(issued / "router"))
-    heard: set[tuple[str, str]] = set()
+    received: set[tuple[str, str]] = set()
     with (
         open_router(second),
         sessions(beyond, issued, ["camera", "channel"]) as there,
         sessions(endpoint, issued, ["featurizer", "dashboard", "fuser"]) as here,
     ):
-        here["featurizer"].subscribe_raw(RUN + "frame", gather(heard, "featurizer"))
-        here["dashboard"].subscribe_raw(RUN + "**", gather(heard, "dashboard"))
-        there["camera"].subscribe_raw(RUN + "ack", gather(heard, "camera"))
+        here["featurizer"].subscribe_raw(RUN + "frame", gather(received, "featurizer"))
+        here["dashboard"].subscribe_raw(RUN + "**", gather(received, "dashboard"))
+        there["camera"].subscribe_raw(RUN + "ack", gather(received, "camera"))
         here["featurizer"].answer(RUN + "cache/feature", lambda key, asked: [(b"kept", b"")])
         here["featurizer"].declare_alive(RUN + "alive/featurizer/x")
         wait_until(lambda: there["camera"].alive(RUN + "alive/*/*"), "the token crosses")
@@ -322,9 +320,9 @@ def test_roles_hold_across_routers_that_trust_each_other(endpoint: str, issued: 
             ("camera", "fuser ack"),
             *(("dashboard", what) for what in ("camera frame", "fuser match", "fuser ack")),
         }
-        wait_until(lambda: heard >= expected, "what is allowed crosses")
+        wait_until(lambda: received >= expected, "what is allowed crosses")
         time.sleep(0.3)
-        assert heard == expected
+        assert received == expected
 
 
 def test_with_credentials_all_works_from_frame_to_match_each_in_its_role(
@@ -353,7 +351,7 @@ def test_up_says_which_services_credentials_are_missing(
     assert f"{tmp_path / 'featurizer' / 'ca.pem'}: No such file" in line
 
 
-def test_without_a_word_to_the_contrary_only_loopback_is_open_and_one_port_of_it(
+def test_by_default_only_one_port_is_open_and_only_on_loopback(
     host: Host,
 ) -> None:
     family = [psutil.Process(host.pid), *host.children()]
@@ -380,10 +378,12 @@ def test_messages_over_the_limit_reach_no_service_and_do_not_pile_up(
     watching = threading.Thread(target=watch)
     watching.start()
     try:
-        with raw(host.endpoint) as stranger:
+        with raw(host.endpoint) as untrusted_client:
             huge = bytes(MAX_BYTES + 1)
             for key in ("frame", "match", "frame", "match"):
-                stranger.put(RUN + key, huge, congestion_control=zenoh.CongestionControl.BLOCK)
+                untrusted_client.put(
+                    RUN + key, huge, congestion_control=zenoh.CongestionControl.BLOCK
+                )
             wait_until(lambda: listener.alive("fuser"), "the bus lives")
         host.replay(query_dir, "--stride", "6")
         images = sorted(query_dir.iterdir())[::6]

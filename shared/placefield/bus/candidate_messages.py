@@ -1,4 +1,4 @@
-"""What channel workers say: candidates, smoothed frames, and what shards tell each other."""
+"""The messages of channel workers: candidates, smoothed frames and partial results of shards."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
@@ -20,10 +20,10 @@ class ChannelCandidate(Strict):
         channel: whose it is.
         place: index of the place, or -1 where there is no answer.
         score: of that place.
-        places: (n,) ascending, whose the evidence is; empty where it is every place's.
-        evidence: (n,), or (K,) of every place; empty under ``ams`` and without answer.
-        too_fast: posterior that the vehicle moves faster than the map resolves; 0 where the rule
-            does not tell.
+        places: (n,) ascending, the places of the evidence; empty if the evidence has all places.
+        evidence: (n,), or (K,) of all places; empty under ``ams`` and without an answer.
+        too_fast: posterior that the vehicle moves faster than the map resolves; 0 if the rule does
+            not estimate it.
     """
 
     channel: Channel
@@ -35,7 +35,7 @@ class ChannelCandidate(Strict):
 
     @classmethod
     def of(cls, channel: int, candidate: Candidate) -> Self:
-        """Say whose candidate it is."""
+        """Return the message of a channel's candidate."""
         return cls(channel=channel, **vars(candidate))
 
     @property
@@ -45,11 +45,11 @@ class ChannelCandidate(Strict):
 
 
 class _OfShard(OfMap):
-    """Root of what is about a shard of a worker's channels.
+    """Root of messages about one shard of a worker's channels.
 
     Attributes:
-        shard: which part of the channels' places it is about.
-        shards: of how many.
+        shard: number of the shard, from 0.
+        shards: how many shards each channel has.
     """
 
     shard: int = Field(0, ge=0)
@@ -58,17 +58,17 @@ class _OfShard(OfMap):
     @model_validator(mode="after")
     def _check_shard(self) -> Self:
         if self.shard >= self.shards:
-            raise PydanticCustomError("shard", "there is no such shard")
+            raise PydanticCustomError("shard", "the shard is not below the number of shards")
         return self
 
 
 class SmoothedFrame(NamedTuple):
-    """What a channel, or a shard of one, has smoothed of a frame in hindsight.
+    """The smoothed candidate of a channel, or of a shard of a channel, for one frame.
 
     Attributes:
-        channel: whose it is.
+        channel: number of the channel.
         sequence: number of the frame.
-        lag: how many frames after it are known.
+        lag: how many later frames the smoothing used.
         candidate: for the frame.
     """
 
@@ -79,18 +79,20 @@ class SmoothedFrame(NamedTuple):
 
 
 class SmoothedFrames(Strict):
-    """SmoothedCandidate frames of a worker's channels, in a few arrays: they may be many.
+    """Smoothed candidates of a worker's channels, packed in a few arrays: there may be many.
+
+    Each of the m rows is the smoothed candidate of one channel for one frame.
 
     Attributes:
-        channels: (m,) whose each is.
-        before: (m,) how many frames before that of the message each is.
-        lags: (m,) how many frames after it are known.
-        best: (m,) index of its place, or -1 where there is no answer.
+        channels: (m,) the channel.
+        before: (m,) how many frames the row's frame is before the frame of the message.
+        lags: (m,) how many later frames the smoothing used.
+        best: (m,) index of the place, or -1 where there is no answer.
         scores: (m,) of that place.
-        place_counts: (m,) how many of ``places`` are its own.
-        places: those of all, one after the other; as in ``ChannelCandidate``.
-        evidence_counts: (m,) how many of ``evidence`` are its own.
-        evidence: that of all.
+        place_counts: (m,) how many entries of ``places`` belong to the row.
+        places: the places of all rows, one after the other; as in ``ChannelCandidate``.
+        evidence_counts: (m,) how many entries of ``evidence`` belong to the row.
+        evidence: the evidence of all rows, one after the other.
         too_fast: (m,) posterior that the vehicle moves faster than the map resolves.
     """
 
@@ -111,25 +113,27 @@ class SmoothedFrames(Strict):
         of_frames = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
         each = (*of_frames, *counts)
         if len({len(vector) for vector in each}) > 1:
-            raise PydanticCustomError("smoothed", "of some frames there is more than of others")
+            raise PydanticCustomError("smoothed", "the arrays differ in length")
         if any((vector < 0).any() for vector in (self.channels, self.before, self.lags, *counts)):
             raise PydanticCustomError("smoothed", "a number is negative")
         if (self.channels >= 2**16).any() or (self.best < -1).any():
-            raise PydanticCustomError("smoothed", "there is no such channel or place")
+            raise PydanticCustomError("smoothed", "a channel or place is out of range")
         if not np.isfinite(self.scores).all():
             raise PydanticCustomError("smoothed", "a score is not finite")
         if ((self.too_fast < 0) | (self.too_fast > 1)).any():
             raise PydanticCustomError("smoothed", "a posterior is not between 0 and 1")
         for count, vector in zip(counts, (self.places, self.evidence), strict=True):
             if int(count.sum(dtype=np.int64)) != len(vector):
-                raise PydanticCustomError("smoothed", "places or evidence are not as many as said")
+                raise PydanticCustomError(
+                    "smoothed", "the counts do not add up to the places or evidence"
+                )
         return self
 
     @classmethod
     def of(cls, sequence: int, frames: Sequence[SmoothedFrame]) -> Self | None:
-        """Pack what goes with the frame of this number; None if there is nothing.
+        """Pack smoothed frames for the message of the frame ``sequence``; None if there are none.
 
-        What is 2**31 frames before it, or more, is left out.
+        Smoothed frames that are 2**31 frames or more before it are left out.
         """
         frames = [frame for frame in frames if sequence - frame.sequence < 2**31]
         if not frames:
@@ -149,7 +153,7 @@ class SmoothedFrames(Strict):
         )
 
     def frames(self, sequence: int) -> Iterator[SmoothedFrame]:
-        """Yield what came with the frame of this number."""
+        """Yield the smoothed candidates of a message whose frame has this number."""
         numbers = (self.channels, self.before, self.lags, self.best, self.scores, self.too_fast)
         counts = (self.place_counts, self.evidence_counts)
         place_end = evidence_end = 0
@@ -165,13 +169,15 @@ class SmoothedFrames(Strict):
 
 
 class CandidatesMessage(_OfShard):
-    """The candidates of a worker's channels: together, for each message costs the fuser a wake-up.
+    """The candidates of a worker's channels for one frame.
+
+    One message has them all, because each message costs the fuser a wake-up.
 
     Attributes:
-        rule: how they were made.
+        rule: the matching rule.
         candidates: one of each channel.
-        smoothed: frames that the channels have smoothed since the message before; none: no frame.
-        forgotten: whether the worker lacks frames of the stream that nobody remembered.
+        smoothed: frames that the channels have smoothed since the previous message; None: no frame.
+        forgotten: whether the worker missed frames of the stream that no replay cache had.
     """
 
     rule: Rule
@@ -181,14 +187,14 @@ class CandidatesMessage(_OfShard):
 
 
 class FinishedMessage(_OfShard):
-    """What a worker's channels smooth at the end of a stream: all frames that are left.
+    """The last smoothed frames of a worker's channels, at the end of a stream.
 
-    It goes with the end's header, and is the only end that has a payload.
+    It goes with the header of the stream's end. No other end of a stream has a payload.
 
     Attributes:
-        rule: how candidates were made.
+        rule: the matching rule.
         channels: of the worker.
-        smoothed: the frames; none: all had been smoothed.
+        smoothed: the frames; None: all had been smoothed before.
     """
 
     rule: Rule
@@ -196,18 +202,18 @@ class FinishedMessage(_OfShard):
     smoothed: SmoothedFrames | None = None
 
 
-class ChannelSummary(Strict):
-    """What a channel's shards need of one of them, as part of a message."""
+class ChannelPartial(Strict):
+    """The partial result of one shard of a channel, as part of a message."""
 
     channel: Channel
-    summary: NumberVector
+    partial: NumberVector
 
 
 class HaloMessage(_OfShard):
-    """What the shards of a worker tell those beside them of a frame.
+    """The partial results of a worker's shards for one frame, the halo included.
 
     Attributes:
-        summaries: one of each channel.
+        partials: one of each channel.
     """
 
-    summaries: tuple[ChannelSummary, ...] = Field(min_length=1)
+    partials: tuple[ChannelPartial, ...] = Field(min_length=1)

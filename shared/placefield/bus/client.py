@@ -1,4 +1,4 @@
-"""A program's own client: it publishes frames of a run, and is given their matches."""
+"""The client for other programs: it publishes frames of a run and yields their matches."""
 
 import logging
 import threading
@@ -36,10 +36,10 @@ def connect(
     Args:
         endpoint: PROTOCOL/HOST:PORT of the router.
         run: the name of the run.
-        credentials: folder of a role's, where the router asks for them.
+        credentials: folder with the credentials of a role, if the router requires them.
 
-    What is not given is as the environment (``PLACEFIELD_BUS__ENDPOINT``, …) or the defaults say.
-    A connection that is lost comes back by itself.
+    Arguments that are not given come from the environment (``PLACEFIELD_BUS__ENDPOINT``, …) or from
+    the defaults. A lost connection is restored by itself.
 
     Raises:
         ConfigError: a setting is malformed.
@@ -68,22 +68,22 @@ class Client:
         return f"Client({self._config.bus.endpoint!r}, run={self._keys.run!r})"
 
     def stream(self, images: Iterable[Image | Frame], *, live: bool = False) -> Iterator[Match]:
-        """Publish the frames of one drive, and yield the match of each as soon as it comes.
+        """Publish the frames of one drive, and yield the match of each frame as soon as it comes.
 
-        A thread takes and sends the images meanwhile. There is one match for every frame, in order.
-        What was lost while a service or the router was away is sent again.
+        A thread reads and sends the images meanwhile. There is one match for every frame, in order.
+        Frames that are lost while a service or the router is away are sent again.
 
         Args:
-            images: encoded images, pixels (H, W) or (H, W, 3) BGR uint8, or files, taken now; or
-                frames, that have their own stamp and odometry.
-            live: whether the services drop frames that they cannot follow, as of a camera, which
-                does not wait. Their matches have the place ``UNANSWERED``.
+            images: encoded images, pixels (H, W) or (H, W, 3) BGR uint8, or files, stamped with the
+                current time; or frames with their own stamp and odometry.
+            live: whether the services may drop frames when they are too slow, as for a camera,
+                which does not wait. A dropped frame has a match with the place ``UNANSWERED``.
 
         Raises:
             BusError: a service is missing, the run has another source, or the services have not
                 answered for 15 s.
-            SourceError: a file cannot be read, or is no image. What ``images`` raises is raised,
-                too. The frames before it have been matched.
+            SourceError: a file cannot be read, or is no image. An exception of ``images`` is
+                raised, too. The earlier frames have been matched by then.
             FrameError: pixels are of another shape or dtype.
         """
         stream = self._stream(images, live)
@@ -91,7 +91,7 @@ class Client:
         return stream
 
     def leave(self) -> None:
-        """End the streams that are on; ``connect`` does it at the end of its block."""
+        """End the streams that have not ended; ``connect`` calls this at the end of its block."""
         for stream in list(self._streams):
             stream.close()
 
@@ -114,19 +114,19 @@ class Client:
     def _in_order(
         self, matches: MatchQueue, frames: FrameStream, sender: "_Sender"
     ) -> Iterator[Match]:
-        """Yield the match of each frame; of one that has none, that there is none."""
+        """Yield a match for each frame; it has the place ``UNANSWERED`` if the frame has none."""
         following, give_up_at = 0, None
         while give_up_at is None or time.monotonic() < give_up_at:
             if give_up_at is None and not sender.is_alive():
                 give_up_at = time.monotonic() + (0 if frames.has_stalled else _LAST_MATCH_S)
             try:
-                taken = matches.get(_POLL_S)
+                received = matches.get(_POLL_S)
             except MessageError as error:
                 self._bus.log_dropped(self._keys.match, error)
                 continue
-            if taken is None or taken[0].stream != frames.name:
+            if received is None or received[0].stream != frames.name:
                 continue
-            header, message = taken
+            header, message = received
             for _ in range(following, header.sequence):
                 yield Match(UNANSWERED, 0.0)
             following = header.sequence
@@ -135,24 +135,24 @@ class Client:
             yield message.match
             following += 1
         if not frames.has_stalled:
-            log.warning("run %r: the end of a stream has not come", self._keys.run)
+            log.warning("run %r: the services did not answer the stream's end", self._keys.run)
             for _ in range(following, frames.sent):
                 yield Match(UNANSWERED, 0.0)
 
 
 class _Sender(threading.Thread):
-    """Sends images as the frames of a stream, and its end after them."""
+    """Sends images as the frames of a stream, and then the end of the stream."""
 
     def __init__(
         self, frames: FrameStream, images: Iterable[Image | Frame], stop: threading.Event
     ) -> None:
-        super().__init__(daemon=True)  # whoever gives the images may never give the next
+        super().__init__(daemon=True)  # the iterator of images may never yield the next one
         self._frames, self._images, self._ends = frames, images, stop
         self.failure: Exception | None = None
-        """Why not all was sent."""
+        """The error that stopped the sending; None: no error."""
 
     def run(self) -> None:
-        """Send all; what the images raise ends the stream as their end does."""
+        """Send all images; an error in reading them ends the stream, too."""
         try:
             for image in self._images:
                 if not self._frames.send(_frame(image), self._ends):
@@ -166,7 +166,7 @@ class _Sender(threading.Thread):
             self.failure = self.failure or error
 
     def leave(self) -> None:
-        """End the stream, if it has not ended."""
+        """End the stream, if it has not ended yet."""
         self._ends.set()
         self.join(_LEAVE_S)
         if not self._frames.has_ended:

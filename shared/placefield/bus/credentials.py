@@ -1,8 +1,9 @@
-"""What a process shows on the bus, and whom it believes: a folder of PEM files.
+"""The credentials of a process on the bus: a folder of PEM files.
 
-``ca.pem`` is the authority that all of a bus trust, ``certificate.pem`` and ``key.pem`` are the
-process's own; a router's folder also holds ``router.json5``, with what each role may do. TLS checks
-the certificates; what is checked here would come out of it without a word of why.
+``ca.pem`` is the certificate authority that all processes of a bus trust. ``certificate.pem`` and
+``key.pem`` belong to the process. A router's folder also holds ``router.json5``, which says what
+each role may do. TLS checks the certificates, but does not report why it refuses them; the checks
+here do.
 """
 
 import json
@@ -24,10 +25,12 @@ _REMEDY = "make new ones with 'placefield security init'"
 
 
 def encryption(config: BusConfig) -> dict[str, Any]:
-    """Return Zenoh's settings of the credentials, with which no way is left open; {} without.
+    """Return Zenoh's settings for encryption with the credentials; {} without credentials.
+
+    With credentials every endpoint must be encrypted; without, none may be.
 
     Raises:
-        BusError: an endpoint needs credentials or rules them out, or they do not fit.
+        BusError: an endpoint does not match, or the credentials are damaged, expired or do not fit.
     """
     for endpoint in (config.endpoint, *config.connect):
         is_encrypted = endpoint.startswith(("tls/", "quic/"))
@@ -39,26 +42,27 @@ def encryption(config: BusConfig) -> dict[str, Any]:
 
 
 def access_control(folder: Path) -> Any:
-    """Return the section ``access_control`` of the settings in a router's folder.
+    """Return the section ``access_control`` of ``router.json5`` in a router's folder.
 
     Raises:
-        BusError: they are missing or malformed.
+        BusError: the file is missing or malformed.
     """
     file = folder / ROUTER_SETTINGS
     try:
         return json.loads(zenoh.Config.from_file(file).get_json("access_control"))
     except zenoh.ZError:
         raise BusError(
-            f"{file}: missing or malformed; a router takes the folder 'router' of "
-            "'placefield security init'"
+            f"{file}: missing or malformed; a router needs the folder 'router' that "
+            "'placefield security init' makes"
         ) from None
 
 
 def tls_settings(folder: Path) -> dict[str, Any]:
-    """Return Zenoh's settings of mutual TLS with the credentials of a folder, by their paths.
+    """Return Zenoh's settings for mutual TLS with the credentials of a folder, by setting path.
 
     Raises:
-        BusError: a file is missing or no PEM, the certificate has expired, or the key is another's.
+        BusError: a file is missing or no PEM, the certificate has expired, or the key does not
+            belong to the certificate.
     """
     _check(folder)
     authority, certificate, key = (
@@ -78,7 +82,7 @@ def tls_settings(folder: Path) -> dict[str, Any]:
 
 
 def _check(folder: Path) -> None:
-    # Slow to import, and of no use without credentials.
+    # cryptography is slow to import, and needed only with credentials.
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
     from cryptography.x509 import load_pem_x509_certificate
 
@@ -88,13 +92,15 @@ def _check(folder: Path) -> None:
         try:
             certificates[file] = load_pem_x509_certificate(pem[file])
         except ValueError:
-            raise BusError(f"{folder / file}: no certificate as PEM; {_REMEDY}") from None
+            raise BusError(f"{folder / file}: not a certificate in PEM format; {_REMEDY}") from None
     try:
         key = load_pem_private_key(pem[KEY], password=None)
-    except (ValueError, TypeError):  # of another form; with a password
-        raise BusError(f"{folder / KEY}: no key as PEM without password; {_REMEDY}") from None
+    except (ValueError, TypeError):  # another format; a password
+        raise BusError(
+            f"{folder / KEY}: not a key in PEM format without a password; {_REMEDY}"
+        ) from None
     if key.public_key() != certificates[CERTIFICATE].public_key():
-        raise BusError(f"{folder / KEY}: is not the key of {CERTIFICATE}; copy both from one role")
+        raise BusError(f"{folder / KEY}: not the key of {CERTIFICATE}; copy both from one role")
     now = datetime.now(UTC)
     for file, certificate in certificates.items():
         if now > certificate.not_valid_after_utc:
@@ -103,7 +109,7 @@ def _check(folder: Path) -> None:
         if now < certificate.not_valid_before_utc:
             start = certificate.not_valid_before_utc
             raise BusError(
-                f"{folder / file}: valid from {start:%Y-%m-%d} on; is this host's clock right?"
+                f"{folder / file}: valid only from {start:%Y-%m-%d}; check this host's clock"
             )
 
 
@@ -112,6 +118,6 @@ def _read(file: Path) -> bytes:
         return file.read_bytes()
     except OSError as error:
         raise BusError(
-            f"{file}: {error.strerror}; --credentials takes the folder of one role, as "
-            "'placefield security init' makes them"
+            f"{file}: {error.strerror}; give --credentials the folder of one role, made by "
+            "'placefield security init'"
         ) from None

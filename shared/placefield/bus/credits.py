@@ -1,13 +1,14 @@
-"""Credits: how many frames of a lossless stream may be under way."""
+"""Credits: the limit on unanswered frames of a lossless stream."""
 
 import threading
 
 WINDOW = 32
-"""Frames under way at most: enough that no service waits for the next one, and takes several."""
+"""The most unanswered frames: enough that no service waits for the next frame, and each service can
+handle several at once."""
 
 
 class Credits:
-    """Counts frames that were sent against frames that have been answered."""
+    """Counts the frames that were sent and not yet answered."""
 
     def __init__(self, window: int = WINDOW) -> None:
         self._window = window
@@ -16,7 +17,7 @@ class Credits:
         self._changed = threading.Condition()
 
     def acquire(self, timeout: float) -> bool:
-        """Take the credit for one more frame; False if none comes back within ``timeout`` s."""
+        """Wait for a credit for one more frame; False if there is none within ``timeout`` s."""
         with self._changed:
             if not self._changed.wait_for(self._has_credit, timeout):
                 return False
@@ -27,13 +28,13 @@ class Credits:
         return self._sent - self._answered < self._window
 
     def answer(self, sequence: int) -> None:
-        """Give back the credits of all frames up to this one."""
+        """Return the credits of all frames up to this one."""
         with self._changed:
             self._answered = max(self._answered, sequence + 1)
             self._changed.notify_all()
 
     def wait_until_answered(self, sequence: int, timeout: float) -> bool:
-        """Wait until this frame has been answered; False if it is not within ``timeout`` s."""
+        """Wait until this frame is answered; False if it is not within ``timeout`` seconds."""
         with self._changed:
             return self._changed.wait_for(lambda: self._answered > sequence, timeout)
 

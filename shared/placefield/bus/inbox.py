@@ -1,8 +1,8 @@
-"""A bounded queue between the bus's thread and a service's.
+"""A bounded queue between the thread of the bus and the thread of a service.
 
-The bus must never wait for a service: a receive thread that blocks stops everything else on its
-session, and the transport with it. What does not fit is dropped and counted. Each run has its own
-share of the room, so that none can take another's.
+The bus must never wait for a service: a blocked receive thread stops everything else on its
+session, and the transport with it. Messages that do not fit are dropped and counted. Each run has
+its own limits, so that no run can displace another.
 """
 
 import threading
@@ -15,16 +15,17 @@ from placefield.bus.keys import run_of
 from placefield.bus.message import Header
 
 CAPACITY = 4096
-"""Messages of a run; above a credit window of frames and their candidates of 64 workers, so that a
-lossless stream never fills it."""
+"""The most messages of a run. That is more than a credit window of frames with the candidates of 64
+workers, so that a lossless stream never fills the queue."""
 
 CAPACITY_BYTES = 2**30
-"""Of the messages of a run, before the last: above a credit window of frames of 32 MB."""
+"""The most bytes of a run's messages, the last message not counted. That is more than a credit
+window of frames of 32 MB."""
 
 
 @dataclass(frozen=True)
 class Received:
-    """A message as it came: its payload is not decoded yet."""
+    """A received message; its payload is not decoded yet."""
 
     key: str
     header: Header
@@ -32,29 +33,30 @@ class Received:
 
     @property
     def run(self) -> str:
-        """The run whose key it came on."""
+        """The run of the message's key."""
         return run_of(self.key)
 
 
 class Inbox:
-    """What was received and not yet handled: of each run oldest first, the runs in turn."""
+    """A queue of received messages: each run's oldest first, the runs in turn."""
 
     def __init__(
         self, counts: Mapping[str, Counter[str]], *, live_capacity: int = CAPACITY
     ) -> None:
-        """Serve the runs that have ``counts``; keep ``live_capacity`` live messages of each."""
+        """Serve the runs in ``counts``; keep at most ``live_capacity`` live messages of each."""
         self._counts = counts
         self._live_capacity = live_capacity
         self._waiting: dict[str, deque[Received]] = {run: deque() for run in counts}
         self._bytes = dict.fromkeys(counts, 0)
-        self._turns = deque(counts)  # whose turn it is, is first
+        self._turns = deque(counts)  # the first run is the next to be served
         self._held_until = dict.fromkeys(counts, 0.0)
         self._changed = threading.Condition()
 
     def offer(self, received: Received) -> None:
-        """Put a message in; an older live one makes room for a live one, nothing does for others.
+        """Add a message to its run's queue, or drop it if the queue is full.
 
-        What does not fit is dropped. A lossless stream and the end of any are never displaced.
+        A live message displaces the oldest live one if there are too many. Messages of a lossless
+        stream and the end of any stream are never displaced.
         """
         run = received.run
         with self._changed:
@@ -76,9 +78,9 @@ class Inbox:
             self._counts[run]["dropped_old"] += 1
 
     def put_back(self, received: Sequence[Received], wait_s: float) -> None:
-        """Put messages of a run back before all others of it; it has no turn for so many seconds.
+        """Put messages back at the front of their run, and do not serve the run for ``wait_s``.
 
-        They are in order, and were the last that were taken of it.
+        The messages must be the last ones got from this run, in order.
         """
         with self._changed:
             run = received[0].run
@@ -88,25 +90,25 @@ class Inbox:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether there is anything to take."""
+        """Whether a run has a message and may be served now."""
         return any(map(self._has_turn, self._turns))
 
     def _has_turn(self, run: str) -> bool:
         return bool(self._waiting[run]) and self._held_until[run] <= time.monotonic()
 
     def get_batch(self, timeout: float, limit: int) -> list[Received]:
-        """Take what waits, ``limit`` at most; empty if nothing comes within ``timeout`` seconds."""
+        """Return the waiting messages, ``limit`` at most; [] if none comes within ``timeout`` s."""
         with self._changed:
             now = time.monotonic()
             ends = [end - now for end in self._held_until.values() if end > now]
             self._changed.wait_for(lambda: self.is_waiting, min([timeout, *ends]))
-            # a run that is held no more by now is so in the whole of what follows
+            # Decide once which runs may be served, so that the whole batch sees the same runs.
             there = {run for run in self._turns if self._has_turn(run)}
             held = sum(len(self._waiting[run]) for run in there)
-            return [self._take(there) for _ in range(min(limit, held))]
+            return [self._pop(there) for _ in range(min(limit, held))]
 
-    def _take(self, runs: set[str]) -> Received:
-        """Take the oldest message of the next of these runs that has one; one has."""
+    def _pop(self, runs: set[str]) -> Received:
+        """Remove and return the oldest message of the next of these runs that has one."""
         while self._turns[0] not in runs or not self._waiting[self._turns[0]]:
             self._turns.rotate(-1)
         run = self._turns[0]

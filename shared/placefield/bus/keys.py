@@ -1,4 +1,4 @@
-"""The keys of a run: one place that spells them."""
+"""The keys of a run on the bus, all spelled here."""
 
 import re
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Keys:
 
     @property
     def unobserved(self) -> str:
-        """Frames that go on as ones not seen, from the featurizer to their source."""
+        """Frames that are missing observations, from the featurizer to their source."""
         return f"{ROOT}/{self.run}/unobserved"
 
     def candidates(self, worker: str) -> str:
@@ -43,17 +43,17 @@ class Keys:
 
     @property
     def match(self) -> str:
-        """Matches, from the fuser to whoever wants them."""
+        """Matches, from the fuser to the source and any reader."""
         return f"{ROOT}/{self.run}/match"
 
     @property
     def smoothed(self) -> str:
-        """Smoothed matches, likewise."""
+        """Smoothed matches, from the fuser to any reader."""
         return f"{ROOT}/{self.run}/smoothed"
 
     @property
     def odometry(self) -> str:
-        """Metres travelled, from the vehicle to whoever takes its camera's frames by distance."""
+        """Metres travelled, from the vehicle to the source of its camera's frames."""
         return f"{ROOT}/{self.run}/odometry"
 
     @property
@@ -63,33 +63,33 @@ class Keys:
 
     @property
     def moments(self) -> str:
-        """What the frames so far were like, from the featurizer to who remembers it for another."""
+        """Moments of the frames so far, from the featurizer to the replay caches of services."""
         return f"{ROOT}/{self.run}/moments"
 
     def halo(self, worker: str) -> str:
-        """What a worker's shards tell those beside them."""
+        """Partial results of a worker's shards, to the workers of the other shards."""
         return f"{ROOT}/{self.run}/halo/{worker}"
 
     @property
     def all_halos(self) -> str:
-        """What all shards tell each other."""
+        """Partial results of all shards."""
         return f"{ROOT}/{self.run}/halo/*"
 
     def cache(self, key: str) -> str:
-        """Where to ask for what came on a key of this run, or on one that begins like it."""
+        """Key to query the replay caches of a key of this run."""
         return f"{ROOT}/{self.run}/cache/{key.split('/')[2]}"
 
     @property
     def all_caches(self) -> str:
-        """Where to ask for anything that came."""
+        """Keys of all replay caches."""
         return f"{ROOT}/{self.run}/cache/*"
 
     def alive(self, service: str, identity: str) -> str:
-        """Liveliness token of one process of a service: present means ready."""
+        """Liveliness token of one process of a service; it exists while the process is ready."""
         return f"{ROOT}/{self.run}/alive/{service}/{identity}"
 
     def all_alive(self, service: str = "*") -> str:
-        """Liveliness tokens of a service, or of all."""
+        """Liveliness tokens of all processes of a service, or of all services."""
         return f"{ROOT}/{self.run}/alive/{service}/*"
 
     def stats(self, service: str, identity: str) -> str:
@@ -103,7 +103,7 @@ class Keys:
 
 
 def run_of(key: str) -> str:
-    """Return the run that a key is of."""
+    """Return the name of a key's run."""
     return key.split("/", 2)[1]
 
 
@@ -115,20 +115,20 @@ def service_and_identity(key: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Part:
-    """What a channel worker serves: a channel, or one of its shards."""
+    """A part of the map that a channel worker serves: a channel, or one shard of it."""
 
     channel: int
     shard: int = 0
     shards: int = 1
 
     def identity(self, worker: str) -> str:
-        """Name the token of this part at a worker, as ``2-ab12``, or ``2.0of4-ab12``."""
+        """Return the name of this part's token at a worker, as ``2-ab12`` or ``2.0of4-ab12``."""
         shard = f".{self.shard}of{self.shards}" if self.shards > 1 else ""
         return f"{self.channel}{shard}-{worker}"
 
 
 def part_of(identity: str) -> Part | None:
-    """Read the part from such a name; None if it is no such name."""
+    """Read the part from the name of its token; None if the name is malformed."""
     found = _PART.fullmatch(identity)
     if found is None:
         return None

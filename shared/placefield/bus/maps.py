@@ -1,7 +1,7 @@
-"""How a map is asked for on the bus.
+"""Keys and messages to download a map over the bus.
 
-Who has a map of a name answers the question for its manifest, and chunks of its files on a key of
-its own, so that a chunk travels once however many have the map.
+Every map server that has a map of the name answers the query for its manifest. Each server answers
+for chunks of files on a key of its own, so that a chunk is sent only once.
 """
 
 import re
@@ -20,7 +20,7 @@ _CHUNK = re.compile(r"(?P<digest>[0-9a-f]{64})/(?P<file>.{1,1000})/(?P<number>[0
 
 @dataclass(frozen=True)
 class MapKeys:
-    """The keys of maps of this name, on whichever host."""
+    """The keys of maps of this name, on any host."""
 
     name: str
 
@@ -30,11 +30,11 @@ class MapKeys:
 
     @property
     def manifest(self) -> str:
-        """What everyone who has a map of this name answers."""
+        """The manifest; every server that has a map of this name answers."""
         return f"{self._all}/manifest"
 
     def chunks(self, server: str) -> str:
-        """What one of them answers."""
+        """All chunks of one server."""
         return f"{self._all}/{server}/**"
 
     def chunk(self, server: str, digest: str, file: str, number: int) -> str:
@@ -46,20 +46,20 @@ def chunk_of(key: str) -> tuple[str, str, int]:
     """Read digest, file and number from the key of a chunk.
 
     Raises:
-        MessageError: it is no such key.
+        MessageError: the key is malformed.
     """
     match = _CHUNK.fullmatch(key.split("/", 4)[-1])
     if match is None:
-        raise MessageError(f"{key!r:.200} is the key of no chunk")
+        raise MessageError(f"{key!r:.200} is not the key of a chunk")
     return match["digest"], match["file"], int(match["number"])
 
 
 class OfferMessage(Message):
-    """Goes with a manifest.
+    """The offer of a map, attached to its manifest.
 
     Attributes:
-        server: who answers for its chunks.
-        sizes: of its files, bytes.
+        server: identity of the map server that sends the chunks.
+        sizes: bytes of each file of the map.
     """
 
     server: str = Field(pattern=r"^[0-9a-f]{1,32}$")

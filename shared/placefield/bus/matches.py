@@ -1,4 +1,4 @@
-"""The matches of a run off the bus, in order."""
+"""Reads the matches of a run from the bus, in order."""
 
 import queue
 import time
@@ -15,28 +15,34 @@ from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError
 
 _QUIET_S = 2.0
-_STREAMS = 16  # of which it is known which map they are of
+_STREAMS = 16  # whose map is remembered
 
-Taken = tuple[Header, MatchMessage | None]
+OrderedMatch = tuple[Header, MatchMessage | None]
+"""A header and its match; at the end of a stream, no match."""
 
 
 class MatchQueue:
-    """The matches of a run from now on, each once; smoothed ones, too, if they are wanted.
+    """A queue of a run's matches from now on, each once; on request of its smoothed matches, too.
 
-    Either come in order, and the end of a stream after the last of all. In a lossless stream what
-    was lost on the way is asked for. All are of one map.
+    Matches come in order, and so do smoothed matches. The end of a stream comes after both. Lost
+    matches of a lossless stream are fetched from the fuser's replay cache. All matches are of one
+    map.
     """
 
     def __init__(
         self, bus: Bus, keys: Keys, *, smoothed: bool = False, digest: str | None = None
     ) -> None:
-        """Take whether smoothed matches are wanted: they are taken as ``SmoothedMessage``.
+        """Subscribe to the matches of a run.
 
-        ``digest`` is that of the map which they have to be of; None: the map of a stream's first.
+        Args:
+            bus: the session.
+            keys: of the run.
+            smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
+            digest: of the map that all matches must be of; None: the map of a stream's first match.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
-        self._taken: deque[Taken] = deque()
+        self._ready: deque[OrderedMatch] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
         maps = _Maps(digest)
         self._in_order = {
@@ -47,30 +53,32 @@ class MatchQueue:
         for key in kinds:
             bus.subscribe(key, self._received.put, self.counts)
 
-    def get(self, timeout: float) -> Taken | None:
-        """Return the next match with its header, no match at the end of a stream; None: none yet.
+    def get(self, timeout: float) -> OrderedMatch | None:
+        """Return the next header and match; at the end of a stream, a header and no match.
+
+        Returns None if nothing comes within ``timeout`` seconds.
 
         Raises:
-            MessageError: it does not parse, or is of another map.
+            MessageError: a message does not parse, or is of another map.
         """
         end = time.monotonic() + timeout
-        while not self._taken:
+        while not self._ready:
             try:
                 received = self._received.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
                 for key, in_order in self._in_order.items():
                     self._keep(key, in_order.ask_if_quiet())
-                return self._taken.popleft() if self._taken else None
+                return self._ready.popleft() if self._ready else None
             in_order = self._in_order[received.key]
             self._keep(received.key, in_order.receive(received.header, received.payload))
-        return self._taken.popleft()
+        return self._ready.popleft()
 
-    def _keep(self, key: str, taken: Iterable[Taken]) -> None:
-        for header, match in taken:
+    def _keep(self, key: str, ready: Iterable[OrderedMatch]) -> None:
+        for header, match in ready:
             if match is None:
                 self._ended[key] = header.stream
             if match is not None or set(self._ended.values()) == {header.stream}:
-                self._taken.append((header, match))
+                self._ready.append((header, match))
 
 
 class _Maps:
@@ -84,7 +92,7 @@ class _Maps:
         """Refuse a match of another map.
 
         Raises:
-            OtherMapError: it is.
+            OtherMapError: the match is of another map.
         """
         match.check_map(self._digest or self._by_stream.setdefault(header.stream, match.map))
         if self._digest is None:
@@ -94,7 +102,7 @@ class _Maps:
 
 
 class _InOrder:
-    """Puts what comes on one key in order, and asks for what is missing."""
+    """Puts the messages of one key in order, and fetches missing messages."""
 
     def __init__(
         self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], maps: _Maps
@@ -106,36 +114,36 @@ class _InOrder:
         self._open_stream: str | None = None
         self._ask_at = 0.0
 
-    def ask_if_quiet(self) -> list[Taken]:
-        """Ask for what comes next: it, and all behind it, may have been lost on the way."""
+    def ask_if_quiet(self) -> list[OrderedMatch]:
+        """Fetch the next messages after some silence: they may have been lost."""
         if self._open_stream is None or time.monotonic() < self._ask_at:
             return []
         self._ask_at = time.monotonic() + _QUIET_S
         first = self._follower.next
         fetched = self._fetch(self._open_stream, first, first + LENGTH).values()
         return [
-            taken
+            ready
             for header, payload in fetched
             if header.end or self._decoded(header, payload)
-            for taken in self.receive(header, payload)
+            for ready in self.receive(header, payload)
         ]
 
-    def receive(self, header: Header, payload: bytes) -> list[Taken]:
-        """Return what has its turn now."""
+    def receive(self, header: Header, payload: bytes) -> list[OrderedMatch]:
+        """Return the matches whose turn has come with this message."""
         self._ask_at = time.monotonic() + _QUIET_S
         match = None if header.end else self._decode(header, payload)
         turn = self._follower.follow(header)
-        taken: list[Taken] = []
-        if turn is Turn.AHEAD:
-            taken = [] if header.live else self._missed(header)
+        ready: list[OrderedMatch] = []
+        if turn is Turn.AFTER_GAP:
+            ready = [] if header.live else self._missed(header)
             gap = header.sequence - self._follower.next
-            self._follower.leap(header.sequence, gap - len(taken))
-        if turn in (Turn.NEXT, Turn.AHEAD):
-            taken.append((header, match))
+            self._follower.skip_to(header.sequence, gap - len(ready))
+        if turn in (Turn.NEXT, Turn.AFTER_GAP):
+            ready.append((header, match))
             self._open_stream = None if header.end or header.live else header.stream
-        return taken
+        return ready
 
-    def _missed(self, header: Header) -> list[Taken]:
+    def _missed(self, header: Header) -> list[OrderedMatch]:
         fetched = self._fetch(header.stream, self._follower.next, header.sequence)
         decoded = ((old, self._decoded(old, payload)) for old, payload in fetched.values())
         return [(old, match) for old, match in decoded if match is not None]
@@ -146,7 +154,7 @@ class _InOrder:
         return match
 
     def _decoded(self, header: Header, payload: bytes) -> MatchMessage | None:
-        """Return a match that was asked for; none if it is to be refused."""
+        """Return a fetched match; None if it must be refused."""
         try:
             return self._decode(header, payload)
         except MessageError:
@@ -154,9 +162,9 @@ class _InOrder:
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:
-    """Yield the matches that are there until the stream ends, or none comes for ``timeout`` s."""
-    while (taken := matches.get(timeout)) is not None:
-        header, match = taken
+    """Yield matches until the stream ends, or until none has come for ``timeout`` seconds."""
+    while (ready := matches.get(timeout)) is not None:
+        header, match = ready
         if match is None:
             return
         yield header, match

@@ -1,7 +1,7 @@
-"""What all messages on the bus have in common: msgpack with a schema version.
+"""The base of all messages on the bus: msgpack with a schema version.
 
 Every data message has a ``Header`` in its attachment; the payload is another model. Decoding checks
-everything: what does not parse raises ``MessageError`` and goes no further.
+every field: a malformed message raises ``MessageError``.
 """
 
 from typing import Annotated, Literal, Self
@@ -19,11 +19,11 @@ MAX_BYTES = 128 * 2**20
 Channel = Annotated[int, Field(ge=0, lt=2**16)]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 Metres = Annotated[FiniteFloat, Field(ge=0)]
-"""What an odometer says: travelled since any start of its own. If it falls, it began anew."""
+"""An odometer's reading: metres travelled since any start. If it falls, the odometer restarted."""
 
 
 class Strict(BaseModel):
-    """Takes no field that it does not know, and no value of another type."""
+    """A model that refuses unknown fields and values of another type."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True
@@ -45,7 +45,7 @@ class Message(Strict):
         """Read a message back.
 
         Raises:
-            MessageError: it is too large, no msgpack, or not a message of this kind and version.
+            MessageError: the data are too large, or no message of this kind and version.
         """
         if len(data) > MAX_BYTES:
             raise MessageError(f"{cls.__name__}: {len(data)} bytes, more than {MAX_BYTES}")
@@ -54,7 +54,7 @@ class Message(Strict):
         except ValidationError as error:
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = ".".join(str(part) for part in first["loc"])
-            # A stranger may have named the field: quoted and cut, it stays one line of a log.
+            # An untrusted client may have named the field; quoted and cut, it is one log line.
             raise MessageError(f"{cls.__name__}: {where!r:.80}: {first['msg']}") from None
         except Exception as error:  # msgpack raises a dozen kinds, RecursionError among them
             why = str(error) or type(error).__name__
@@ -65,15 +65,15 @@ class Message(Strict):
 
 
 class Header(Message):
-    """Which frame of which stream a message is about; travels as the attachment.
+    """The stream and the frame of a message; it travels as the attachment.
 
     Attributes:
         stream: name of the stream, new for every replay.
         sequence: number of the frame in its stream, from 0, with no gaps at the source.
-        stamp_ns: when the frame was taken, as its source has it, nanoseconds.
+        stamp_ns: when the frame was recorded, by the clock of its source, nanoseconds.
         live: whether old frames may be dropped for new ones.
-        oldest: the frame of lowest number that its source awaits an answer of, in a stream that
-            is not live; not later than this one.
+        oldest: number of the oldest frame that its source awaits an answer to, in a lossless
+            stream; not later than this frame.
         end: marks the end of the stream; the message has no payload, and its sequence is the
             number of frames.
     """
@@ -88,31 +88,31 @@ class Header(Message):
     @model_validator(mode="after")
     def _check_oldest(self) -> Self:
         if self.oldest > self.sequence:
-            raise PydanticCustomError("oldest", "the oldest frame awaited is later than this one")
+            raise PydanticCustomError("oldest", "the oldest awaited frame is later than this frame")
         return self
 
     def of_frame(self, sequence: int) -> "Header":
-        """Return the header of another frame of the stream, which is not its end."""
+        """Return the header of another frame of the stream, not of its end."""
         oldest = min(self.oldest, sequence)
         return self.model_copy(update={"sequence": sequence, "oldest": oldest, "end": False})
 
 
 class OfMap(Message):
-    """Root of what names places, and so says of which map they are.
+    """Root of messages that name places; they also name the map of the places.
 
     Attributes:
-        map: its digest, see ``placefield.maps.map.Map``.
+        map: digest of the map, see ``placefield.maps.map.Map``.
     """
 
     map: Digest
 
     def check_map(self, digest: str) -> None:
-        """Refuse what is of another map than the one of this digest.
+        """Refuse a message of another map than the one with this digest.
 
         Raises:
-            OtherMapError: it is.
+            OtherMapError: the message is of another map.
         """
         if self.map != digest:
             raise OtherMapError(
-                f"{type(self).__name__} of map {self.map}, not {digest}: give all one map"
+                f"{type(self).__name__} of map {self.map}, not {digest}; give all services one map"
             )

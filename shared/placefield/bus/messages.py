@@ -1,4 +1,4 @@
-"""What travels on the bus, but for what channel workers say; see ``message`` for what all have."""
+"""The messages on the bus, except those of channel workers; ``message`` has their base."""
 
 from dataclasses import fields
 from typing import Any, Literal, Self
@@ -14,26 +14,30 @@ Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 class FrameMessage(Message):
-    """A frame: an encoded image as bytes, or pixels, with the odometry's reading, if any."""
+    """A frame: an encoded image as bytes, or pixels, with the odometry reading, if there is one."""
 
     image: Image
     odometry_m: Metres | None = None
 
 
 class FeatureMessage(Message):
-    """A frame's descriptor, (N,), none if the image could not be read; and the frame's reading.
+    """The descriptor of a frame.
 
-    ``forgotten`` says that nobody remembered enough of the stream for the featurizer to go on.
+    Attributes:
+        model: fingerprint of the model that made the descriptor.
+        descriptor: (N,) of length 1; None: a missing observation.
+        odometry_m: the odometry reading of the frame, metres.
+        forgotten: whether no replay cache had enough of the stream for the featurizer to resume it.
     """
 
-    model: str = Field(max_length=64)  # fingerprint of what made the descriptor
+    model: str = Field(max_length=64)
     descriptor: FloatVector | None
     odometry_m: Metres | None = None
     forgotten: bool = False
 
 
 class MissingObservationMessage(Message):
-    """Why a frame goes on as one not seen: no image can be made of it, or it shows nothing."""
+    """Why a frame is a missing observation: its image cannot be read, or is blank."""
 
     reason: Literal["unreadable", "blank"]
 
@@ -46,14 +50,15 @@ class MatchMessage(OfMap):
 
     Attributes:
         place: index of the place, or -1 where there is no answer.
-        score: the higher the more certain.
+        score: the higher, the more certain.
         missing: channels that did not answer in time.
-        probability: that the vehicle is within the fuser's tolerance of the place; none where the
-            rule does not tell.
-        known: whether that is at least the precision asked for, and the vehicle not too fast.
-        too_fast: whether the vehicle moves faster than the map resolves; only some rules tell.
-        forgotten: whether the stream was begun anew in its midst, and nobody remembered enough.
-        pose: of the place, x and y in metres and yaw in radians, where the map has poses.
+        probability: that the vehicle is within the fuser's tolerance of the place; None if the rule
+            does not estimate it.
+        known: whether the probability reaches the precision asked for, and the vehicle is not too
+            fast.
+        too_fast: whether the vehicle moves faster than the map resolves; only ``filter`` says so.
+        forgotten: whether a service resumed the stream, and no replay cache had enough of it.
+        pose: of the place, x and y in metres and yaw in radians, if the map has poses.
     """
 
     place: int = Field(ge=-1, lt=2**31)
@@ -67,32 +72,32 @@ class MatchMessage(OfMap):
 
     @classmethod
     def of(cls, match: Match, **more: Any) -> Self:
-        """Make the message of a match; ``more`` is what else the message has."""
+        """Make the message of a match; ``more`` has the fields that a match has not."""
         return cls(**vars(match), **more)
 
     @property
     def match(self) -> Match:
         """The match."""
-        told = {name: getattr(self, name) for name in _OF_MATCH}
-        return Match(**told | {"pose": None if self.pose is None else PlacePose(*self.pose)})
+        values = {name: getattr(self, name) for name in _OF_MATCH}
+        return Match(**values | {"pose": None if self.pose is None else PlacePose(*self.pose)})
 
 
 class SmoothedMessage(MatchMessage):
-    """The smoothed match of a frame: what ``MatchMessage`` has, given frames after it.
+    """The smoothed match of a frame: a match that also uses later frames.
 
     Attributes:
-        lag: how many.
+        lag: how many later frames it uses.
     """
 
     lag: int = Field(ge=0, lt=2**31)
 
 
 class MomentsMessage(Message):
-    """What the frames of a stream were like up to one, for a featurizer that goes on with it.
+    """The moments of a stream's features up to a frame, for a featurizer that resumes the stream.
 
     Attributes:
-        frames: how many.
-        sums: (2, D) float64, of raw features at unit length, and of their squares.
+        frames: how many frames were summed.
+        sums: (2, D) float64, sums of raw features of length 1, and of their squares.
     """
 
     frames: FiniteFloat = Field(gt=0)
@@ -100,7 +105,7 @@ class MomentsMessage(Message):
 
 
 class CacheQuery(Message):
-    """Asks for the messages of frames ``first`` to ``end`` - 1 of a stream."""
+    """A query to replay caches for the messages of frames ``first`` to ``end`` - 1 of a stream."""
 
     stream: str = Field(min_length=1, max_length=64)
     first: int = Field(ge=0, lt=2**48)
@@ -108,21 +113,21 @@ class CacheQuery(Message):
 
 
 class OdometryMessage(Message):
-    """How far the vehicle has travelled since any start of its own; it needs no header."""
+    """How far the vehicle has travelled, metres since any start; the message has no header."""
 
     metres: Metres
 
 
 class StatsMessage(Message):
-    """What a service has counted since it started, and how far it is.
+    """The counts of a service since it started, and its newest answer.
 
     Attributes:
         service: its name.
-        counts: by what is counted.
-        stream: of the newest frame that it has answered; none if it has answered none.
+        counts: each count by its name.
+        stream: of the newest frame that the service has answered; None if there is none.
         sequence: of that frame; at the end of the stream, the number of its frames.
-        channels: of the map, where the service awaits them all.
-        map: digest of the service's map; none if it has none.
+        channels: how many channels the map has, if the service needs them all.
+        map: digest of the service's map; None if it has none.
     """
 
     service: str = Field(max_length=64)

@@ -1,26 +1,26 @@
-"""Which frames of a lossless stream have been answered, by a source's own books.
+"""How a source verifies which frames of a lossless stream have been answered.
 
-Whoever reaches the bus can say that a frame has been answered, and of all before it, too. It is
-believed when their matches have come.
+Any client on the bus can publish an answer, which stands for a frame and all earlier frames. The
+source accepts an answer only when the matches of all these frames have come.
 """
 
 import threading
 from collections import Counter
 
 _KEPT = 1000
-"""Frames that are answered and still in the books: one that was sent again is answered again."""
+"""Answered frames that are still tracked: a frame that was sent again is answered again."""
 
 
 class Proof:
-    """Answers that were claimed, and the matches that prove them. Any thread may tell.
+    """Claimed answers, and the matches that prove them. Any thread may call the methods.
 
-    For each time that a frame was sent the fuser publishes its match once, and its answer after
-    that, or none where that to a later one stands for it.
+    Each time that a frame is sent, the fuser publishes its match once, and then its answer. The
+    fuser may leave out an answer if the answer to a later frame stands for it.
 
     Attributes:
         matched: number of the first frame whose match has not come.
-        forged: how many answers came before a match that they stand for, and how many answers and
-            matches once too often.
+        forged: how many answers came before a match that they stand for, plus how many answers and
+            matches came more often than the frame was sent.
     """
 
     def __init__(self) -> None:
@@ -29,12 +29,12 @@ class Proof:
         self._beyond: set[int] = set()
         """Frames beyond ``matched`` whose matches have come."""
         self._claimed: set[int] = set()
-        """Frames, and the end, that are said to be answered; no more than are under way."""
+        """Frames, or the end, with a claimed but unproven answer; at most those under way."""
         self._answers_due, self._matches_due = Counter[int](), Counter[int]()
         self._lock = threading.Lock()
 
     def send(self, sequence: int) -> None:
-        """Take that a frame, or the end, is being sent."""
+        """Record that a frame, or the end, is being sent."""
         with self._lock:
             for due in (self._answers_due, self._matches_due):
                 due[sequence] += 1
@@ -43,27 +43,27 @@ class Proof:
                         del due[old]
 
     def claim(self, sequence: int, sent: int) -> int | None:
-        """Take that a frame is said to be answered, with all before it.
+        """Record a claimed answer to a frame and all earlier frames.
 
         Args:
-            sequence: its number.
+            sequence: number of the frame.
             sent: how many frames were sent; the end of the stream has the number after the last.
 
         Returns:
-            The last frame that is proven to be answered; None: nothing new is.
+            The last frame that is proven to be answered; None: no more than before.
         """
         with self._lock:
             if self._is_proven(sequence, sent):
-                self._take(self._answers_due, sequence)
+                self._mark_received(self._answers_due, sequence)
             else:
                 self.forged += 1
             self._claimed.add(sequence)
             return self._proven(sent)
 
     def match(self, sequence: int, sent: int) -> int | None:
-        """Take that the match of a frame has come; see ``claim``."""
+        """Record that the match of a frame has come; see ``claim``."""
         with self._lock:
-            self._take(self._matches_due, sequence)
+            self._mark_received(self._matches_due, sequence)
             if sequence >= self.matched:
                 self._beyond.add(sequence)
             while self.matched in self._beyond:
@@ -71,7 +71,7 @@ class Proof:
                 self.matched += 1
             return self._proven(sent)
 
-    def _take(self, due: Counter[int], sequence: int) -> None:
+    def _mark_received(self, due: Counter[int], sequence: int) -> None:
         if due[sequence] > 0:
             due[sequence] -= 1
         else:

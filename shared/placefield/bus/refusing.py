@@ -1,4 +1,4 @@
-"""How messages that are refused are counted."""
+"""Counts refused messages."""
 
 from collections import Counter
 
@@ -6,7 +6,7 @@ from placefield.errors import MessageError, OtherMapError
 
 
 def count_refused(counts: Counter[str], error: MessageError) -> None:
-    """Count a message that was refused: as ``other_map`` if it is of one, else as ``malformed``."""
+    """Count a refused message: as ``other_map`` if it is of another map, else as ``malformed``."""
     if isinstance(error, OtherMapError):
         counts["other_map"] += 1
     else:

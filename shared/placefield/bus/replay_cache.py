@@ -1,7 +1,7 @@
-"""The newest messages of a stream, kept for whoever has missed them.
+"""Replay caches: the newest messages of a stream, kept for services that missed them.
 
-A service that is started again in the midst of a stream asks for what came before. One that is sent
-a frame again finds what it has made of it, and sends that again.
+A service that restarts during a stream fetches the earlier messages from the caches of others. A
+service that gets a frame again looks up its own result and publishes that again.
 """
 
 import itertools
@@ -15,10 +15,10 @@ from placefield.bus.session import Bus, Publisher
 from placefield.errors import MessageError
 
 LENGTH = 1000
-"""Frames: what was before so many changes nothing that matters."""
+"""The number of frames kept; older frames have no effect that matters."""
 
 MOMENTS = 64
-"""Frames whose moments are kept: who comes back asks for those of the last one."""
+"""The number of frames whose moments are kept; a restarted service needs only the newest."""
 
 _PATIENCE_S = 1.0
 _MOST_REPLIES = 64 * LENGTH
@@ -28,13 +28,13 @@ Fetched = Mapping[int, tuple[Header, bytes]]
 """Headers and payloads, by ascending sequence."""
 
 Fetch = Callable[[str, int, int], Fetched]
-"""Returns what others remember of frames from one up to another of a stream; see ``fetcher``."""
+"""Fetches the messages of a stream's frames ``first`` to ``end`` - 1; see ``fetcher``."""
 
 
 class ReplayCache:
-    """The newest messages of one stream on one key; of a new stream, once there is one.
+    """The newest messages of one stream on one key. A new stream replaces the old one.
 
-    One thread may remember while another replies.
+    One thread may store while another replies.
     """
 
     def __init__(self, length: int = LENGTH) -> None:
@@ -44,7 +44,7 @@ class ReplayCache:
         self._lock = threading.Lock()
 
     def store(self, header: Header, payload: bytes) -> None:
-        """Keep a message; the first that came makes room for it."""
+        """Keep a message; when the cache is full, drop the one that came first."""
         with self._lock:
             if header.stream != self._stream:
                 self._stream = header.stream
@@ -55,29 +55,29 @@ class ReplayCache:
 
     @property
     def newest(self) -> Header | None:
-        """The header of the message that came last; none if none has."""
+        """The header of the message that came last; None if the cache is empty."""
         with self._lock:
             return next(reversed(self._kept.values()))[0] if self._kept else None
 
     def find(self, header: Header) -> bytes | None:
-        """Return the payload that was kept of this frame of this stream, if one was."""
+        """Return the payload of this frame; None if it is not in the cache."""
         with self._lock:
             if header.stream != self._stream or header.sequence not in self._kept:
                 return None
             return self._kept[header.sequence][1]
 
     def headers(self, stream: str, first: int, end: int) -> list[Header]:
-        """Return the headers that are kept of frames ``first`` to ``end`` - 1, in order."""
+        """Return the cached headers of frames ``first`` to ``end`` - 1 of a stream, in order."""
         with self._lock:
             kept = list(self._kept.values()) if stream == self._stream else []
         headers = (header for header, _ in kept if first <= header.sequence < end)
         return sorted(headers, key=lambda header: header.sequence)
 
     def reply(self, asked: bytes) -> Iterator[tuple[bytes, bytes]]:
-        """Yield payloads and attachments of what a query asks for.
+        """Yield the payloads and attachments that a query asks for.
 
         Raises:
-            MessageError: it is no ``CacheQuery``.
+            MessageError: ``asked`` is no ``CacheQuery``.
         """
         query = CacheQuery.decode(asked)
         with self._lock:
@@ -88,10 +88,10 @@ class ReplayCache:
 
 
 class CachedPublisher:
-    """Publishes what a service makes of each frame, and remembers it."""
+    """Publishes a service's result for each frame, and keeps it in a replay cache."""
 
     def __init__(self, publisher: Publisher, cache: ReplayCache) -> None:
-        """Take where to publish and what to remember it in."""
+        """Publish with ``publisher``, and keep each message in ``cache``."""
         self._publisher = publisher
         self.cache = cache
 
@@ -102,7 +102,7 @@ class CachedPublisher:
         self._publisher.send(header, payload)
 
     def put_again(self, header: Header) -> bool:
-        """Send what was sent of this frame; False if it is not remembered."""
+        """Send the cached message of this frame again; False if it is not in the cache."""
         payload = self.cache.find(header)
         if payload is not None:
             self._publisher.send(header, payload)
@@ -110,40 +110,40 @@ class CachedPublisher:
 
 
 def serve_cache(bus: Bus, key: str, cache: ReplayCache) -> None:
-    """Answer those who ask for this cache at a key."""
+    """Answer queries at a key from this cache."""
     bus.answer(key, lambda _, asked: cache.reply(asked))
 
 
 @dataclass(frozen=True)
 class ReplicatedCache:
-    """What a service remembers of a key, and what asks the others who do."""
+    """A service's own replay cache of a key, and access to the caches of the other services."""
 
     cache: ReplayCache
     fetch: Fetch
 
     def fill(self, header: Header) -> None:
-        """Remember what others do of the frames before this one."""
+        """Store the messages of earlier frames that other services have cached."""
         first = max(0, header.sequence - LENGTH)
         for old, payload in self.fetch(header.stream, first, header.sequence).values():
             self.cache.store(old, payload)
 
 
 def replicated_cache(bus: Bus, key: str, length: int = LENGTH) -> ReplicatedCache:
-    """Return a memory that is shared at a key."""
+    """Return a replay cache that answers queries at a key, and can query the other caches there."""
     cache = ReplayCache(length)
     serve_cache(bus, key, cache)
     return ReplicatedCache(cache, fetcher(bus, key))
 
 
 def fetcher(bus: Bus, key: str) -> Fetch:
-    """Return what asks all who share a cache of one key."""
+    """Return a function that fetches messages from all replay caches at a key."""
 
     def fetch(stream: str, first: int, end: int) -> Fetched:
-        told = {
+        fetched = {
             header.sequence: (header, payload)
             for header, payload in fetch_all(bus, key, stream, first, end)
         }
-        return dict(sorted(told.items()))
+        return dict(sorted(fetched.items()))
 
     return fetch
 
@@ -155,7 +155,7 @@ def fetch_all(
     first: int,
     end: int,
 ) -> Iterator[tuple[Header, bytes]]:
-    """Yield what each who shares a cache remembers of frames ``first`` to ``end`` - 1."""
+    """Yield the messages of frames ``first`` to ``end`` - 1 that each replay cache at a key has."""
     query = CacheQuery(stream=stream, first=first, end=end)
     replies = bus.ask(key, query.encode(), timeout_s=_PATIENCE_S)
     held = 0

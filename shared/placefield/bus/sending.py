@@ -1,4 +1,4 @@
-"""Frames onto the bus, in one stream, as a source sends them."""
+"""How a source publishes the frames of one stream."""
 
 import logging
 import threading
@@ -21,7 +21,7 @@ from placefield.features.frames import Frame
 log = logging.getLogger(__name__)
 
 _POLL_S = 0.1
-_SEND_AGAIN_S = 0.5  # after the last answer, and again after twice as long, and so on
+_SEND_AGAIN_S = 0.5  # after the last answer; each further wait is twice as long
 _STALLED_S = 15.0
 
 
@@ -29,18 +29,18 @@ _STALLED_S = 15.0
 def sending(
     bus: Bus, keys: Keys, stop: threading.Event, *, live: bool, patience_s: float
 ) -> Iterator["FrameStream"]:
-    """Begin a stream in a run that has its services, as its only source inside the block.
+    """Wait for the services of a run, and begin a stream as its only source inside the block.
 
     Args:
-        bus: to publish on.
+        bus: the session to publish on.
         keys: of the run.
         stop: ends the wait for the services.
-        live: whether frames that the services cannot follow are dropped; else one is sent when one
-            before it has been answered.
-        patience_s: how long services are waited for, seconds.
+        live: whether the services may drop frames when they are too slow. If not, a frame is sent
+            only when enough earlier frames have been answered.
+        patience_s: how long to wait for the services, seconds.
 
     Raises:
-        BusError: a service is missing, or there is another source.
+        BusError: a service is missing, or the run has another source.
     """
     with bus.sole(keys, "replay", uuid.uuid4().hex[:8]):
         _await_services(bus, keys, patience_s, stop)
@@ -48,19 +48,20 @@ def sending(
 
 
 class FrameStream:
-    """One stream of frames: numbers them and keeps to the credits.
+    """One stream of frames: it numbers the frames and waits for credits.
 
     Attributes:
         name: of the stream.
         sent: how many frames were sent.
-        unseen: how many of them were no image, or a blank one, to the featurizer, by which.
+        unobserved: how many of them the featurizer could not observe, by reason: ``unreadable`` or
+            ``blank``.
         has_ended: whether the end was sent.
-        has_stalled: whether the services had answered nothing for so long that it gave up.
+        has_stalled: whether the stream gave up because the services did not answer for too long.
     """
 
     def __init__(self, bus: Bus, keys: Keys, *, live: bool) -> None:
         self.sent = 0
-        self.unseen: Counter[str] = Counter()
+        self.unobserved: Counter[str] = Counter()
         self._last_unobserved = -1
         self.has_ended = False
         self.has_stalled = False
@@ -73,7 +74,7 @@ class FrameStream:
         self._publisher = bus.publisher(keys.frame)
         self._looked, self._silent_s, self._wait_s = time.monotonic(), 0.0, _SEND_AGAIN_S
         self._gone: set[str] = set()
-        self._is_back = threading.Event()  # a service that was gone: what was under way is lost
+        self._is_back = threading.Event()  # a service restarted: the frames under way are lost
         self._proof = Proof()
         self._counts: Counter[str] = Counter()
         if not live:
@@ -88,32 +89,33 @@ class FrameStream:
         if received.header.stream != self.name:
             return
         if sequence > self.sent or (sequence == self.sent and not self.has_ended):
-            raise MessageError(f"the answer to frame {sequence}, of {self.sent} that were sent")
+            raise MessageError(f"an answer to frame {sequence}, but {self.sent} frames were sent")
         if self._live:
             self._credits.answer(sequence)
         else:
-            self._believe(self._proof.claim(sequence, self.sent))
+            self._acknowledge(self._proof.claim(sequence, self.sent))
 
     def _note_match(self, received: Received) -> None:
         header = received.header
         if header.stream != self.name or header.end:
             return
         if header.sequence >= self.sent:
-            raise MessageError(f"the match of frame {header.sequence}, of {self.sent} sent")
+            raise MessageError(
+                f"a match of frame {header.sequence}, but {self.sent} frames were sent"
+            )
         MatchMessage.decode(received.payload)
-        self._believe(self._proof.match(header.sequence, self.sent))
+        self._acknowledge(self._proof.match(header.sequence, self.sent))
 
-    def _believe(self, proven: int | None) -> None:
+    def _acknowledge(self, proven: int | None) -> None:
         if proven is not None:
             self._credits.answer(proven)
 
     def _note_unobserved(self, received: Received) -> None:
         header = received.header
-        is_new = (
-            self._last_unobserved < header.sequence < self.sent
-        )  # else it was sent again, or never
+        # Other frames were sent again, or never sent.
+        is_new = self._last_unobserved < header.sequence < self.sent
         if header.stream == self.name and is_new:
-            self.unseen[MissingObservationMessage.decode(received.payload).reason] += 1
+            self.unobserved[MissingObservationMessage.decode(received.payload).reason] += 1
             self._last_unobserved = header.sequence
 
     def _note_life(self, key: str, is_alive: bool) -> None:
@@ -125,32 +127,32 @@ class FrameStream:
             self._is_back.set()
 
     def send(self, frame: Frame, stop: threading.Event) -> bool:
-        """Publish a frame when there is a credit for it; False if stopped before."""
+        """Publish a frame as soon as there is a credit; False if stopped before."""
         if stop.is_set() or not (self._live or self._await(self._acquire_credit, stop)):
             return False
         self.look_after()
         self._stamp_ns = frame.stamp_ns
         message = FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
         header = self._header()
-        self.sent += 1  # before its answer may come
+        self.sent += 1  # before the answer can come
         self._put(header, message.encode())
         return True
 
     def end(self, stop: threading.Event) -> None:
-        """Publish the end of the stream and wait until it is answered."""
+        """Publish the end of the stream, and wait until the services have answered it."""
         self.has_ended = True
         self._put(self._header(end=True), b"")
         self._await(lambda: self._credits.wait_until_answered(self.sent, _POLL_S), stop)
-        if disbelieved := self._counts["malformed"] + self._proof.forged:
+        if not_due := self._counts["malformed"] + self._proof.forged:
             log.warning(
-                "run %r: %d answers or matches were not due, and counted for nothing: does "
-                "somebody else publish on this run?",
+                "run %r: %d answers or matches were not due and were ignored; check whether "
+                "another client publishes on this run",
                 self._run,
-                disbelieved,
+                not_due,
             )
         if not self._live and self._proof.matched < self.sent:
             log.warning(
-                "run %r: %d frames sent, and %d matched", self._run, self.sent, self._proof.matched
+                "run %r: %d frames sent, but %d matched", self._run, self.sent, self._proof.matched
             )
 
     def _put(self, header: Header, payload: bytes) -> None:
@@ -159,15 +161,15 @@ class FrameStream:
             self._unanswered.append((header, payload))
 
     def _send_again(self) -> None:
-        """Send what has not been answered: it, or its answer, may be lost."""
+        """Send all unanswered frames again: the frame or its answer may be lost."""
         self._is_back.clear()
         oldest = 0 if self._live else self._credits.answered
         for header, payload in self._unanswered:
-            now = min(oldest, header.sequence)  # it may have been answered in the meantime
+            now = min(oldest, header.sequence)  # the frame may have been answered meanwhile
             self._publish(header.model_copy(update={"oldest": now}), payload)
 
     def _publish(self, header: Header, payload: bytes) -> None:
-        if not self._live:  # of a live stream nothing has to be proven
+        if not self._live:  # a live stream needs no proof
             self._proof.send(header.sequence)
         self._publisher.send(header, payload)
 
@@ -185,10 +187,10 @@ class FrameStream:
         )
 
     def _await(self, is_over: Callable[[], bool], stop: threading.Event) -> bool:
-        """Poll until it is over or stopped; False if stopped.
+        """Poll until ``is_over`` or stopped; False if stopped.
 
         Raises:
-            BusError: the services have answered nothing for a long time.
+            BusError: the services have answered nothing for 15 s.
         """
         while not stop.is_set():
             if is_over():
@@ -197,13 +199,15 @@ class FrameStream:
         return False
 
     def look_after(self) -> None:
-        """Send again what has not been answered for some time, or since a service was away.
+        """Send unanswered frames again, after some silence or after a service restarted.
 
         Raises:
-            BusError: the services have answered nothing for a long time.
+            BusError: the services have answered nothing for 15 s.
         """
         now = time.monotonic()
-        self._silent_s += min(now - self._looked, _SEND_AGAIN_S)  # a slow source is no silence
+        self._silent_s += min(
+            now - self._looked, _SEND_AGAIN_S
+        )  # a slow source is not counted as silence
         self._looked = now
         oldest = self._unanswered[0][0].sequence if self._unanswered else None
         while self._unanswered and self._unanswered[0][0].sequence < self._credits.answered:
@@ -222,7 +226,7 @@ class FrameStream:
     def _stalled(self) -> BusError:
         return BusError(
             f"run {self._run!r}: {self.sent} frames sent, {self._credits.answered} answered, and "
-            f"none for {_STALLED_S:g} s: see what 'placefield status' says of the services"
+            f"none for {_STALLED_S:g} s; check the services with 'placefield status'"
         )
 
 

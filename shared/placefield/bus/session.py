@@ -18,7 +18,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
 from placefield.bus.message import MAX_BYTES, Header, Message
 from placefield.bus.settings import (
-    WATCHERS,
+    VIEWERS,
     client_settings,
     is_local,
     router_settings,
@@ -30,10 +30,10 @@ from placefield.errors import BusError, MessageError
 log = logging.getLogger(__name__)
 
 MOST_TOKENS = 4096
-"""Of a run, that are known of: the rest are a stranger's."""
+"""The most tokens of a run that are kept; any more come from an untrusted client."""
 
 LONGEST_STATS = 2**16
-"""Bytes of a message in which a service tells what it has counted."""
+"""The most bytes of a message in which a service reports its counts."""
 
 _LOG_EVERY_S = 10.0
 _ALIVE_S = 2.0
@@ -41,7 +41,7 @@ _ATTEMPT_S = 0.5
 
 
 class Publisher:
-    """Publishes messages on one key. Waits rather than drops when the way is full."""
+    """Publishes messages on one key. It waits, and drops nothing, when the link is congested."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self._publisher = publisher
@@ -51,7 +51,7 @@ class Publisher:
         self.send(header, message.encode() if message else b"")
 
     def send(self, header: Header, payload: bytes) -> None:
-        """Send a message that is encoded already."""
+        """Send an encoded message."""
         self._publisher.put(payload, attachment=header.encode())
 
 
@@ -60,12 +60,12 @@ class Bus:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._declared: list[Any] = []  # Zenoh undeclares what nobody holds
+        self._declared: list[Any] = []  # Zenoh undeclares an object that has no reference left
         self._last_logged = -_LOG_EVERY_S
 
     @property
     def identity(self) -> str:
-        """Of this session, as Zenoh tells it to others."""
+        """The Zenoh identity of this session."""
         return str(self._session.zid())
 
     def publisher(self, key: str) -> Publisher:
@@ -75,11 +75,11 @@ class Bus:
         )
 
     def put(self, key: str, message: Message) -> None:
-        """Send one message that belongs to no stream; dropped when the way is full."""
+        """Send one message that belongs to no stream; it is dropped when the link is congested."""
         self._session.put(key, message.encode())
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes) -> None:
-        """Send what is no message of ours; dropped when the way is full."""
+        """Send bytes that are no Placefield message; dropped when the link is congested."""
         self._session.put(key, payload, attachment=attachment)
 
     def subscribe(
@@ -91,14 +91,14 @@ class Bus:
         ends_empty: bool = True,
         in_turn: bool = False,
     ) -> None:
-        """Call ``receive`` for what comes on a key, on the bus's thread, which must not wait.
+        """Call ``receive`` for each message on a key, on a thread of the bus, which must not wait.
 
-        That is a thread of the key's own, unless what comes on several keys is to be taken in the
-        order in which it was sent (``in_turn``).
+        Each key has its own thread. With ``in_turn`` several keys share one thread, so that their
+        messages are received in the order in which they were sent.
 
-        What has no good header is dropped and counted as ``malformed``; and so is what was put on
-        many keys at once, and the end of a stream that has a payload, where none is due
-        (``ends_empty``).
+        A message without a valid header is dropped and counted as ``malformed``. So is a message
+        that was put on many keys at once. With ``ends_empty`` so is the end of a stream that has a
+        payload.
         """
 
         def call(sample: zenoh.Sample) -> None:
@@ -119,7 +119,7 @@ class Bus:
         self._declared.append(self._session.declare_subscriber(key, handler))
 
     def subscribe_raw(self, key: str, receive: Callable[[str, bytes], None]) -> None:
-        """Call ``receive(key, payload)`` for what comes on a key, on the bus's thread."""
+        """Call ``receive(key, payload)`` for each message on a key, on the bus's thread."""
 
         def call(sample: zenoh.Sample) -> None:
             try:
@@ -136,8 +136,8 @@ class Bus:
     ) -> None:
         """Answer queries for a key: ``reply(key, payload)`` yields payloads and attachments.
 
-        It is called on the bus's thread, which must not wait. A query that raises ``MessageError``
-        is answered by nothing.
+        ``reply`` is called on the bus's thread, which must not wait. If it raises ``MessageError``,
+        the query gets no answer.
         """
 
         def call(query: zenoh.Query) -> None:
@@ -156,7 +156,7 @@ class Bus:
     def ask(
         self, key: str, payload: bytes = b"", *, timeout_s: float
     ) -> Iterator[tuple[bytes, bytes]]:
-        """Yield the payloads and attachments that all who answer a key reply in time."""
+        """Query a key; yield the payloads and attachments of all replies that come in time."""
         try:
             replies = self._session.get(
                 key,
@@ -166,11 +166,11 @@ class Bus:
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
         except zenoh.ZError as error:
-            log.warning("asked in vain at %s: %s", key, error)
+            log.warning("the query to %s failed: %s", key, error)
             return
         end = time.monotonic() + timeout_s
         for reply in replies:
-            if time.monotonic() > end + timeout_s:  # they would go on for ever
+            if time.monotonic() > end + timeout_s:  # replies could go on for ever
                 return
             if reply.ok and len(reply.ok.payload) <= MAX_BYTES:
                 attachment = reply.ok.attachment
@@ -178,7 +178,7 @@ class Bus:
 
     @contextmanager
     def scoped(self) -> Iterator[None]:
-        """Forget at the end of the block what is declared inside it."""
+        """Undeclare at the end of the block everything that is declared inside it."""
         before = len(self._declared)
         try:
             yield
@@ -188,25 +188,25 @@ class Bus:
             del self._declared[before:]
 
     def log_dropped(self, key: str, error: Exception) -> None:
-        """Log a message that was dropped; once in a while only, for there may be many."""
+        """Log that a message was dropped, at most once in ten seconds: there may be many."""
         now = time.monotonic()
         if now - self._last_logged >= _LOG_EVERY_S:
             self._last_logged = now
             log.warning("dropped a message on %.200r: %s", key, error)
 
     def declare_alive(self, key: str) -> None:
-        """Declare a liveliness token: it lives as long as this session."""
+        """Declare a liveliness token, which lives as long as this session."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
     @contextmanager
     def sole(self, keys: Keys, service: str, identity: str) -> Iterator[None]:
-        """Hold the token of a service of which a run has one, for the length of the block.
+        """Hold the token of a service of which a run has only one, for the length of the block.
 
-        It is declared first and others are looked for then, so that of two that start together
-        none is overlooked; both give up.
+        The token is declared before the search for others, so that two services that start together
+        find each other; then both give up.
 
         Raises:
-            BusError: there is another.
+            BusError: the run has this service already.
         """
         own = keys.alive(service, identity)
         token = self._session.liveliness().declare_token(own)
@@ -214,14 +214,14 @@ class Bus:
             if self.alive(keys.all_alive(service)) - {own}:
                 raise BusError(
                     f"run {keys.run!r} has a {service} already; "
-                    "stop that one, or take another name with --run"
+                    "stop that one, or choose another name with --run"
                 )
             yield
         finally:
             token.undeclare()  # type: ignore[no-untyped-call]
 
     def alive(self, key: str) -> set[str]:
-        """Return the liveliness tokens of a key that are there now."""
+        """Return the liveliness tokens that exist now on a key."""
         found: set[str] = set()
         is_over = threading.Event()
 
@@ -229,18 +229,18 @@ class Bus:
             if reply.ok and len(found) < MOST_TOKENS:
                 found.add(str(reply.ok.key_expr))
 
-        # Through a channel, more replies than it has room for would stop the whole session.
+        # A Zenoh channel would stop the whole session when it is full of replies.
         handler = zenoh.handlers.Callback(call, is_over.set)
         self._session.liveliness().get(key, handler, timeout=_ALIVE_S)
         is_over.wait(_ALIVE_S)
         return set(found)
 
     def runs(self) -> set[str]:
-        """Return the runs that have a living service."""
+        """Return the names of the runs that have a live service."""
         return {run_of(token) for token in self.alive(EVERY_TOKEN)}
 
     def watch_alive(self, key: str, change: Callable[[str, bool], None]) -> None:
-        """Call ``change(key, is_alive)`` for each token of a key, those there already included."""
+        """Call ``change(key, is_alive)`` for each token of a key, existing tokens included."""
 
         def call(sample: zenoh.Sample) -> None:
             change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -252,15 +252,16 @@ class Bus:
 
 @contextmanager
 def open_bus(
-    config: BusConfig, stop: threading.Event | None = None, *, watches: bool = False
+    config: BusConfig, stop: threading.Event | None = None, *, viewer: bool = False
 ) -> Iterator[Bus]:
     """Open a client session; it is closed at the end of the block.
 
     Args:
         config: where the router is, and how long to wait for it.
         stop: ends the wait.
-        watches: whether it only looks on: the router waits for no such session, and drops what one
-            does not take in time. A few can be; more are as any other.
+        viewer: whether the session only reads. The router does not wait for a viewer: it drops the
+            messages that a viewer does not accept in time. Eight viewers are possible; any more are
+            treated as other clients.
 
     Raises:
         BusError: the endpoint is malformed, the credentials do not fit, or no router answered
@@ -270,7 +271,7 @@ def open_bus(
     hint = "start one with 'placefield up MAP', or name another with --endpoint"
     if config.credentials:
         hint += "; if one is there, it refuses these credentials"
-    attempts = _attempts(config, settings, stop, WATCHERS if watches else ())
+    attempts = _attempts(config, settings, stop, VIEWERS if viewer else ())
     with _open(attempts, f"no router at {config.endpoint}: {hint}") as bus:
         yield bus
 
@@ -281,10 +282,10 @@ def _attempts(
     stop: threading.Event | None,
     identities: Sequence[str],
 ) -> Iterator[zenoh.Config]:
-    """Yield what to open a session with until the wait is over, at least once.
+    """Yield a configuration for each attempt to open a session, at least one, until the wait ends.
 
-    Each attempt is short, for no signal is heard inside it. Two thirds of them are under one of the
-    identities, if there are any: another session may have it.
+    Each attempt is short, because no signal is handled inside it. If there are identities, two
+    thirds of the attempts use one of them; the others use none, as all identities may be in use.
     """
     end = time.monotonic() + config.connect_timeout_s
     for attempt in itertools.count():
@@ -296,12 +297,12 @@ def _attempts(
 
 @contextmanager
 def open_router(config: BusConfig) -> Iterator[Bus]:
-    """Open a session that is the router of this host, listening at the endpoint.
+    """Open a session that is the router of this host and listens at the endpoint.
 
-    It connects to the routers of other hosts that it is told, as soon as they are there.
+    The router connects to the routers of other hosts in ``bus.connect`` as soon as they answer.
 
-    With credentials it lets in who has a certificate, to do what the role of it may do; without, it
-    lets in whoever reaches it.
+    With credentials the router accepts only clients with a certificate, and each client may do what
+    its role allows. Without credentials it accepts every client that reaches the endpoint.
 
     Raises:
         BusError: the endpoint is malformed or in use, or the credentials do not fit.
@@ -312,7 +313,8 @@ def open_router(config: BusConfig) -> Iterator[Bus]:
     made = zenoh_config(config, settings)
     if not config.credentials and not is_local(config.endpoint):
         log.warning(
-            "%s: whoever reaches this may read and publish all; see 'placefield security init -h'",
+            "%s: any client that reaches it may read and publish; "
+            "see 'placefield security init -h'",
             config.endpoint,
         )
     hint = "is another router running there? Name another with --endpoint"
@@ -335,10 +337,10 @@ def _open(attempts: Iterator[zenoh.Config], failure: str) -> Iterator[Bus]:
 
 
 def _check_key(key: str) -> None:
-    """Refuse what was put on all keys of a pattern: it is of no run.
+    """Refuse a message that was put on all keys of a pattern: it belongs to no run.
 
     Raises:
-        MessageError: it was.
+        MessageError: the key is a pattern.
     """
     if "*" in key:
-        raise MessageError("it was put on many keys at once")
+        raise MessageError("the message was put on many keys at once")

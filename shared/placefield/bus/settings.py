@@ -1,4 +1,4 @@
-"""How Zenoh is set for a session on the bus."""
+"""The Zenoh settings of a session on the bus."""
 
 import json
 import re
@@ -14,14 +14,14 @@ from placefield.errors import BusError
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000}
 _ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/).+/.+|\w+/.+:[0-9]+([#?].*)?")
-"""A protocol and an address; of those of the internet, with a port."""
+"""A protocol and an address; an internet protocol also needs a port."""
 
-WATCHERS = tuple(f"{'77' * 15}{number:02x}" for number in range(1, 9))
-"""What who only looks on calls itself at the router, which then drops rather than waits for it."""
+VIEWERS = tuple(f"{'77' * 15}{number:02x}" for number in range(1, 9))
+"""The identities of viewers. The router does not wait for them: it drops messages instead."""
 
 
 def router_settings(config: BusConfig) -> dict[str, Any]:
-    """Return Zenoh's settings of a router at the endpoint, by their paths; no access control.
+    """Return Zenoh's settings for a router at the endpoint, by setting path, no access control.
 
     Raises:
         BusError: the credentials do not fit.
@@ -32,8 +32,8 @@ def router_settings(config: BusConfig) -> dict[str, Any]:
         "connect/retry": _RETRY,
         "qos/network": [
             {
-                "id": "watchers",
-                "zids": WATCHERS,
+                "id": "viewers",
+                "zids": VIEWERS,
                 "flows": ["egress"],
                 "messages": ["put"],
                 "key_exprs": [f"{ROOT}/**"],
@@ -44,7 +44,7 @@ def router_settings(config: BusConfig) -> dict[str, Any]:
 
 
 def client_settings(config: BusConfig, timeout_s: float) -> dict[str, Any]:
-    """Return Zenoh's settings of who connects to that router within some seconds, or not at all.
+    """Return Zenoh's settings for a client that gives up connecting after ``timeout_s`` seconds.
 
     Raises:
         BusError: the credentials do not fit.
@@ -67,13 +67,13 @@ def _settings(config: BusConfig, mode: str, use: str) -> dict[str, Any]:
 
 
 def is_local(endpoint: str) -> bool:
-    """Return whether nobody of another host reaches an endpoint."""
+    """Return whether only processes of this host can reach an endpoint."""
     host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
     return host == "localhost" or host == "::1" or host.startswith("127.")
 
 
 def zenoh_config(config: BusConfig, settings: dict[str, Any]) -> zenoh.Config:
-    """Make Zenoh's configuration of settings.
+    """Make a Zenoh configuration from settings.
 
     Raises:
         BusError: an endpoint is malformed.

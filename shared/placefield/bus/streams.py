@@ -1,4 +1,4 @@
-"""Follows streams: which one is on, what is missing of it, what came twice."""
+"""Follows streams: which stream is current, which frames are missing, which came twice."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -11,37 +11,36 @@ _REMEMBERED = 16  # streams that were left
 
 
 class Arrival(Enum):
-    """What a message is to the one who follows the stream."""
+    """How a message relates to the current stream."""
 
-    NEW_STREAM = auto()  # the first message of it
+    NEW_STREAM = auto()  # the first message of a new stream
     SAME_STREAM = auto()
-    DROPPED = auto()
+    DROPPED = auto()  # of a stream that was left
 
 
 class StreamSwitch:
-    """Knows the stream that is on; one that was left is never entered again.
+    """Tracks the current stream; a stream that was left is never entered again.
 
-    Counts ``streams``, and ``stale`` messages of streams that were left.
+    Counts ``streams``, and as ``stale`` the messages of streams that were left.
     """
 
     def __init__(self, counts: Counter[str]) -> None:
         self._counts = counts
         self.stream: str | None = None
-        """The stream that is on."""
+        """Name of the current stream."""
         self._live = False
         self._left: deque[str] = deque(maxlen=_REMEMBERED)
 
     def enter(self, header: Header) -> Arrival:
-        """Say what the message with this header is.
+        """Return how the message with this header relates to the current stream.
 
         Raises:
-            MessageError: it is of the stream that is on, but live where that is not, or not live
-                where it is: all frames of a stream are one or the other.
+            MessageError: the message is of the current stream, but one is live and the other not.
         """
         stream = header.stream
         if stream == self.stream:
             if header.live != self._live:
-                raise MessageError("a stream is live or is not; this message says otherwise")
+                raise MessageError("the message is live and its stream is not, or the reverse")
             return Arrival.SAME_STREAM
         if stream in self._left:
             self._counts["stale"] += 1
@@ -53,49 +52,49 @@ class StreamSwitch:
         return Arrival.NEW_STREAM
 
     def begins(self, header: Header) -> bool:
-        """Whether the message with this header is the first of its stream."""
+        """Return whether the message with this header is the first of its stream."""
         return header.stream != self.stream and not self.has_left(header.stream)
 
     def has_left(self, stream: str) -> bool:
-        """Whether this is a stream that was left."""
+        """Return whether this stream was left."""
         return stream in self._left
 
 
 class Turn(Enum):
-    """What a message is to the one who takes the frames of a stream in order."""
+    """Where a message is in the order of its stream's frames."""
 
-    NEXT = auto()
-    AHEAD = auto()  # there are frames before it that have not come
-    REPEATED = auto()
+    NEXT = auto()  # the frame that is due
+    AFTER_GAP = auto()  # earlier frames have not come
+    REPEATED = auto()  # an earlier frame again
     DROPPED = auto()  # of a stream that was left
 
 
 class StreamFollower:
     """Follows the frames of one stream after the other, each frame once and in order.
 
-    Counts, besides what ``StreamSwitch`` counts, ``gaps`` (frames that were done without) and
-    ``repeated`` messages.
+    Counts ``gaps`` (skipped frames) and ``repeated`` messages, besides the counts of
+    ``StreamSwitch``.
     """
 
     def __init__(self, counts: Counter[str], join: Callable[[Header], int]) -> None:
-        """Call ``join`` with the first message of a stream; it returns the frame to begin with."""
+        """Call ``join`` with the first header of a stream; it returns the frame to begin with."""
         self._counts = counts
         self._join = join
         self._switch = StreamSwitch(counts)
         self.next = 0
-        """The number of the frame whose turn it is."""
+        """The number of the frame that is due."""
 
     @property
     def stream(self) -> str | None:
-        """The stream that is on."""
+        """Name of the current stream."""
         return self._switch.stream
 
     def begins(self, header: Header) -> bool:
-        """Whether the message with this header is the first of its stream."""
+        """Return whether the message with this header is the first of its stream."""
         return self._switch.begins(header)
 
     def follow(self, header: Header) -> Turn:
-        """Say what the message with this header is; if its turn has come, it is over.
+        """Return where the message with this header is in order; if it is due, move on by one.
 
         Raises:
             MessageError: see ``StreamSwitch``.
@@ -110,11 +109,16 @@ class StreamFollower:
             self._counts["repeated"] += 1
             return Turn.REPEATED
         if header.sequence > self.next:
-            return Turn.AHEAD
+            return Turn.AFTER_GAP
         self.next += 1
         return Turn.NEXT
 
-    def leap(self, sequence: int, gaps: int | None = None) -> None:
-        """Take this frame before its turn; so many before it are done without, if not all."""
+    def skip_to(self, sequence: int, gaps: int | None = None) -> None:
+        """Skip to the frame after this one, and count ``gaps`` frames as skipped.
+
+        Args:
+            sequence: number of the frame that is handled out of order.
+            gaps: how many frames to count; None: all frames from the one that was due.
+        """
         self._counts["gaps"] += sequence - self.next if gaps is None else gaps
         self.next = sequence + 1

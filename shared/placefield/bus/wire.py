@@ -1,4 +1,4 @@
-"""Arrays and containers in messages: raw bytes with dtype and shape, and no more than came."""
+"""Arrays and containers in messages: raw bytes with dtype and shape, and limits on the size."""
 
 import itertools
 from typing import Annotated, Any
@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainSerializer, PlainValidator
 
-# What is many comes as bytes, so a message has few lists and mappings, and short ones. Without
-# these bounds a stranger's message becomes objects of a hundred times its size.
-_MOST_CONTAINERS = 512  # above a message of the candidates of 64 channels
+# Large data come as bytes, so a message has few and short lists and mappings. Without these limits
+# the message of an untrusted client could become objects of a hundred times its size.
+_MOST_CONTAINERS = 512  # more than a message with the candidates of 64 channels has
 _LIMITS = {"max_array_len": 256, "max_map_len": 256, "max_str_len": 1024, "max_ext_len": 0}
 
 _DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32, "float64": np.float64}
 
 
 def unpack(data: bytes) -> Any:
-    """Read msgpack, whoever wrote it; it raises whatever there is."""
+    """Read msgpack from an untrusted client; bad data raise exceptions of many types."""
     numbers = itertools.count(1)
 
     def count(container: Any) -> Any:
@@ -41,7 +41,7 @@ def _array_from_wire(value: Any) -> NDArray[Any]:
             raise ValueError("negative or fractional size")
         return np.frombuffer(value["data"], _DTYPES[value["dtype"]]).reshape(shape)
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"no array: {error}") from None
+        raise ValueError(f"not an array: {error}") from None
 
 
 def _float_vector(value: Any) -> NDArray[np.float32]:
@@ -73,7 +73,7 @@ def _index_vector(value: Any) -> NDArray[np.int32]:
 
 
 def _image(value: Any) -> bytes | NDArray[np.uint8]:
-    """An encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
+    """Return an encoded image as bytes, or its pixels, (H, W) or (H, W, 3) uint8."""
     if isinstance(value, bytes):
         return value
     array = _array_from_wire(value)

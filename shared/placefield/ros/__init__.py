@@ -1,1 +1,1 @@
-"""ROS 2 without ROS: its messages, their images, and its keys on Zenoh."""
+"""ROS 2 messages, their images, and ROS 2 keys on Zenoh, with no ROS installed."""

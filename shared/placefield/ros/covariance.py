@@ -1,4 +1,4 @@
-"""How sure a match is, as ROS says it: the covariance of a pose."""
+"""The uncertainty of a match as ROS expects it: the covariance of a pose."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ def pose_covariance(
     """Return the covariance of a match's pose, see ``pose_variances``.
 
     Returns:
-        (6, 6) of x, y, z and the rotations about them, square metres and square radians; of height,
-        roll and pitch a match says nothing.
+        (6, 6) of x, y, z and the rotations about them, square metres and square radians. A match
+        has no height, roll or pitch, so their variance is ``HIGHEST``.
     """
     xy, yaw = pose_variances(poses, place, tolerance, probability)
     return np.diag([xy, xy, HIGHEST, HIGHEST, HIGHEST, yaw])

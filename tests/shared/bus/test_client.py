@@ -1,4 +1,4 @@
-"""A program's client, before services that stand in for the real ones."""
+"""The client for other programs, tested with simple services."""
 
 import itertools
 import threading
@@ -25,7 +25,7 @@ KEYS = Keys("test")
 
 
 class StandIn:
-    """Answers each frame, once or again, with the place that its image says."""
+    """Answers each frame, once or repeatedly, with the place that its image names."""
 
     def __init__(self, bus: Bus, *, deaf_to: frozenset[int] = frozenset()) -> None:
         self.ended: list[str] = []
@@ -53,8 +53,8 @@ class StandIn:
             image = FrameMessage.decode(received.payload).image
             place = image[0] if isinstance(image, bytes) else int(image[0, 0])
             self.stamps.append(header.stamp_ns)
-            told = Match(place, 1.5, pose=placefield.Pose(place, 0.0, 1.0))
-            payload = MatchMessage.of(told, map=NO_DIGEST).encode()
+            sent = Match(place, 1.5, pose=placefield.Pose(place, 0.0, 1.0))
+            payload = MatchMessage.of(sent, map=NO_DIGEST).encode()
         self._cache.store(header, payload)
         self._matches.send(header, payload)
         self._acks.put(header)
@@ -126,7 +126,7 @@ def test_a_stream_that_is_left_ends(client: Client, services: StandIn) -> None:
     assert len(set(services.ended)) == 2
 
 
-def test_a_stream_that_is_on_when_the_program_leaves_ends(services: StandIn, endpoint: str) -> None:
+def test_an_open_stream_ends_when_the_program_leaves(services: StandIn, endpoint: str) -> None:
     with placefield.connect(endpoint, run="test") as client:
         matches = client.stream(itertools.repeat(b"\5"))
         assert next(matches).place == 5
@@ -161,7 +161,7 @@ def test_frames_that_a_live_stream_drops_are_unanswered(endpoint: str) -> None:
         (np.zeros((8, 8)), FrameError),
     ],
 )
-def test_what_is_no_image_is_told_after_the_matches_before_it(
+def test_an_error_of_an_image_is_raised_after_the_earlier_matches(
     client: Client, services: StandIn, wrong: object, error: type[Exception]
 ) -> None:
     matches = client.stream([b"\0", b"\1", wrong])  # type: ignore[list-item]
@@ -171,7 +171,7 @@ def test_what_is_no_image_is_told_after_the_matches_before_it(
     assert services.ended
 
 
-def test_what_the_images_raise_is_raised(client: Client) -> None:
+def test_an_exception_of_the_images_is_raised(client: Client) -> None:
     def failing() -> Iterator[bytes]:
         yield b"\0"
         raise RuntimeError("the camera is gone")
@@ -182,7 +182,7 @@ def test_what_the_images_raise_is_raised(client: Client) -> None:
         next(matches)
 
 
-def test_what_was_under_way_when_the_router_was_started_again_is_matched(
+def test_frames_under_way_when_the_router_restarts_are_matched(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sending, "_SEND_AGAIN_S", 0.2)
@@ -218,7 +218,7 @@ def test_what_was_under_way_when_the_router_was_started_again_is_matched(
         router.join()
 
 
-def test_what_is_missing_is_one_line(
+def test_a_missing_service_is_reported_in_one_line(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, services: StandIn
 ) -> None:
     with pytest.raises(ConfigError, match="runs"), placefield.connect(endpoint, run="two words"):
@@ -233,7 +233,7 @@ def test_what_is_missing_is_one_line(
             next(client.stream([b"\0"]))
 
 
-def test_the_client_gives_up_when_nobody_answers_any_more(
+def test_the_client_gives_up_when_the_services_stop_answering(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sending, "_STALLED_S", 0.5)

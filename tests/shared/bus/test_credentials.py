@@ -55,19 +55,19 @@ def test_files_are_named_in_full_wherever_the_command_runs(
 @pytest.mark.parametrize("file", ["ca.pem", "certificate.pem", "key.pem"])
 def test_a_file_that_is_missing_or_no_pem_is_named(camera: Path, file: str) -> None:
     (camera / file).write_bytes(b"\xff no PEM")
-    assert f"{camera / file}: no " in refusal(camera)
+    assert f"{camera / file}: not a " in refusal(camera)
     (camera / file).unlink()
     assert f"{camera / file}: No such file" in refusal(camera)
 
 
 def test_a_folder_of_no_credentials_is_named(made: Path, tmp_path: Path) -> None:
-    assert "takes the folder of one role" in refusal(tmp_path)
+    assert "give --credentials the folder of one role" in refusal(tmp_path)
     assert f"{made / 'certificate.pem'}: No such file" in refusal(made)
 
 
 def test_a_key_of_another_certificate_is_refused(made: Path, camera: Path) -> None:
     (camera / "key.pem").write_bytes((made / "fuser" / "key.pem").read_bytes())
-    assert f"{camera / 'key.pem'}: is not the key of certificate.pem" in refusal(camera)
+    assert f"{camera / 'key.pem'}: not the key of certificate.pem" in refusal(camera)
 
 
 def expire(folder: Path) -> str:
@@ -90,7 +90,7 @@ def test_an_expired_certificate_is_refused_with_its_date(
     assert spoil(camera) in refusal(camera)
 
 
-def test_a_certificate_of_the_future_makes_one_look_at_the_clock(
+def test_a_certificate_of_the_future_hints_at_the_clock(
     camera: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Early(datetime):
@@ -99,7 +99,7 @@ def test_a_certificate_of_the_future_makes_one_look_at_the_clock(
             return datetime(1970, 1, 1, tzinfo=UTC)
 
     monkeypatch.setattr("placefield.bus.credentials.datetime", Early)
-    assert "is this host's clock right?" in refusal(camera)
+    assert "check this host's clock" in refusal(camera)
 
 
 @pytest.mark.parametrize("opener", [open_bus, open_router])
@@ -129,12 +129,12 @@ def test_a_router_without_access_control_does_not_open(made: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("address", "warns"), [("0.0.0.0", True), ("127.0.0.1", False)])
-def test_a_router_that_others_reach_without_credentials_says_so(
+def test_a_router_exposed_without_credentials_logs_a_warning(
     endpoint: str, caplog: pytest.LogCaptureFixture, address: str, warns: bool
 ) -> None:
     elsewhere = endpoint.replace("127.0.0.1", address)
     with caplog.at_level(logging.WARNING), open_router(BusConfig(endpoint=elsewhere)):
         pass
-    assert [f"{elsewhere}: whoever reaches this may read" in line for line in caplog.messages] == [
-        True
-    ] * warns
+    assert [
+        f"{elsewhere}: any client that reaches it may read" in line for line in caplog.messages
+    ] == [True] * warns

@@ -10,7 +10,7 @@ from placefield.bus.credits import Credits
 def test_never_more_frames_are_under_way_than_the_window(
     window: int, steps: list[int | None]
 ) -> None:
-    """None asks for a credit, a number answers all frames up to that one that were sent."""
+    """None acquires a credit; a number answers all sent frames up to that number."""
     credits = Credits(window)
     sent = answered = 0
     for step in steps:
@@ -24,7 +24,7 @@ def test_never_more_frames_are_under_way_than_the_window(
         assert credits.answered == answered
 
 
-def test_an_answer_wakes_whoever_waits_for_a_credit() -> None:
+def test_an_answer_wakes_a_waiting_acquire() -> None:
     credits = Credits(1)
     assert credits.acquire(0)
     timer = threading.Timer(0.05, credits.answer, [0])

@@ -1,4 +1,4 @@
-"""Whatever bytes come: a message within its documented bounds, or one short line of refusal."""
+"""Any bytes are a message within its documented limits, or are refused with one short line."""
 
 import struct
 import tracemalloc
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
-    ChannelSummary,
+    ChannelPartial,
     FinishedMessage,
     HaloMessage,
     SmoothedFrame,
@@ -66,7 +66,7 @@ EXAMPLES: list[Message] = [
         map=NO_DIGEST,
         shard=1,
         shards=2,
-        summaries=(ChannelSummary(channel=3, summary=VECTOR.astype(np.float64)),),
+        partials=(ChannelPartial(channel=3, partial=VECTOR.astype(np.float64)),),
     ),
     MissingObservationMessage(reason="blank"),
     MomentsMessage(frames=21.0, sums=np.ones((2, 5))),
@@ -92,7 +92,7 @@ KINDS = sorted({type(example) for example in EXAMPLES}, key=lambda kind: kind.__
 PARTS = {
     *ChannelCandidate.model_fields,
     *SmoothedFrames.model_fields,
-    "summary",
+    "partial",
     "dtype",
     "shape",
     "data",
@@ -130,9 +130,9 @@ candidates = st.fixed_dictionaries(
     }
 )
 smoothed = st.fixed_dictionaries(dict.fromkeys(SmoothedFrames.model_fields, arrays))
-summaries = st.fixed_dictionaries({"channel": st.integers(0, 9) | leaves, "summary": arrays})
+partials = st.fixed_dictionaries({"channel": st.integers(0, 9) | leaves, "partial": arrays})
 values = st.recursive(
-    leaves | arrays | candidates | smoothed | st.lists(candidates | summaries, max_size=3),
+    leaves | arrays | candidates | smoothed | st.lists(candidates | partials, max_size=3),
     lambda inner: (
         st.lists(inner, max_size=4)
         | st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), inner, max_size=4)
@@ -167,7 +167,7 @@ def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
 
 
 def check_bounds(message: Message) -> None:
-    """Check what the docstrings of the messages promise, in other words than theirs."""
+    """Check the limits in the docstrings of the messages, with independent code."""
     assert message.version == 2
     match message:
         case Header():
@@ -208,13 +208,13 @@ def check_bounds(message: Message) -> None:
             assert message.pose is None or np.isfinite(message.pose).all()
             assert not isinstance(message, SmoothedMessage) or 0 <= message.lag < 2**31
         case HaloMessage():
-            assert message.summaries
+            assert message.partials
             assert 0 <= message.shard < message.shards <= 2**16
-            for part in message.summaries:
+            for part in message.partials:
                 assert 0 <= part.channel < 2**16
-                assert part.summary.dtype == np.float64
-                assert part.summary.ndim == 1
-                assert not np.isnan(part.summary).any()
+                assert part.partial.dtype == np.float64
+                assert part.partial.ndim == 1
+                assert not np.isnan(part.partial).any()
         case MissingObservationMessage():
             assert message.reason in ("unreadable", "blank")
         case MomentsMessage():

@@ -26,11 +26,11 @@ def inbox_of(*runs: str, live_capacity: int = CAPACITY) -> tuple[Inbox, dict[str
 
 
 def drain(inbox: Inbox, limit: int = CAPACITY) -> list[int]:
-    taken = []
+    sequences = []
     while messages := inbox.get_batch(0, limit):
         assert len(messages) <= limit
-        taken += [message.header.sequence for message in messages]
-    return taken
+        sequences += [message.header.sequence for message in messages]
+    return sequences
 
 
 @pytest.mark.parametrize("limit", [1, 3, 100])
@@ -41,7 +41,7 @@ def test_messages_come_out_in_the_order_in_which_they_went_in(limit: int) -> Non
     assert drain(inbox, limit) == list(range(10))
 
 
-def test_all_that_waits_comes_out_together_up_to_the_limit() -> None:
+def test_waiting_messages_come_in_one_batch_up_to_the_limit() -> None:
     inbox, _ = inbox_of()
     for sequence in range(10):
         inbox.offer(received(sequence))
@@ -64,8 +64,8 @@ def test_each_run_keeps_its_newest_however_many_another_sends() -> None:
         if sequence in (10, 50):
             inbox.offer(received(sequence, live=True, key=calm))
         inbox.offer(received(sequence, live=True, key=flood))
-    taken = [(message.run, message.header.sequence) for message in inbox.get_batch(0, 100)]
-    assert taken == [("calm", 10), ("flood", 98), ("calm", 50), ("flood", 99)]
+    messages = [(message.run, message.header.sequence) for message in inbox.get_batch(0, 100)]
+    assert messages == [("calm", 10), ("flood", 98), ("calm", 50), ("flood", 99)]
     assert counts == {"calm": {}, "flood": {"dropped_old": 98}}
 
 
@@ -81,7 +81,7 @@ def test_a_camera_is_served_in_turn_with_a_replay_that_never_pauses() -> None:
     assert counts["camera"]["dropped_old"] == 99
 
 
-def test_a_run_that_fills_its_room_leaves_that_of_another() -> None:
+def test_a_run_that_is_full_leaves_room_for_another() -> None:
     inbox, counts = inbox_of("calm", "flood")
     for sequence in range(CAPACITY + 5):
         inbox.offer(received(sequence, key=Keys("flood").frame))
@@ -115,7 +115,7 @@ steps = st.tuples(st.booleans(), st.booleans(), st.integers(0, 3), st.sampled_fr
 
 
 @given(st.lists(steps, max_size=60))
-def test_every_message_is_taken_in_order_or_counted(
+def test_every_message_is_returned_in_order_or_counted(
     happening: list[tuple[bool, bool, int, str]],
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -129,12 +129,12 @@ def test_every_message_is_taken_in_order_or_counted(
             messages += inbox.get_batch(0, take) if take else []
         messages += inbox.get_batch(0, 100)
     for run, own in counts.items():
-        taken = [message.header.sequence for message in messages if message.run == run]
-        assert taken == sorted(set(taken))
-        assert len(taken) + own.total() == offered[run]
+        sequences = [message.header.sequence for message in messages if message.run == run]
+        assert sequences == sorted(set(sequences))
+        assert len(sequences) + own.total() == offered[run]
 
 
-def test_taking_waits_for_a_message_but_no_longer_than_asked() -> None:
+def test_get_batch_waits_for_a_message_until_the_timeout() -> None:
     inbox, _ = inbox_of()
     assert inbox.get_batch(0.01, 5) == []
     timer = threading.Timer(0.05, inbox.offer, [received(3)])

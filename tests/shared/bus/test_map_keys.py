@@ -46,14 +46,14 @@ def test_a_chunk_is_read_back_from_its_key(name: str, number: int) -> None:
         f"{DIGEST}/places\nstamps.npy/0",
     ],
 )
-def test_what_is_the_key_of_no_chunk_is_refused_in_one_line(rest: str) -> None:
+def test_a_malformed_key_of_a_chunk_is_refused_in_one_line(rest: str) -> None:
     with pytest.raises(MessageError) as refused:
         chunk_of(f"placefield/maps/route/12ab/{rest}")
     assert "\n" not in str(refused.value)
 
 
 @given(st.text())
-def test_whatever_the_key_it_is_a_chunk_or_refused(key: str) -> None:
+def test_any_key_is_a_chunk_or_refused(key: str) -> None:
     with pytest.raises(MessageError):
         chunk_of(key)
 

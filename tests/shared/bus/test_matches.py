@@ -39,11 +39,11 @@ def test_matches_come_in_order_up_to_the_end_of_the_stream(buses: tuple[Bus, Bus
     assert list(stream_matches(matches, 10)) == [(header(s), m) for s, m in enumerate(sent)]
 
 
-def test_listening_ends_when_nothing_comes(buses: tuple[Bus, Bus]) -> None:
+def test_stream_matches_ends_when_none_comes(buses: tuple[Bus, Bus]) -> None:
     assert list(stream_matches(MatchQueue(buses[1], KEYS), 0.05)) == []
 
 
-def test_what_is_no_match_is_refused_and_the_next_one_still_comes(buses: tuple[Bus, Bus]) -> None:
+def test_a_malformed_match_is_refused_and_the_next_one_still_comes(buses: tuple[Bus, Bus]) -> None:
     fuser, listener = buses
     matches = MatchQueue(listener, KEYS)
     time.sleep(0.2)
@@ -68,16 +68,16 @@ def test_smoothed_matches_come_in_order_too_and_the_end_behind_them(buses: tuple
     for sequence in (0, 1, 0, 2, 3, 4):  # one is published a second time, by a new fuser
         smoothed.put(header(sequence), later[sequence])
     smoothed.put(header(5, end=True))
-    taken = list(stream_matches(both, 10))
-    kinds = [[t for t in taken if isinstance(t[1], SmoothedMessage) == is_one] for is_one in (0, 1)]
+    received = list(stream_matches(both, 10))
+    kinds = [
+        [t for t in received if isinstance(t[1], SmoothedMessage) == is_one] for is_one in (0, 1)
+    ]
     assert kinds[0] == [(header(s), one) for s, one in enumerate(at_once)]
     assert kinds[1] == [(header(s), one) for s, one in enumerate(later)]
 
 
 @pytest.mark.parametrize("digest", [None, "a" * 16])
-def test_of_a_stream_matches_of_one_map_are_taken(
-    buses: tuple[Bus, Bus], digest: str | None
-) -> None:
+def test_a_stream_has_matches_of_one_map(buses: tuple[Bus, Bus], digest: str | None) -> None:
     fuser, listener = buses
     both = MatchQueue(listener, KEYS, smoothed=True, digest=digest)
     time.sleep(0.2)

@@ -11,7 +11,7 @@ from placefield.bus import message as message_module
 from placefield.bus.candidate_messages import (
     CandidatesMessage,
     ChannelCandidate,
-    ChannelSummary,
+    ChannelPartial,
     HaloMessage,
     SmoothedFrame,
     SmoothedFrames,
@@ -111,7 +111,7 @@ def candidate(channel: int) -> ChannelCandidate:
 
 
 def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
-    """Decode; nothing but a MessageError of one short line may come out of what does not parse."""
+    """Decode a message; a malformed one must raise a MessageError of one short line."""
     try:
         return kind.decode(data)
     except MessageError as error:
@@ -191,7 +191,7 @@ def test_a_field_of_any_other_value_is_refused_or_fits(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
+def test_a_message_of_another_kind_is_refused(kind: type[Message]) -> None:
     examples: list[Message] = [
         Header(stream="s", sequence=0, stamp_ns=0),
         FrameMessage(image=b"image"),
@@ -200,8 +200,8 @@ def test_what_was_made_for_another_kind_is_refused(kind: type[Message]) -> None:
         MatchMessage(map=NO_DIGEST, place=0, score=0.0),
         StatsMessage(service="s", counts={}),
     ]
-    taken = [decode_or_refuse(kind, example.encode()) for example in examples]
-    assert [type(message) for message in taken if message is not None] == [kind]
+    decoded = [decode_or_refuse(kind, example.encode()) for example in examples]
+    assert [type(message) for message in decoded if message is not None] == [kind]
 
 
 @pytest.mark.parametrize("version", [0, 1, 3, -1, "2", None, 1.5, 2**40])
@@ -253,7 +253,7 @@ def test_a_descriptor_that_is_no_finite_vector_is_refused(array: Any) -> None:
 @pytest.mark.parametrize(
     "message", [FrameMessage(image=b"image"), FeatureMessage(model="m", descriptor=None)]
 )
-def test_odometry_is_none_or_a_distance_as_the_vehicle_tells_it(message: Message) -> None:
+def test_odometry_is_none_or_a_distance(message: Message) -> None:
     fields = msgpack.unpackb(message.encode())
     for right in (None, 0, 0.0, 12.5, 1e300):
         decoded = decode_or_refuse(type(message), msgpack.packb(fields | {"odometry_m": right}))
@@ -304,8 +304,8 @@ def test_a_score_that_is_no_finite_number_is_refused(score: Any) -> None:
 
 def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
     places, evidence = np.arange(2, dtype=np.int32), np.zeros(2, np.float32)
-    told = Candidate(1, 0.25, places, evidence, too_fast=0.625)
-    assert ChannelCandidate.of(3, told).candidate == told
+    sent = Candidate(1, 0.25, places, evidence, too_fast=0.625)
+    assert ChannelCandidate.of(3, sent).candidate == sent
     match = Match(7, -2.0, (), 0.125, known=False, too_fast=True)
     sent = MatchMessage.of(match, map=NO_DIGEST)
     assert MatchMessage.decode(sent.encode()).match == match
@@ -313,15 +313,15 @@ def test_a_candidate_and_a_match_that_are_too_fast_come_back_so() -> None:
 
 def test_smoothed_frames_come_back_with_how_likely_each_is_too_fast() -> None:
     places, evidence = np.arange(2, dtype=np.int32), np.zeros(2, np.float32)
-    told = [0.0, 0.625, 1.0]
+    sent = [0.0, 0.625, 1.0]
     smoothed = [
         SmoothedFrame(2, 5, 4, Candidate(1, 0.25, places, evidence, posterior))
-        for posterior in told
+        for posterior in sent
     ]
     packed = SmoothedFrames.of(9, [*smoothed, SmoothedFrame(3, 5, 4, NO_CANDIDATE)])
     assert packed is not None
     unpacked = SmoothedFrames.model_validate(msgpack.unpackb(msgpack.packb(packed.model_dump())))
-    assert [frame.candidate.too_fast for frame in unpacked.frames(9)] == [*told, 0.0]
+    assert [frame.candidate.too_fast for frame in unpacked.frames(9)] == [*sent, 0.0]
 
 
 def test_a_message_that_does_not_say_whether_it_is_too_fast_is_not() -> None:
@@ -368,18 +368,18 @@ def test_a_message_that_is_too_large_is_refused_unread(monkeypatch: pytest.Monke
         FrameMessage.decode(encoded)
 
 
-def test_a_strangers_field_name_can_forge_no_log_line() -> None:
+def test_a_field_name_of_an_untrusted_client_can_forge_no_log_line() -> None:
     name = "x\nplacefield: all is well" + "!" * 10_000
     fields = msgpack.unpackb(Header(stream="s", sequence=0, stamp_ns=0).encode())
     assert decode_or_refuse(Header, msgpack.packb(fields | {name: 1})) is None
 
 
 def test_a_shard_that_does_not_exist_is_refused() -> None:
-    summary = ChannelSummary(channel=0, summary=np.zeros(1))
+    partial = ChannelPartial(channel=0, partial=np.zeros(1))
     message = HaloMessage.model_construct(
-        map=NO_DIGEST, shard=3, shards=3, summaries=(summary,), version=2
+        map=NO_DIGEST, shard=3, shards=3, partials=(partial,), version=2
     )
-    with pytest.raises(MessageError, match="there is no such shard"):
+    with pytest.raises(MessageError, match="not below the number of shards"):
         HaloMessage.decode(message.encode())
 
 
@@ -387,6 +387,6 @@ def test_a_header_awaits_no_answer_of_a_later_frame() -> None:
     honest = Header(stream="s", sequence=7, stamp_ns=0, oldest=7)
     forged = honest.model_copy(update={"oldest": 8})
     assert Header.decode(honest.encode()) == honest
-    with pytest.raises(MessageError, match="later than this one"):
+    with pytest.raises(MessageError, match="later than this frame"):
         Header.decode(forged.encode())
     assert Header.decode(honest.of_frame(3).encode()).oldest == 3

@@ -1,4 +1,4 @@
-"""What a source believes of the answers to its frames."""
+"""How a source verifies the answers to its frames."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from placefield.bus.proof import Proof
 
 
 def sent(frames: int, *, again: int = 0) -> Proof:
-    """Return the books of so many frames and the end, of which the first were sent again."""
+    """Return the proof of some sent frames and the end; the first frames were sent again."""
     proof = Proof()
     for sequence in (*range(frames + 1), *range(again)):
         proof.send(sequence)
@@ -30,8 +30,8 @@ def test_an_answer_before_a_match_that_it_stands_for_is_counted_and_waits_for_it
     proof.match(0, 5)
     assert proof.claim(claimed, 5) is None
     assert proof.forged == 1
-    told = [proof.match(sequence, 5) for sequence in range(1, 5)]
-    assert [sequence for sequence in told if sequence is not None] == [claimed]
+    answered = [proof.match(sequence, 5) for sequence in range(1, 5)]
+    assert [sequence for sequence in answered if sequence is not None] == [claimed]
     assert proof.claim(min(claimed, 4), 5) == min(claimed, 4)  # the fuser's own
     assert proof.forged == 1
 
@@ -44,7 +44,7 @@ def test_matches_may_come_in_any_order() -> None:
     assert proof.matched == 3
 
 
-def test_what_comes_once_too_often_is_counted() -> None:
+def test_an_answer_or_match_too_many_is_counted() -> None:
     proof = sent(3)
     for sequence in (0, 1, 1, 2):
         proof.match(sequence, 3)
@@ -53,7 +53,7 @@ def test_what_comes_once_too_often_is_counted() -> None:
     assert proof.forged == 2
 
 
-def test_what_was_sent_again_may_be_answered_again() -> None:
+def test_a_frame_that_was_sent_again_may_be_answered_again() -> None:
     proof = sent(3, again=2)
     for sequence in (0, 1, 2, 0, 1):
         proof.match(sequence, 3)
@@ -61,7 +61,7 @@ def test_what_was_sent_again_may_be_answered_again() -> None:
     assert proof.forged == 0
 
 
-def test_the_books_of_a_long_stream_stay_short() -> None:
+def test_the_state_of_a_long_stream_stays_small() -> None:
     proof = Proof()
     for sequence in range(10_000):
         proof.send(sequence)

@@ -20,7 +20,7 @@ def header(sequence: int, stream: str = "s") -> Header:
     return Header(stream=stream, sequence=sequence, stamp_ns=0)
 
 
-def told(cache: ReplayCache, stream: str, first: int, end: int) -> dict[int, bytes]:
+def replies(cache: ReplayCache, stream: str, first: int, end: int) -> dict[int, bytes]:
     query = CacheQuery(stream=stream, first=first, end=end).encode()
     replies = cache.reply(query)
     return {Header.decode(attachment).sequence: payload for payload, attachment in replies}
@@ -31,7 +31,7 @@ def told(cache: ReplayCache, stream: str, first: int, end: int) -> dict[int, byt
     st.integers(0, 9),
     st.integers(0, 9),
 )
-def test_the_newest_messages_of_the_last_stream_are_told(
+def test_a_cache_replies_with_the_newest_messages_of_the_last_stream(
     remembered: list[tuple[str, int]], first: int, end: int
 ) -> None:
     cache = ReplayCache(4)
@@ -46,12 +46,12 @@ def test_the_newest_messages_of_the_last_stream_are_told(
         expected = dict(list(expected.items())[-4:])
         assert cache.find(header(sequence, stream)) == payload
     wanted = {s: payload for s, payload in expected.items() if first <= s < end}
-    assert told(cache, last or "a", first, end) == wanted
-    assert told(cache, "another", 0, 10) == {}
+    assert replies(cache, last or "a", first, end) == wanted
+    assert replies(cache, "another", 0, 10) == {}
     assert cache.find(header(3, "another")) is None
 
 
-def test_the_newest_is_what_came_last_also_where_little_is_kept() -> None:
+def test_the_newest_message_is_the_last_one_in_a_small_cache_too() -> None:
     cache = ReplayCache(2)
     assert cache.newest is None
     for newest in (header(7), header(8), header(9), header(0, "next")):
@@ -59,7 +59,7 @@ def test_the_newest_is_what_came_last_also_where_little_is_kept() -> None:
         assert cache.newest == newest
 
 
-def test_what_is_no_query_is_refused() -> None:
+def test_a_malformed_query_is_refused() -> None:
     with pytest.raises(MessageError):
         list(ReplayCache().reply(b"garbage"))
 
@@ -70,7 +70,7 @@ def router(endpoint: str) -> Iterator[Bus]:
         yield bus
 
 
-def test_what_several_remember_is_put_together_in_order(router: Bus, endpoint: str) -> None:
+def test_messages_of_several_caches_are_merged_in_order(router: Bus, endpoint: str) -> None:
     with (
         open_bus(BusConfig(endpoint=endpoint)) as other,
         open_bus(BusConfig(endpoint=endpoint)) as asker,

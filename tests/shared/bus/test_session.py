@@ -50,8 +50,8 @@ def receiver(router: Bus, config: BusConfig) -> Iterator[Bus]:
 
 
 @pytest.fixture
-def stranger(router: Bus, config: BusConfig) -> Iterator[zenoh.Session]:
-    """A session that speaks Zenoh, but not our messages."""
+def untrusted_client(router: Bus, config: BusConfig) -> Iterator[zenoh.Session]:
+    """A Zenoh session that does not use our messages."""
     settings = zenoh.Config()
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", f'["{config.endpoint}"]')
@@ -99,7 +99,7 @@ def test_messages_arrive_whole_in_order_and_none_is_lost(sender: Bus, receiver: 
     assert not counts
 
 
-def test_runs_do_not_hear_each_other(sender: Bus, receiver: Bus) -> None:
+def test_runs_do_not_receive_messages_of_each_other(sender: Bus, receiver: Bus) -> None:
     received = subscribe(receiver, KEYS.feature, Counter())
     await_reader(sender)
     sender.publisher(Keys("other").feature).put(END)
@@ -107,8 +107,8 @@ def test_runs_do_not_hear_each_other(sender: Bus, receiver: Bus) -> None:
     assert received.get(timeout=10).header == header(7)
 
 
-def test_what_has_no_good_header_is_counted_and_the_next_message_still_comes(
-    sender: Bus, receiver: Bus, stranger: zenoh.Session
+def test_a_message_without_a_valid_header_is_counted_and_the_next_one_still_comes(
+    sender: Bus, receiver: Bus, untrusted_client: zenoh.Session
 ) -> None:
     counts: Counter[str] = Counter()
     received = subscribe(receiver, KEYS.frame, counts)
@@ -117,8 +117,8 @@ def test_what_has_no_good_header_is_counted_and_the_next_message_still_comes(
     garbage = [None, b"", b"\xc1", b"\x00" * 1000, good[:-1], good + b"\0", b"\x91" * 5000]
     garbage.append(END.encode())  # has no payload
     for attachment in garbage:
-        stranger.put(KEYS.frame, b"payload", attachment=attachment)
-    stranger.delete(KEYS.frame)
+        untrusted_client.put(KEYS.frame, b"payload", attachment=attachment)
+    untrusted_client.delete(KEYS.frame)
     wait_until(lambda: counts["malformed"] == len(garbage) + 1)
     sender.publisher(KEYS.frame).put(header(1), FrameMessage(image=b""))
     assert received.get(timeout=10).header == header(1)
@@ -126,14 +126,14 @@ def test_what_has_no_good_header_is_counted_and_the_next_message_still_comes(
 
 
 @pytest.mark.parametrize("key", ["placefield/*/frame", "placefield/**", "placefield/t$*/frame"])
-def test_what_is_put_on_many_keys_at_once_is_counted_and_the_next_message_still_comes(
-    stranger: zenoh.Session, sender: Bus, receiver: Bus, key: str
+def test_a_message_on_many_keys_at_once_is_counted_and_the_next_one_still_comes(
+    untrusted_client: zenoh.Session, sender: Bus, receiver: Bus, key: str
 ) -> None:
     counts: Counter[str] = Counter()
     received = subscribe(receiver, KEYS.frame, counts)
     await_reader(sender)
     for _ in range(3):
-        stranger.put(key, b"x", attachment=header(0).encode())
+        untrusted_client.put(key, b"x", attachment=header(0).encode())
     wait_until(lambda: counts["malformed"] == 3)
     sender.publisher(KEYS.frame).send(header(1), b"y")
     assert received.get(timeout=10).header.sequence == 1
@@ -153,21 +153,21 @@ def test_a_message_of_no_stream_arrives_as_bytes(sender: Bus, receiver: Bus) -> 
 
 def test_a_token_lives_as_long_as_its_session(router: Bus, config: BusConfig) -> None:
     token = KEYS.alive("channel", "0-ab12")
-    early: list[tuple[str, bool]] = []
+    from_start: list[tuple[str, bool]] = []
     late: list[tuple[str, bool]] = []
-    router.watch_alive(KEYS.all_alive(), lambda key, alive: early.append((key, alive)))
+    router.watch_alive(KEYS.all_alive(), lambda key, alive: from_start.append((key, alive)))
     with open_bus(config) as worker:
         worker.declare_alive(token)
-        wait_until(lambda: early == [(token, True)])
+        wait_until(lambda: from_start == [(token, True)])
         router.watch_alive(KEYS.all_alive(), lambda key, alive: late.append((key, alive)))
         wait_until(lambda: late == [(token, True)])
         assert router.alive(KEYS.all_alive("channel")) == {token}
         assert not router.alive(KEYS.all_alive("fuser"))
-    wait_until(lambda: early == late == [(token, True), (token, False)])
+    wait_until(lambda: from_start == late == [(token, True), (token, False)])
     assert not router.alive(KEYS.all_alive())
 
 
-def test_of_a_service_that_a_run_has_once_a_second_is_refused(sender: Bus, receiver: Bus) -> None:
+def test_a_second_instance_of_a_sole_service_is_refused(sender: Bus, receiver: Bus) -> None:
     with sender.sole(KEYS, "fuser", "one"), receiver.sole(KEYS, "featurizer", "two"):
         with (
             pytest.raises(BusError, match=r"run 'test' has a fuser already.*--run"),
@@ -195,19 +195,19 @@ def test_a_client_that_is_stopped_no_longer_waits(config: BusConfig) -> None:
 
 
 def test_a_client_finds_a_router_that_was_started_again(config: BusConfig) -> None:
-    heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    received: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with ExitStack() as stack:
         with open_router(config):
             client = stack.enter_context(open_bus(config))
-            client.subscribe_raw(KEYS.all_stats, lambda _, payload: heard.put(payload))
+            client.subscribe_raw(KEYS.all_stats, lambda _, payload: received.put(payload))
         restarted = stack.enter_context(open_router(config))
         stats = StatsMessage(service="fuser", counts={})
 
-        def is_heard() -> bool:
+        def is_received() -> bool:
             restarted.put(KEYS.stats("fuser", "ab12"), stats)
-            return not heard.empty()
+            return not received.empty()
 
-        wait_until(is_heard)
+        wait_until(is_received)
 
 
 def test_a_client_waits_for_a_router_that_starts_later(config: BusConfig) -> None:
@@ -239,7 +239,7 @@ def test_a_malformed_endpoint_is_refused_by_name(endpoint: str) -> None:
             opener(config).__enter__()
 
 
-def test_a_query_is_answered_by_all_who_have_an_answer_and_by_no_one_who_has_not(
+def test_a_query_is_answered_by_each_session_that_has_an_answer_and_by_no_other(
     router: Bus, sender: Bus
 ) -> None:
     def refuse(key: str, payload: bytes) -> list[tuple[bytes, bytes]]:

@@ -28,24 +28,24 @@ def follower_from_first(counts: Counter[str]) -> StreamFollower:
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=40), st.booleans())
-def test_each_frame_is_followed_once_in_order_and_every_one_that_was_done_without_is_counted(
-    sequences: list[int], leaps: bool
+def test_each_frame_is_followed_once_in_order_and_every_skipped_frame_is_counted(
+    sequences: list[int], skips: bool
 ) -> None:
     counts: Counter[str] = Counter()
     follower = follower_from_first(counts)
-    followed, early = [], 0
+    followed, out_of_order = [], 0
     for sequence in sequences:
         turn = follower.follow(header("s", sequence))
-        if turn is Turn.AHEAD and leaps:
-            follower.leap(sequence)
-        if turn is Turn.NEXT or (turn is Turn.AHEAD and leaps):
+        if turn is Turn.AFTER_GAP and skips:
+            follower.skip_to(sequence)
+        if turn is Turn.NEXT or (turn is Turn.AFTER_GAP and skips):
             followed.append(sequence)
-        early += turn is Turn.AHEAD and not leaps
+        out_of_order += turn is Turn.AFTER_GAP and not skips
     assert followed[0] == sequences[0]
     assert followed == sorted(set(followed))
     assert counts["gaps"] == followed[-1] - followed[0] + 1 - len(followed)
-    assert counts["gaps"] == 0 or leaps
-    assert counts["repeated"] == len(sequences) - len(followed) - early
+    assert counts["gaps"] == 0 or skips
+    assert counts["repeated"] == len(sequences) - len(followed) - out_of_order
 
 
 def test_joining_a_stream_late_is_no_gap() -> None:
@@ -54,13 +54,13 @@ def test_joining_a_stream_late_is_no_gap() -> None:
     assert follower.follow(header("a", 0)) is Turn.NEXT
     assert follower.follow(header("b", 500)) is Turn.NEXT
     assert counts["gaps"] == 0
-    assert follower.follow(header("b", 503)) is Turn.AHEAD
-    follower.leap(503, 1)
+    assert follower.follow(header("b", 503)) is Turn.AFTER_GAP
+    follower.skip_to(503, 1)
     assert counts["gaps"] == 1
     assert follower.next == 504
 
 
-def test_whoever_follows_says_where_a_stream_begins() -> None:
+def test_join_decides_where_a_stream_begins() -> None:
     joined: list[int] = []
 
     def join(first: Header) -> int:
@@ -69,7 +69,7 @@ def test_whoever_follows_says_where_a_stream_begins() -> None:
 
     follower = StreamFollower(Counter(), join)
     turns = [follower.follow(header("a", sequence)) for sequence in (9, 6, 7, 8, 9)]
-    assert turns == [Turn.AHEAD, Turn.REPEATED, Turn.NEXT, Turn.NEXT, Turn.NEXT]
+    assert turns == [Turn.AFTER_GAP, Turn.REPEATED, Turn.NEXT, Turn.NEXT, Turn.NEXT]
     assert joined == [9]
 
 
@@ -86,7 +86,7 @@ def test_a_message_that_is_dropped_leaves_the_stream_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_a_frame_that_says_otherwise_of_being_live_is_refused_and_the_stream_goes_on(
+def test_a_live_frame_in_a_lossless_stream_or_the_reverse_is_refused_and_the_stream_continues(
     live: bool,
 ) -> None:
     counts: Counter[str] = Counter()
@@ -94,7 +94,7 @@ def test_a_frame_that_says_otherwise_of_being_live_is_refused_and_the_stream_goe
     ours = [header("s", n).model_copy(update={"live": live}) for n in range(3)]
     assert follower.follow(ours[0]) is Turn.NEXT
     for sequence in (0, 1, 2**40):
-        with pytest.raises(MessageError, match="live or is not"):
+        with pytest.raises(MessageError, match="live and its stream is not"):
             follower.follow(header("s", sequence).model_copy(update={"live": not live}))
     assert [follower.follow(one) for one in ours[1:]] == [Turn.NEXT, Turn.NEXT]
     assert counts == {"streams": 1}

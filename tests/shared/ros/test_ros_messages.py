@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from placefield.errors import MessageError
-from placefield.ros.messages import (
+from placefield.ros.ros_messages import (
     COMPRESSED_IMAGE,
     IMAGE,
     ODOMETRY,
@@ -61,13 +61,13 @@ def test_odometry_is_its_position(order: str) -> None:
         lambda: pose_message(2**31 * 10**9, "map", (0, 0, 0), np.zeros((6, 6))),
     ],
 )
-def test_what_does_not_fit_is_a_message_error(spoilt) -> None:  # type: ignore[no-untyped-def]
+def test_a_malformed_message_is_a_message_error(spoilt) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(MessageError):
         spoilt()
 
 
 def complaint(kind: str, data: bytes) -> str:
-    """Return in what words an image is refused; any other error is one of the test."""
+    """Return the error text of a refused image; any other error fails the test."""
     try:
         read_image(kind, data)
     except MessageError as error:
@@ -118,7 +118,7 @@ def test_diagnostics_are_written_as_the_specification_has_them() -> None:
 
 
 def test_the_hashes_of_types_are_those_of_ros_2_jazzy() -> None:
-    """As a robot of that release puts them on the bus."""
+    """The expected hashes are those of a robot with that release."""
     assert type_hash(IMAGE) == (
         "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
     )

@@ -70,7 +70,7 @@ def _dashboard(
     def ready() -> None:
         print(f"ready: run {run_name!r} at http://{host}:{port}", flush=True)
 
-    with open_bus(effective.bus, stop, watches=True) as bus:
+    with open_bus(effective.bus, stop, viewer=True) as bus:
         warn_of_other_runs(bus, run_name)
         feed = Feed(bus, Keys(run_name), state)
         site = Site(run_name, map_path.stem, placemap, state, feed, replay)

@@ -59,7 +59,7 @@ def _listen(
     printed = _as_json if as_json else partial(_as_line, precision=effective.matching.precision)
     keys = Keys(effective.run)
     stop = stop_event()
-    with open_bus(effective.bus, stop, watches=True) as bus:
+    with open_bus(effective.bus, stop, viewer=True) as bus:
         matches = MatchQueue(bus, keys, smoothed=True)
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():

@@ -52,7 +52,7 @@ def _ros(
 
     begin()
     from placefield.maps.opening import open_map
-    from placefield_services.ros import Topics, run_ros
+    from placefield_services.ros_gateway import Topics, run_ros
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port

@@ -27,7 +27,7 @@ def _router(
       placefield router --endpoint tcp/0.0.0.0:7557 --connect tcp/10.0.0.2:7557
     """
     from placefield_services.process import begin, leave, stop_of_service
-    from placefield_services.router import run_router
+    from placefield_services.router_process import run_router
 
     begin()
     stop = stop_of_service()

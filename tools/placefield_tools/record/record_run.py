@@ -51,7 +51,7 @@ def record(
         BusError: no router answers.
     """
     with ExitStack() as stack:
-        with open_bus(config.bus, stop, watches=True) as bus:
+        with open_bus(config.bus, stop, viewer=True) as bus:
             warn_of_other_runs(bus, config.run)
             recorder = stack.enter_context(into)
             recording = RecordSession(bus, Keys(config.run), recorder, frames=frames, digest=digest)
@@ -131,9 +131,9 @@ class RecordSession:
         """Write a picture of a frame, once however often it was sent."""
         header = received.header
         turn = self._follower.follow(header)
-        if turn is Turn.AHEAD:
-            self._follower.leap(header.sequence)
-        if header.end or turn not in (Turn.NEXT, Turn.AHEAD):
+        if turn is Turn.AFTER_GAP:
+            self._follower.skip_to(header.sequence)
+        if header.end or turn not in (Turn.NEXT, Turn.AFTER_GAP):
             return
         try:
             picture = small_jpeg(FrameMessage.decode(received.payload).image)

@@ -74,7 +74,7 @@ def replay(
             if not stop.is_set():  # else it may have been cut short before its first frame
                 raise
         stream.end(stop)
-        return Replayed(stream.sent, stream.unseen)
+        return Replayed(stream.sent, stream.unobserved)
 
 
 def _paced(

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError, SourceError
-from placefield.ros.images import decode_image
-from placefield.ros.messages import IMAGES as ROS_IMAGES
-from placefield.ros.messages import image_of
+from placefield.ros.image_messages import decode_image
+from placefield.ros.ros_messages import IMAGES as ROS_IMAGES
+from placefield.ros.ros_messages import image_of
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.sources.compressed_video import VideoDecoder
 from placefield_tools.sources.recording import Stamped

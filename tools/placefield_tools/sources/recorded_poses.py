@@ -9,7 +9,7 @@ import numpy as np
 from placefield.errors import SourceError
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
-from placefield.ros.messages import ODOMETRY, POSE
+from placefield.ros.ros_messages import ODOMETRY, POSE
 from placefield_tools.sources.degrees import is_fix, laid_out
 from placefield_tools.sources.pose_axes import forwards_of, ground_poses
 from placefield_tools.sources.pose_files import LARGEST

@@ -1,4 +1,4 @@
-"""The gateway to ROS 2: a topic's images in as a live stream; poses and diagnostics out."""
+"""The gateway to ROS 2: it streams the images of a topic, and publishes poses and diagnostics."""
 
 import logging
 import threading
@@ -9,40 +9,44 @@ from functools import partial
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
-from placefield.bus.ros import RosNode
+from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.features.spacing import Spacing, check_spacing
 from placefield.maps.map import Map
-from placefield.ros.keys import check_name, check_topic
-from placefield.ros.messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
-from placefield_services.metrics import serve_metrics
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
+from placefield.ros.topic_keys import check_name, check_topic
 from placefield_services.process import ServiceProcess
+from placefield_services.prometheus import serve_metrics
 from placefield_services.ros_diagnostics import Diagnostics
-from placefield_services.ros_poses import Poses
+from placefield_services.ros_poses import MapPoses, Poses
 from placefield_services.ros_source import RosSource
 
 log = logging.getLogger(__name__)
 
 SERVICE = "replay"
-"""Under which a run has one source of frames, whatever it is."""
+"""The service name of every source of frames: a run has only one source."""
 
 NAMESPACE = "/placefield"
-"""Of the node, which is named after the run."""
+"""Namespace of the ROS node; the node has the name of the run."""
 
-_LIVE_IMAGES = 2  # that may wait: older ones are dropped
+_LIVE_IMAGES = 2  # images that may wait; older ones are dropped
 
-# An image makes room for a newer one; all else is small, and is kept.
+# A newer image displaces an older one; all other messages are small, and are kept.
 _IMAGE = Header(stream="ros", sequence=0, stamp_ns=0, live=True)
 _OTHER = Header(stream="ros", sequence=0, stamp_ns=0)
 
 
 @dataclass(frozen=True)
 class Topics:
-    """What is taken from ROS: its domain, and topics of it; none: no odometry.
+    """The ROS topics that the gateway subscribes to.
 
-    Images are taken every ``spacing_m`` metres by odometry; none: each one.
+    Attributes:
+        domain: the ROS domain.
+        image: the topic of images.
+        odometry: the topic of odometry; None: no odometry.
+        spacing_m: use an image every so many metres by odometry; None: use every image.
     """
 
     domain: int
@@ -52,10 +56,10 @@ class Topics:
 
 
 @dataclass(frozen=True)
-class _Heard(Received):
-    """A message, and what takes it."""
+class _QueuedCall(Received):
+    """A received message with the function that handles it."""
 
-    take: Callable[[], None]
+    handle: Callable[[], None]
 
 
 def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event) -> None:
@@ -63,22 +67,22 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
 
     Raises:
         BusError: the run has a source already.
-        ConfigError: there are several runs, a name is none for ROS, a spacing has no odometry, the
-            bus asks for credentials, or rosbags is missing.
-        SourceError: the spacing is no distance.
+        ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
+            the bus has credentials, or rosbags is missing.
+        SourceError: the spacing is not a distance.
     """
     if config.bus.credentials:
-        raise ConfigError("ROS 2 has no role on a bus with credentials; leave them out")
+        raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
     spacing = None if topics.spacing_m is None else Spacing(check_spacing(topics.spacing_m))
     if spacing is not None and topics.odometry is None:
-        raise ConfigError("--spacing: goes by odometry; give --odometry, too")
+        raise ConfigError("--spacing: needs odometry; give --odometry, too")
     run = check_name(config.run)
     for topic in filter(None, (topics.image, topics.odometry)):
         check_topic(topic)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.map = placemap.digest
-        serve_metrics(config.monitoring, process.tell)
+        serve_metrics(config.monitoring, process.report)
         keys, counts = process.keys[run], process.counts[run]
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
         node = RosNode(bus, topics.domain, NAMESPACE, run)
@@ -86,49 +90,49 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         frames = CachedPublisher(bus.publisher(keys.frame), ReplayCache(1))
         process.answers[run] = frames.cache
         source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
-        # As image_transport names them. What comes says itself what it is.
+        # As image_transport names topics. Each message says its own kind.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
-        images = _offering(inbox, keys.frame, _IMAGE, source.take_image)
+        images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)
         node.subscribe(topics.image, kind, images)
         if topics.odometry is not None:
-            positions = _offering(inbox, keys.odometry, _OTHER, source.take_odometry)
+            positions = _offering(inbox, keys.odometry, _OTHER, source.publish_odometry)
             node.subscribe(topics.odometry, ODOMETRY, positions)
 
         diagnostics = Diagnostics(run, node.publisher("/diagnostics", DIAGNOSTICS))
-        stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.take)
+        stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
         if len(placemap.places.poses):
-            of_map = placemap.places.poses, config.matching.tolerance, placemap.digest
+            of_map = MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
-                poses = Poses(*of_map, publisher, counts, smoothed=key == keys.smoothed)
+                poses = Poses(of_map, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
         else:
-            log.warning("the map has no poses: none goes out to ROS")
+            log.warning("the map has no poses, so no poses are published to ROS")
 
         with process.sole():
             process.serve(
-                inbox, _take, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
+                inbox, _handle, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
             )
             source.end()
 
 
 def _offering(
-    inbox: Inbox, key: str, header: Header, take: Callable[[str, bytes], None]
+    inbox: Inbox, key: str, header: Header, handle: Callable[[str, bytes], None]
 ) -> Callable[[str, bytes], None]:
-    """Return what has a message taken from the inbox, in its turn, that the bus's thread hears."""
+    """Return a function that queues a received message, to be handled by ``handle`` in its turn."""
 
     def offer(about: str, payload: bytes) -> None:
-        inbox.offer(_Heard(key, header, payload, partial(take, about, payload)))
+        inbox.offer(_QueuedCall(key, header, payload, partial(handle, about, payload)))
 
     return offer
 
 
 def _offer_match(inbox: Inbox, poses: Poses, match: Received) -> None:
-    take = partial(poses.take, match.header, match.payload)
-    inbox.offer(_Heard(match.key, _OTHER, match.payload, take))
+    handle = partial(poses.publish, match.header, match.payload)
+    inbox.offer(_QueuedCall(match.key, _OTHER, match.payload, handle))
 
 
-def _take(heard: Received) -> None:
-    assert isinstance(heard, _Heard)  # nothing else is offered
-    heard.take()
+def _handle(received: Received) -> None:
+    assert isinstance(received, _QueuedCall)  # nothing else is offered
+    received.handle()

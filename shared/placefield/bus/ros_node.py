@@ -1,4 +1,4 @@
-"""A node of ROS 2 on the bus, for those who speak ``rmw_zenoh``."""
+"""A ROS 2 node on the bus, for ROS processes that use ``rmw_zenoh``."""
 
 import itertools
 import time
@@ -6,12 +6,12 @@ import uuid
 from collections.abc import Callable
 
 from placefield.bus.session import Bus
-from placefield.ros.keys import Node, attachment, kind_of_key, topic_key
-from placefield.ros.messages import type_hash
+from placefield.ros.ros_messages import type_hash
+from placefield.ros.topic_keys import Node, attachment, kind_of_key, topic_key
 
 
 class RosPublisher:
-    """Publishes CDR on one topic; dropped when the way is full."""
+    """Publishes CDR messages on one topic; they are dropped when the link is congested."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self._bus = bus
@@ -26,7 +26,7 @@ class RosPublisher:
 
 
 class RosNode:
-    """A node with its topics, which others see as long as the session lives."""
+    """A node and its topics, visible to ROS as long as the session lives."""
 
     def __init__(self, bus: Bus, domain: int, namespace: str, name: str) -> None:
         self._bus = bus
@@ -35,7 +35,7 @@ class RosNode:
         bus.declare_alive(self._node.token)
 
     def publisher(self, topic: str, kind: str) -> RosPublisher:
-        """Announce that this node publishes on a topic, and return what does."""
+        """Announce that this node publishes on a topic, and return the publisher."""
         known_as = type_hash(kind)
         self._bus.declare_alive(
             self._node.topic_token(next(self._numbers), "MP", topic, kind, known_as)
@@ -43,9 +43,9 @@ class RosNode:
         return RosPublisher(self._bus, topic_key(self._node.domain, topic, kind, known_as))
 
     def subscribe(self, topic: str, kind: str, receive: Callable[[str, bytes], None]) -> None:
-        """Call ``receive(kind, payload)`` for what comes on a topic, on the bus's thread.
+        """Call ``receive(kind, payload)`` for each message on a topic, on the bus's thread.
 
-        Whatever comes is handed on, that what is of another kind than was announced can be told.
+        Messages of another kind are passed on, too, so that ``receive`` can report them.
         """
         self._bus.subscribe_raw(
             topic_key(self._node.domain, topic),

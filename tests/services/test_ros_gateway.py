@@ -1,4 +1,4 @@
-"""What the gateway refuses before it speaks to anybody."""
+"""Settings that the gateway refuses before it connects."""
 
 import threading
 
@@ -7,7 +7,7 @@ import pytest
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.maps.map import Map
-from placefield_services.ros import Topics, run_ros
+from placefield_services.ros_gateway import Topics, run_ros
 
 
 @pytest.mark.parametrize(
@@ -17,11 +17,11 @@ from placefield_services.ros import Topics, run_ros
         ({"runs": ["12"]}, Topics(0, "/camera"), "run '12'"),
         ({}, Topics(0, "camera/*"), r"topic 'camera/\*'"),
         ({}, Topics(0, "/camera", "odom"), "topic 'odom'"),
-        ({}, Topics(0, "/camera", spacing_m=0.5), "--spacing: goes by odometry"),
+        ({}, Topics(0, "/camera", spacing_m=0.5), "--spacing: needs odometry"),
         ({"bus": {"credentials": "x"}}, Topics(0, "/camera"), "credentials"),
     ],
 )
-def test_what_ros_cannot_have_is_refused(
+def test_settings_that_ros_cannot_use_are_refused(
     route_map: Map, settings: dict[str, object], topics: Topics, complaint: str
 ) -> None:
     with pytest.raises(ConfigError, match=complaint):

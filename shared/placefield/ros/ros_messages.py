@@ -1,4 +1,4 @@
-"""The ROS 2 messages that come in and go out, as bytes: CDR, which rosbags writes and reads."""
+"""Reads and writes ROS 2 messages as bytes: CDR, by means of rosbags."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError, MessageError
-from placefield.ros.images import decode_image
+from placefield.ros.image_messages import decode_image
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -29,14 +29,14 @@ _NS = 10**9
 
 @dataclass(frozen=True)
 class Status:
-    """How something stands: a ``diagnostic_msgs/DiagnosticStatus``.
+    """A status of ROS: a ``diagnostic_msgs/DiagnosticStatus``.
 
     Attributes:
         level: ``OK``, ``WARN`` or ``STALE``.
-        name: of what it is about.
-        message: in words.
-        hardware: what that belongs to.
-        values: by name.
+        name: of the component.
+        message: a short description.
+        hardware: identity of the component's device.
+        values: more values by name.
     """
 
     level: int
@@ -56,7 +56,7 @@ def _typestore() -> "Typestore":
 
 
 def type_hash(kind: str) -> str:
-    """Return the hash of a kind of messages, as ``RIHS01_...`` (REP 2016).
+    """Return the type hash of a kind of messages, as ``RIHS01_...`` (REP 2016).
 
     Raises:
         ConfigError: rosbags is missing.
@@ -65,17 +65,17 @@ def type_hash(kind: str) -> str:
 
 
 def read_image(kind: str, data: bytes) -> tuple[int, bytes | NDArray[np.uint8]]:
-    """Read an image.
+    """Read an image message.
 
     Args:
         kind: ``COMPRESSED_IMAGE`` or ``IMAGE``.
         data: the message.
 
     Returns:
-        Its stamp, nanoseconds, and the image: encoded, or pixels, (H, W) grey or (H, W, 3) BGR.
+        The stamp, nanoseconds, and the image: encoded, or pixels, (H, W) grey or (H, W, 3) BGR.
 
     Raises:
-        MessageError: it is no image, or not of an encoding that we read.
+        MessageError: the message is no image, or its encoding is not supported.
     """
     if kind not in IMAGES:
         raise MessageError(f"{kind:.80}: give a topic of {' or '.join(IMAGES)}")
@@ -87,7 +87,7 @@ def read_image(kind: str, data: bytes) -> tuple[int, bytes | NDArray[np.uint8]]:
 
 
 def stamp_of(message: Any) -> int:
-    """Return the stamp of the header of a message, as rosbags gives it, in nanoseconds."""
+    """Return the stamp of a message that rosbags has read, in nanoseconds."""
     stamp = message.header.stamp
     return int(stamp.sec * _NS + stamp.nanosec)
 
@@ -97,13 +97,13 @@ def image_of(kind: str, message: Any) -> bytes | NDArray[np.uint8]:
 
     Args:
         kind: one of ``IMAGES``.
-        message: as rosbags gives it, of ROS 1 or 2.
+        message: as rosbags has read it, of ROS 1 or 2.
 
     Returns:
-        It encoded, or as pixels, (H, W) grey or (H, W, 3) BGR.
+        The encoded image, or its pixels, (H, W) grey or (H, W, 3) BGR.
 
     Raises:
-        FrameError: it is not of an encoding that we read, or its fields do not fit each other.
+        FrameError: the encoding is not supported, or the fields do not fit each other.
     """
     if kind == COMPRESSED_IMAGE:
         encoded: bytes = message.data.tobytes()
@@ -119,25 +119,25 @@ def image_of(kind: str, message: Any) -> bytes | NDArray[np.uint8]:
 
 
 def read_position(kind: str, data: bytes) -> NDArray[np.float64]:
-    """Read where a vehicle is by its odometry: (3,), metres.
+    """Read the vehicle's position from an odometry message: (3,), metres.
 
     Raises:
-        MessageError: it is no ``ODOMETRY``, or not finite.
+        MessageError: the message is no ``ODOMETRY``, or the position is not finite.
     """
     if kind != ODOMETRY:
         raise MessageError(f"{kind:.80}: give a topic of {ODOMETRY}")
     at = _decode(kind, data).pose.pose.position
     position = np.array([at.x, at.y, at.z])
     if not np.isfinite(position).all():
-        raise MessageError(f"{kind}: a position that is not finite")
+        raise MessageError(f"{kind}: the position is not finite")
     return position
 
 
 def _decode(kind: str, data: bytes) -> Any:
     try:
         return _typestore().deserialize_cdr(data, kind)
-    except Exception as error:  # rosbags lets several kinds through, AssertionError among them
-        raise MessageError(f"{kind}: no CDR: {error!s:.200}") from None
+    except Exception as error:  # rosbags raises many types, AssertionError among them
+        raise MessageError(f"{kind}: not CDR: {error!s:.200}") from None
 
 
 def pose_message(
@@ -146,16 +146,16 @@ def pose_message(
     pose: tuple[float, float, float],
     covariance: NDArray[np.float64],
 ) -> bytes:
-    """Return a ``POSE``.
+    """Return a ``POSE`` message.
 
     Args:
         stamp_ns: nanoseconds.
-        frame_id: the frame that the pose is in.
+        frame_id: coordinate frame of the pose.
         pose: x and y in metres and yaw in radians.
         covariance: (6, 6) of x, y, z and the rotations about them.
 
     Raises:
-        MessageError: ROS cannot say such a stamp: its seconds are int32.
+        MessageError: the stamp is out of range: in ROS its seconds are int32.
     """
     kinds = _typestore().types
     x, y, yaw = pose
@@ -172,14 +172,14 @@ def pose_message(
 
 
 def diagnostics_message(stamp_ns: int, statuses: Iterable[Status]) -> bytes:
-    """Return a ``DIAGNOSTICS``.
+    """Return a ``DIAGNOSTICS`` message.
 
     Raises:
-        MessageError: ROS cannot say such a stamp: its seconds are int32.
+        MessageError: the stamp is out of range: in ROS its seconds are int32.
     """
     kinds = _typestore().types
     key_value = kinds["diagnostic_msgs/msg/KeyValue"]
-    told = [
+    reported = [
         kinds["diagnostic_msgs/msg/DiagnosticStatus"](
             level=status.level,
             name=status.name,
@@ -189,13 +189,13 @@ def diagnostics_message(stamp_ns: int, statuses: Iterable[Status]) -> bytes:
         )
         for status in statuses
     ]
-    return _encode(DIAGNOSTICS, kinds[DIAGNOSTICS](header=_header(stamp_ns, ""), status=told))
+    return _encode(DIAGNOSTICS, kinds[DIAGNOSTICS](header=_header(stamp_ns, ""), status=reported))
 
 
 def _header(stamp_ns: int, frame_id: str) -> Any:
     seconds, nanoseconds = divmod(stamp_ns, _NS)
     if not -(2**31) <= seconds < 2**31:
-        raise MessageError(f"a stamp of {seconds} s, which ROS cannot say")
+        raise MessageError(f"a stamp of {seconds} s is out of range for ROS")
     kinds = _typestore().types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
     return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id)

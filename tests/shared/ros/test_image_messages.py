@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError
-from placefield.ros.images import ENCODINGS, decode_image
+from placefield.ros.image_messages import ENCODINGS, decode_image
 
 HEIGHT, WIDTH = 12, 10
 BGR = cv2.GaussianBlur(
@@ -24,7 +24,7 @@ BAYER = {
 
 
 def decoded(encoding: str, rows: NDArray[np.generic], *, padding: int = 0) -> NDArray[np.uint8]:
-    """What is read from an image with these rows (H, W, ...), padded."""
+    """Decode an image with these rows (H, W, ...), padded."""
     flat = np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), -1)
     padded = np.pad(flat, ((0, 0), (0, padding)), constant_values=77)
     big = rows.dtype.byteorder == ">"
@@ -92,12 +92,12 @@ def test_the_last_row_may_lack_its_padding() -> None:
     [
         ({"encoding": "32FC1"}, "'32FC1'; give one of mono8"),
         ({"data": GREY.tobytes()[:-1]}, "has 119 bytes in rows of 10"),
-        ({"step": WIDTH - 1}, "rows of 9; it takes rows of 10"),
+        ({"step": WIDTH - 1}, "rows of 9; it needs rows of 10"),
         ({"height": 0}, "is 10×0; give at least 8×8"),
         ({"width": 2**31, "height": 2**31}, "at most 64000000 pixels"),
     ],
 )
-def test_fields_that_do_not_fit_are_told(how: dict[str, object], what: str) -> None:
+def test_fields_that_do_not_fit_are_reported(how: dict[str, object], what: str) -> None:
     fields = {
         "height": HEIGHT,
         "width": WIDTH,

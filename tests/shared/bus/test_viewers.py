@@ -13,19 +13,19 @@ from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage
 from placefield.bus.session import Bus, open_bus, open_router
-from placefield.bus.settings import WATCHERS
+from placefield.bus.settings import VIEWERS
 from placefield.config import BusConfig
 
 KEYS = Keys("test")
 PATIENCE_S = 30.0
-LOOK_ON = """
+VIEWER = """
 import sys, time
 from placefield.bus.keys import Keys
 from placefield.bus.session import open_bus
 from placefield.config import BusConfig
-with open_bus(BusConfig(endpoint=sys.argv[1]), watches=True) as bus:
+with open_bus(BusConfig(endpoint=sys.argv[1]), viewer=True) as bus:
     bus.subscribe_raw(Keys("test").frame, lambda key, payload: None)
-    bus.declare_alive(Keys("test").alive("watcher", "1"))
+    bus.declare_alive(Keys("test").alive("viewer", "1"))
     time.sleep(60)
 """
 
@@ -37,29 +37,29 @@ def router(endpoint: str) -> Iterator[Bus]:
 
 
 @pytest.mark.usefixtures("router")
-def test_a_watcher_that_is_stopped_is_not_waited_for(endpoint: str) -> None:
-    """If it were, all would have been sent only once the router has given it up."""
+def test_a_stopped_viewer_does_not_block_the_pipeline(endpoint: str) -> None:
+    """If the router waited, it would send nothing more until it drops the viewer."""
     frame = FrameMessage(image=np.random.default_rng(0).bytes(900_000)).encode()
-    command = [sys.executable, "-c", LOOK_ON, endpoint]
-    with open_bus(BusConfig(endpoint=endpoint)) as bus, subprocess.Popen(command) as watcher:
+    command = [sys.executable, "-c", VIEWER, endpoint]
+    with open_bus(BusConfig(endpoint=endpoint)) as bus, subprocess.Popen(command) as viewer:
         try:
             end = time.monotonic() + PATIENCE_S
             while not (tokens := bus.alive(KEYS.all_alive())):
-                assert time.monotonic() < end, "the watcher did not come"
+                assert time.monotonic() < end, "the viewer did not come"
                 time.sleep(0.05)
             publisher = bus.publisher(KEYS.frame)
-            watcher.send_signal(signal.SIGSTOP)
+            viewer.send_signal(signal.SIGSTOP)
             for number in range(60):
                 publisher.send(Header(stream="a", sequence=number, stamp_ns=0), frame)
             assert bus.alive(KEYS.all_alive()) == tokens
         finally:
-            watcher.kill()
+            viewer.kill()
 
 
-def test_watchers_have_names_of_their_own_as_long_as_there_are_some(
+def test_each_viewer_has_an_identity_of_its_own_as_long_as_one_is_free(
     router: Bus, endpoint: str
 ) -> None:
     config = BusConfig(endpoint=endpoint)
-    with open_bus(config, watches=True) as one, open_bus(config, watches=True) as other:
+    with open_bus(config, viewer=True) as one, open_bus(config, viewer=True) as other:
         assert one.identity != other.identity
-        assert {one.identity, other.identity} & set(WATCHERS)
+        assert {one.identity, other.identity} & set(VIEWERS)

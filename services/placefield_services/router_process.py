@@ -1,4 +1,4 @@
-"""A router of its own: what the processes of a host speak through, and the hosts to each other."""
+"""A router process: it connects the processes of a host, and hosts with each other."""
 
 import threading
 from collections.abc import Callable
@@ -11,7 +11,7 @@ _ALIVE_EVERY_S = 1.0
 
 
 def run_router(config: BusConfig, stop: threading.Event, on_ready: Callable[[], None]) -> None:
-    """Route until ``stop`` is set; ``on_ready`` is called once, when others can connect.
+    """Route until ``stop`` is set; ``on_ready`` is called once, when clients can connect.
 
     Raises:
         BusError: an endpoint is malformed or in use.

@@ -1,7 +1,7 @@
-"""The keys of ROS 2 on Zenoh, as its rmw_zenoh spells them (jazzy and later).
+"""The keys of ROS 2 topics on Zenoh, as rmw_zenoh spells them (jazzy and later).
 
-A topic's messages go on ``DOMAIN/TOPIC/TYPE/HASH``. Who is there is said by liveliness tokens, one
-for a node and one for each of its topics, from which ``ros2 topic list`` and its like are answered.
+A topic's messages go on ``DOMAIN/TOPIC/TYPE/HASH``. Each node has a liveliness token, and one for
+each of its topics. Commands such as ``ros2 topic list`` read these tokens.
 """
 
 import re
@@ -13,20 +13,20 @@ from placefield.errors import ConfigError
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_ROOT = "%"  # what stands for the slash inside a token
-_QOS = "::,10:,:,:,,"  # reliable, volatile, the last 10 kept; all else as ROS has it
+_ROOT = "%"  # replaces the slash inside a token
+_QOS = "::,10:,:,:,,"  # reliable, volatile, keeps the last 10; all else is the default of ROS
 
 GID_BYTES = 16
 
 Use = Literal["MP", "MS"]
-"""What a node does with a topic: publishes on it, or subscribes to it."""
+"""How a node uses a topic: as publisher (``MP``) or as subscriber (``MS``)."""
 
 
 def topic_key(domain: int, topic: str, kind: str = "*", type_hash: str = "*") -> str:
     """Return the key of a topic's messages.
 
     Args:
-        domain: of ROS.
+        domain: the ROS domain.
         topic: with its leading slash.
         kind: of messages, as ``sensor_msgs/msg/Image``, or ``*`` for any.
         type_hash: of that kind, as ``RIHS01_...``, or ``*`` for any.
@@ -35,7 +35,7 @@ def topic_key(domain: int, topic: str, kind: str = "*", type_hash: str = "*") ->
 
 
 def kind_of_key(key: str) -> str:
-    """Return the kind of the messages on such a key, as ``sensor_msgs/msg/Image``."""
+    """Return the kind of the messages on a topic's key, as ``sensor_msgs/msg/Image``."""
     dds_type = key.rsplit("/", 2)[-2]
     return dds_type.replace("::dds_::", "::").removesuffix("_").replace("::", "/")
 
@@ -48,38 +48,40 @@ def _dds_type(kind: str) -> str:
 
 
 def check_topic(topic: str) -> str:
-    """Return the topic, if ROS can have one of that name.
+    """Return the topic, if its name is valid in ROS.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the name is not valid.
     """
     if not _TOPIC.fullmatch(topic):
-        raise ConfigError(f"topic {topic!r}: ROS has none of such a name; write /camera/image_raw")
+        raise ConfigError(
+            f"topic {topic!r}: not a valid name in ROS; write it as /camera/image_raw"
+        )
     return topic
 
 
 def check_name(run: str) -> str:
-    """Return the run's name, if a node of ROS can have it.
+    """Return the run's name, if it is a valid name of a ROS node.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the name is not valid.
     """
     if not _NAME.fullmatch(run):
         raise ConfigError(
-            f"run {run!r}: ROS has no such names; give letters, digits and _, a letter first"
+            f"run {run!r}: not a valid name in ROS; give letters, digits and _, a letter first"
         )
     return run
 
 
 @dataclass(frozen=True)
 class Node:
-    """A node of ROS, the only one of its session.
+    """A ROS node, the only one of its session.
 
     Attributes:
-        domain: of ROS.
-        session: identity of the Zenoh session that it lives in.
+        domain: the ROS domain.
+        session: identity of the node's Zenoh session.
         namespace: with its leading slash.
-        name: in that namespace.
+        name: of the node in that namespace.
     """
 
     domain: int
@@ -89,13 +91,13 @@ class Node:
 
     @property
     def token(self) -> str:
-        """Its liveliness token."""
+        """The liveliness token of the node."""
         return self._token(0, "NN")
 
     def topic_token(self, number: int, use: Use, topic: str, kind: str, type_hash: str) -> str:
-        """Return the token of one of its topics, which it numbers from 1."""
-        told = _mangled(topic), _dds_type(kind), type_hash, _QOS
-        return "/".join((self._token(number, use), *told))
+        """Return the liveliness token of a topic of the node; ``number`` counts topics from 1."""
+        parts = _mangled(topic), _dds_type(kind), type_hash, _QOS
+        return "/".join((self._token(number, use), *parts))
 
     def _token(self, number: int, what: str) -> str:
         lead = f"@ros2_lv/{self.domain}/{self.session}/0/{number}/{what}"
@@ -107,11 +109,11 @@ def _mangled(name: str) -> str:
 
 
 def attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
-    """Return what travels beside each message: Zenoh's serialisation of these three.
+    """Return the attachment of a message: Zenoh's serialisation of the three arguments.
 
     Args:
-        sequence: of the publisher's messages, from 1.
-        stamp_ns: when it was published, nanoseconds.
-        gid: of the publisher, ``GID_BYTES`` that no other has.
+        sequence: number of the message at its publisher, from 1.
+        stamp_ns: when the message was published, nanoseconds.
+        gid: identity of the publisher, unique, ``GID_BYTES`` long.
     """
     return struct.pack(f"<qqB{GID_BYTES}s", sequence, stamp_ns, GID_BYTES, gid)

@@ -1,8 +1,8 @@
-"""ROS image messages to pixels, with no ROS installed.
+"""Decodes ROS image messages to pixels, with no ROS installed.
 
-``sensor_msgs/Image`` says how its bytes lie: rows of ``step`` bytes, the rest of a row behind the
-pixels being padding, and an encoding of ``sensor_msgs/image_encodings.hpp``. Of these we read the
-ones that are pictures; a ``sensor_msgs/CompressedImage`` is a JPEG or PNG, as any encoded frame.
+A ``sensor_msgs/Image`` has rows of ``step`` bytes, with padding behind the pixels of each row, and
+an encoding of ``sensor_msgs/image_encodings.hpp``. We read the encodings of camera images. A
+``sensor_msgs/CompressedImage`` is a JPEG or PNG, like any encoded frame.
 """
 
 from typing import NamedTuple
@@ -73,11 +73,11 @@ def decode_image(
         data: at least ``step`` bytes for every row but the last, which may lack its padding.
 
     Returns:
-        (H, W) grey or (H, W, 3) BGR uint8, its own memory. 16-bit values are scaled by 1/257 as in
-        an encoded image, alpha is dropped, and a Bayer pattern is filled in bilinearly.
+        (H, W) grey or (H, W, 3) BGR uint8, a copy. 16-bit values are scaled by 1/257 as in an
+        encoded image, alpha is dropped, and a Bayer pattern is demosaiced bilinearly.
 
     Raises:
-        FrameError: the encoding is none of these, or the fields do not fit each other.
+        FrameError: the encoding is not in ``ENCODINGS``, or the fields do not fit each other.
     """
     layout = _LAYOUTS.get(encoding)
     if layout is None:
@@ -115,7 +115,7 @@ def _rows(
     if step < row or len(given) < needed:
         raise FrameError(
             f"the image of {width}×{height} has {len(given)} bytes in rows of {step}; "
-            f"it takes rows of {row} or more, and {max(needed, height * row)} bytes"
+            f"it needs rows of {row} or more, and {max(needed, height * row)} bytes"
         )
     rows = np.lib.stride_tricks.as_strided(given, (height, row), (step, 1), writeable=False)
     return rows.copy()
@@ -127,5 +127,5 @@ def _converted(values: MatLike, conversion: int) -> MatLike:
     except cv2.error:
         raise FrameError(
             f"the image of {values.shape[1]}×{values.shape[0]} does not fit its encoding: "
-            "4:2:2 takes an even width"
+            "4:2:2 needs an even width"
         ) from None

@@ -1,4 +1,4 @@
-"""What services count, for Prometheus."""
+"""Exports the counts of services to Prometheus."""
 
 import threading
 import time
@@ -11,25 +11,25 @@ from placefield.bus.session import LONGEST_STATS, MOST_TOKENS, Bus
 from placefield.config import MonitoringConfig
 from placefield.errors import ConfigError, MessageError
 
-_SILENT_S = 10.0  # a service tells once a second
+_SILENT_S = 10.0  # a service reports once a second
 
 
 @dataclass(frozen=True)
-class Told:
-    """What one process of a service has told of a run."""
+class ReportedStats:
+    """The statistics that one process of a service has reported for a run."""
 
     run: str
     identity: str
     stats: StatsMessage
 
 
-Tell = Callable[[], Iterable[Told]]
+Report = Callable[[], Iterable[ReportedStats]]
 
 
-def serve_metrics(monitoring: MonitoringConfig, tell: Tell) -> None:
-    """Answer Prometheus with what ``tell`` says when it asks, as long as this process lives.
+def serve_metrics(monitoring: MonitoringConfig, report: Report) -> None:
+    """Serve metrics to Prometheus as long as this process lives; ``report`` is called each time.
 
-    Does nothing where no port is given.
+    Without a port this does nothing.
 
     Raises:
         ConfigError: prometheus-client is missing, or the port cannot be listened at.
@@ -44,7 +44,7 @@ def serve_metrics(monitoring: MonitoringConfig, tell: Tell) -> None:
         ) from None
     registry = CollectorRegistry()
     ProcessCollector(registry=registry)
-    registry.register(_collector(tell))
+    registry.register(_collector(report))
     try:
         start_http_server(monitoring.port, monitoring.host, registry)
     except OSError as error:
@@ -54,7 +54,7 @@ def serve_metrics(monitoring: MonitoringConfig, tell: Tell) -> None:
         ) from None
 
 
-def _collector(tell: Tell):  # type: ignore[no-untyped-def]  # of a library that may be missing
+def _collector(report: Report):  # type: ignore[no-untyped-def]  # the library may be missing
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
     from prometheus_client.registry import Collector
 
@@ -63,17 +63,17 @@ def _collector(tell: Tell):  # type: ignore[no-untyped-def]  # of a library that
     class Counts(Collector):
         def collect(self):  # type: ignore[no-untyped-def]
             events = CounterMetricFamily(
-                "placefield_events", "What a service has counted.", labels=(*labels, "event")
+                "placefield_events", "Events that a service has counted.", labels=(*labels, "event")
             )
             newest = GaugeMetricFamily(
                 "placefield_newest_frame", "Number of the newest frame answered.", labels=labels
             )
-            for told in tell():
-                of = told.run, told.stats.service, told.identity
-                for event, count in told.stats.counts.items():
+            for reported in report():
+                of = reported.run, reported.stats.service, reported.identity
+                for event, count in reported.stats.counts.items():
                     events.add_metric((*of, event), count)
-                if told.stats.sequence is not None:
-                    newest.add_metric(of, told.stats.sequence)
+                if reported.stats.sequence is not None:
+                    newest.add_metric(of, reported.stats.sequence)
             yield events
             yield newest
 
@@ -81,34 +81,38 @@ def _collector(tell: Tell):  # type: ignore[no-untyped-def]  # of a library that
 
 
 class ReceivedStats:
-    """What all services of some runs tell on the bus, from now on."""
+    """The statistics that all services of some runs publish on the bus, from now on."""
 
     def __init__(self, bus: Bus, runs: Sequence[str]) -> None:
-        self._newest: dict[str, tuple[float, Told]] = {}
-        self._lock = threading.Lock()  # the bus hears while Prometheus asks
+        self._newest: dict[str, tuple[float, ReportedStats]] = {}
+        self._lock = threading.Lock()  # the bus and Prometheus use different threads
         for run in runs:
-            bus.subscribe_raw(Keys(run).all_stats, self._hear)
+            bus.subscribe_raw(Keys(run).all_stats, self._receive)
 
-    def _hear(self, key: str, payload: bytes) -> None:
+    def _receive(self, key: str, payload: bytes) -> None:
         if len(payload) > LONGEST_STATS:
             return
         try:
             stats = StatsMessage.decode(payload)
         except MessageError:
-            return  # whoever it is for counts it
+            return  # other readers count it as malformed
         service, identity = service_and_identity(key)
-        told = Told(run_of(key), identity, stats.model_copy(update={"service": service}))
+        reported = ReportedStats(
+            run_of(key), identity, stats.model_copy(update={"service": service})
+        )
         with self._lock:
             if key not in self._newest and len(self._newest) >= MOST_TOKENS:
-                return  # they are a stranger's
-            self._newest[key] = time.monotonic(), told
+                return  # more come from an untrusted client
+            self._newest[key] = time.monotonic(), reported
 
-    def _forget_the_silent(self) -> None:
+    def _drop_silent(self) -> None:
         since = time.monotonic() - _SILENT_S
-        self._newest = {key: told for key, told in self._newest.items() if told[0] > since}
+        self._newest = {
+            key: reported for key, reported in self._newest.items() if reported[0] > since
+        }
 
-    def tell(self) -> list[Told]:
-        """Return what those told that are not silent now."""
+    def report(self) -> list[ReportedStats]:
+        """Return the newest statistics of each process that reported within the last 10 s."""
         with self._lock:
-            self._forget_the_silent()
-            return [told for _, told in self._newest.values()]
+            self._drop_silent()
+            return [reported for _, reported in self._newest.values()]
