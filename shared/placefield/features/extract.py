@@ -15,8 +15,8 @@ from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
+from placefield.features.network_sandbox import try_network
 from placefield.features.shrink import small_grey
-from placefield.features.trying import try_network
 from placefield.plugins import load_plugin
 
 GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer

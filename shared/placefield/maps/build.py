@@ -12,7 +12,7 @@ from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, MapMetric, Places
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places

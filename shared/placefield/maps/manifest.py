@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
+from placefield.maps.array_files import open_inside
 from placefield.maps.digest import short_digest
-from placefield.maps.reading import open_inside
 from placefield.presets import Preset
 
 SUFFIX = ".pfmap"

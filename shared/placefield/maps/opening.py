@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.network import Network
-from placefield.maps.checksums import checksum_of_opened
-from placefield.maps.layout import (
+from placefield.maps.array_files import ArrayFile, ArrayHeader, open_inside
+from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     METRIC_FILES,
@@ -21,9 +21,9 @@ from placefield.maps.layout import (
     PLACE_FILES,
     Layout,
 )
+from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
-from placefield.maps.reading import ArrayFile, ArrayHeader, open_inside
 from placefield.search.coarse import Coarse
 
 _QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told

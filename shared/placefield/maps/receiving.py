@@ -49,7 +49,7 @@ def receiving(path: Path) -> Iterator["PartialMap"]:
         MapError: somebody else receives it, or the disk refuses.
     """
     partial = PartialMap(path)
-    with _disk_errors_told(path):
+    with _disk_errors_reported(path):
         partial.folder.mkdir(parents=True, exist_ok=True)
         with _locked(partial.folder):
             try:
@@ -182,7 +182,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _disk_errors_told(path: Path) -> Iterator[None]:
+def _disk_errors_reported(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

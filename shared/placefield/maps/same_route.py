@@ -18,7 +18,7 @@ from placefield.features.extract import default_dimensions, feature_of
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import MapChannel
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import Traverse
 from placefield.matching.channel_stage import ChannelStage
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from placefield.errors import MapError
 from placefield.files import sync, write_whole
+from placefield.maps.array_layout import arrays_of
 from placefield.maps.checksums import checksum_of
-from placefield.maps.layout import arrays_of
 from placefield.maps.manifest import (
     LONGEST_MANIFEST,
     MANIFEST,

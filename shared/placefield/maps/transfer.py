@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.maps.array_files import open_inside
 from placefield.maps.manifest import (
     LONGEST_MANIFEST,
     MANIFEST,
@@ -19,7 +20,6 @@ from placefield.maps.manifest import (
     parse_manifest,
     read_manifest,
 )
-from placefield.maps.reading import open_inside
 
 CHUNK = 2**20
 """Bytes of a file that travel together; less at its end."""

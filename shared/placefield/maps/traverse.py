@@ -11,7 +11,7 @@ from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
-from placefield.maps.jumps import told_jumps
+from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
@@ -129,7 +129,7 @@ def _poses(
         stamps = None
     if not has_pose.all():
         _fill(name, stamps, poses, has_pose)
-    if jumps := told_jumps(poses, stamps):
+    if jumps := implausible_steps(poses, stamps):
         log.warning("%s: %s", name, jumps)
     return poses
 

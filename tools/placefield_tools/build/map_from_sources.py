@@ -22,8 +22,8 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.drives import Drive, drives_of
-from placefield_tools.sources.opening import name_of
 from placefield_tools.sources.secrets import without_secrets
+from placefield_tools.sources.source_factory import name_of
 
 
 def build_from(

@@ -54,7 +54,7 @@ def get(benchmark: Benchmark, into: Path, progress: Progress) -> Path:
             "looks at it; remove it to get it anew"
         )
     partial = into / f"{benchmark.name}.partial"
-    with _disk_errors_told(partial):
+    with _disk_errors_reported(partial):
         partial.mkdir(parents=True, exist_ok=True)
         with _alone(partial):
             _download(benchmark, partial, sums_file(benchmark, into), progress)
@@ -124,7 +124,7 @@ def _alone(partial: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _disk_errors_told(partial: Path) -> Iterator[None]:
+def _disk_errors_reported(partial: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

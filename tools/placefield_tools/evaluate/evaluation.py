@@ -29,7 +29,7 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.through_services import match_through_services
-from placefield_tools.evaluate.truth_source import Asked, Sides, TruthSource, ground_of
+from placefield_tools.evaluate.truth_source import Comparison, TruthOptions, TruthSource, find_truth
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.resampled import ResampledTraverse
 
@@ -169,19 +169,19 @@ def drive_in(source: Source, count: int) -> tuple[Drive, int]:
         count: of the frames that it gave.
     """
     if isinstance(source, ResampledTraverse):
-        return source.drive, source.undriven_count
+        return source.drive, source.query_count
     return aligned(count), count
 
 
 def describe_query(
     source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
-    """Describe the images of a query's frames, see ``describe_located_query``."""
-    descriptions, readings, _ = describe_located_query(source, describe)
+    """Describe the images of a query's frames, see ``describe_query_with_poses``."""
+    descriptions, readings, _ = describe_query_with_poses(source, describe)
     return descriptions, readings
 
 
-def describe_located_query(
+def describe_query_with_poses(
     source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
     """Describe the images of a query's frames.
@@ -265,7 +265,7 @@ def evaluate(
     config: Config,
     *,
     services: bool,
-    asked: Asked | None = None,
+    asked: TruthOptions | None = None,
 ) -> Evaluation:
     """Match a query against a map by every rule that serves, and judge causal and smoothed matches.
 
@@ -276,7 +276,7 @@ def evaluate(
         config: its matching, fusion and bus.
         services: whether the frames are matched by the services, as processes on a bus of their
             own, and not in this process.
-        asked: what else says what is right, see ``ground_of``. Where nobody knows, only the rule
+        asked: what else says what is right, see ``find_truth``. Where nobody knows, only the rule
             that tells which matches are known is run, and nothing is judged.
 
     Raises:
@@ -290,11 +290,13 @@ def evaluate(
     known: dict[Rule, int] = {}
     with query.open() as source:
         describe = feature_of_model(placemap.model).describe
-        raws, readings, poses = describe_located_query(source, describe)
+        raws, readings, poses = describe_query_with_poses(source, describe)
         drive, undriven = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(undriven)
-        ground = ground_of(
-            Sides(placemap, count, queries, query.numbered(drive), poses, source.origin, readings),
+        ground = find_truth(
+            Comparison(
+                placemap, count, queries, query.numbered(drive), poses, source.origin, readings
+            ),
             lambda: truth_of(queries, count),
             asked,
         )

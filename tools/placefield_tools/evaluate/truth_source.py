@@ -26,7 +26,7 @@ _SAME_FRAME = ", or --same-frame, if the poses of both sides are in the same met
 
 
 @dataclass(frozen=True)
-class Asked:
+class TruthOptions:
     """What a person says of what is right, who gives no file of it.
 
     Attributes:
@@ -43,7 +43,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
+class Comparison:
     """A drive of D frames, and the map that it is matched against.
 
     Attributes:
@@ -112,7 +112,9 @@ class TruthSource:
         )
 
 
-def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) -> TruthSource:
+def find_truth(
+    comparison: Comparison, truth_of: Callable[[], Truth], asked: TruthOptions | None
+) -> TruthSource:
     """Say what is right.
 
     Poses on earth of both sides decide, or poses in the same frame, if a person says that they are.
@@ -120,7 +122,7 @@ def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) 
     both ways are as long as far as that is known.
 
     Args:
-        sides: of the comparison.
+        comparison: of the drive with the map.
         truth_of: gives the truth by number, or by a file, for the query in its own order.
         asked: what a person says; None: what ``truth_of`` gives.
 
@@ -128,72 +130,77 @@ def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) 
         TruthError: ``truth_of`` raises it, or poses are asked for and cannot be compared.
     """
     if asked is None:
-        return TruthSource(_by_number(sides, truth_of), "given")
+        return TruthSource(_by_number(comparison, truth_of), "given")
     if not asked.aligned:
-        if (query := _in_frame_of_map(sides, asked)) is not None:
-            truth = _by_poses(sides, query, asked)
+        if (query := _in_frame_of_map(comparison, asked)) is not None:
+            truth = _by_poses(comparison, query, asked)
             if truth.judged is not None and truth.judged.any():
                 tolerance = asked.tolerance if asked.metres is None else None
                 return TruthSource(truth, "poses", tolerance, asked.metres)
-        _refuse_without_poses(sides, asked)
-        if why := _unaligned(sides):
-            more = _SAME_FRAME if _have_poses(sides) and not _is_on_earth(sides) else ""
+        _refuse_without_poses(comparison, asked)
+        if why := _unaligned(comparison):
+            more = (
+                _SAME_FRAME if _have_poses(comparison) and not _is_georeferenced(comparison) else ""
+            )
             return TruthSource(None, "none", why_none=f"{why}; {_REMEDY}{more}")
-    return TruthSource(_by_number(sides, truth_of), "aligned", asked.tolerance)
+    return TruthSource(_by_number(comparison, truth_of), "aligned", asked.tolerance)
 
 
-def _by_number(sides: Sides, truth_of: Callable[[], Truth]) -> Truth:
-    truth = truth_of().shared(sides.placemap.places.same)
-    return truth.along(sides.drive.frames, sides.drive.foreign)
+def _by_number(comparison: Comparison, truth_of: Callable[[], Truth]) -> Truth:
+    truth = truth_of().shared(comparison.placemap.places.same)
+    return truth.along(comparison.drive.frames, comparison.drive.foreign)
 
 
-def _by_poses(sides: Sides, query: NDArray[np.float64], asked: Asked) -> Truth:
-    places = sides.placemap.places
-    query[sides.drive.foreign] = np.nan  # the other route's frame is another one
+def _by_poses(comparison: Comparison, query: NDArray[np.float64], asked: TruthOptions) -> Truth:
+    places = comparison.placemap.places
+    query[comparison.drive.foreign] = np.nan  # the other route's frame is another one
     truth = pose_truth(
         query, places.poses[:, :2], tolerance=asked.tolerance, metres=asked.metres
     ).shared(places.same)
     if truth.judged is not None:
-        truth.judged[sides.drive.foreign] = truth.judged.any()
+        truth.judged[comparison.drive.foreign] = truth.judged.any()
     return truth
 
 
-def _in_frame_of_map(sides: Sides, asked: Asked) -> NDArray[np.float64] | None:
+def _in_frame_of_map(comparison: Comparison, asked: TruthOptions) -> NDArray[np.float64] | None:
     """Return x and y of each driven frame in the map's frame, (D, 2); None where nobody knows."""
-    if not _have_poses(sides):
+    if not _have_poses(comparison):
         return None
     nowhere = (np.nan, np.nan)
-    there = [nowhere if pose is None else (pose.x, pose.y) for pose in sides.poses]
-    origin = Origin.of_frame(sides.placemap.pose_frame)
-    if origin is None and sides.origin is None and asked.same_frame:
+    there = [nowhere if pose is None else (pose.x, pose.y) for pose in comparison.poses]
+    origin = Origin.of_frame(comparison.placemap.pose_frame)
+    if origin is None and comparison.origin is None and asked.same_frame:
         return np.array(there)
-    if origin is None or sides.origin is None:
+    if origin is None or comparison.origin is None:
         return None
-    if origin == sides.origin:
+    if origin == comparison.origin:
         return np.array(there)
     return np.array(
-        [at if np.isnan(at[0]) else origin.to_local(*sides.origin.to_degrees(*at)) for at in there]
+        [
+            at if np.isnan(at[0]) else origin.to_local(*comparison.origin.to_degrees(*at))
+            for at in there
+        ]
     )
 
 
-def _have_poses(sides: Sides) -> bool:
-    return bool(len(sides.placemap.places.poses)) and any(sides.poses)
+def _have_poses(comparison: Comparison) -> bool:
+    return bool(len(comparison.placemap.places.poses)) and any(comparison.poses)
 
 
-def _is_on_earth(sides: Sides) -> bool:
+def _is_georeferenced(comparison: Comparison) -> bool:
     """Return whether the poses of a side are."""
-    return bool(sides.origin or Origin.of_frame(sides.placemap.pose_frame))
+    return bool(comparison.origin or Origin.of_frame(comparison.placemap.pose_frame))
 
 
-def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
+def _refuse_without_poses(comparison: Comparison, asked: TruthOptions) -> None:
     """Refuse what needs poses of both sides, where they are lacking or cannot be compared."""
     flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
     if asked.metres is None and not asked.same_frame:
         return
-    if not _have_poses(sides):
-        side = "query" if len(sides.placemap.places.poses) else "reference"
+    if not _have_poses(comparison):
+        side = "query" if len(comparison.placemap.places.poses) else "reference"
         raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
-    if _is_on_earth(sides):
+    if _is_georeferenced(comparison):
         raise TruthError(
             f"{flag}: the poses of one side are on earth, and the other's in metres of its own: "
             "give latitude and longitude on both sides"
@@ -204,17 +211,15 @@ def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
     )
 
 
-def _unaligned(sides: Sides) -> str | None:
+def _unaligned(comparison: Comparison) -> str | None:
     """Say why frame i is not to be taken for place i; None where nothing is against it."""
-    if sides.queries != sides.references:
-        return (
-            f"the query has {counted(sides.queries, 'frame')}, and the reference {sides.references}"
-        )
-    is_whole = np.array_equal(sides.drive.frames, np.arange(sides.queries))
-    travelled = sides.placemap.places.travelled
+    if comparison.queries != comparison.references:
+        return f"the query has {counted(comparison.queries, 'frame')}, and the reference {comparison.references}"
+    is_whole = np.array_equal(comparison.drive.frames, np.arange(comparison.queries))
+    travelled = comparison.placemap.places.travelled
     if not is_whole or not len(travelled):
         return None
-    first, last = sides.readings[0], sides.readings[-1]
+    first, last = comparison.readings[0], comparison.readings[-1]
     if first is None or last is None:
         return None
     way, reference = last - first, float(travelled[-1] - travelled[0])

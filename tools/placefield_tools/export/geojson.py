@@ -16,7 +16,7 @@ def to_geojson(traverse: QueryTraverse) -> str:
     Raises:
         MapError: the map is nowhere on earth.
     """
-    positions = [[longitude, latitude] for latitude, longitude in traverse.on_earth()]
+    positions = [[longitude, latitude] for latitude, longitude in traverse.geographic_positions()]
     features = [
         _feature("Point", position, as_object(localised.header, localised.match))
         for position, localised in zip(positions, traverse.matches, strict=True)

@@ -23,7 +23,7 @@ def to_gpx(traverse: QueryTraverse) -> str:
             name=f"place {localised.match.place}",
         )
         for (latitude, longitude), localised in zip(
-            traverse.on_earth(), traverse.matches, strict=True
+            traverse.geographic_positions(), traverse.matches, strict=True
         )
     ]
     # What somebody on the bus called the stream may hold what XML cannot.

@@ -47,7 +47,7 @@ class QueryTraverse:
     map_path: Path
     tolerance: int
 
-    def on_earth(self) -> list[tuple[float, float]]:
+    def geographic_positions(self) -> list[tuple[float, float]]:
         """Return latitude and longitude of each match, degrees.
 
         Raises:

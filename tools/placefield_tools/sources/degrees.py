@@ -17,7 +17,7 @@ def is_fix(latitude: float, longitude: float) -> bool:
     return finite and not latitude == longitude == 0
 
 
-def laid_out(degrees: NDArray[np.float64]) -> tuple[Origin, NDArray[np.float64]]:
+def to_local_metres(degrees: NDArray[np.float64]) -> tuple[Origin, NDArray[np.float64]]:
     """Lay positions out on the plane that touches the earth at the first.
 
     Args:

@@ -4,8 +4,8 @@ import logging
 from collections.abc import Iterator
 
 from placefield.errors import SourceError
+from placefield.features.distance_sampler import DistanceSampler
 from placefield.features.frames import Frame
-from placefield.features.spacing import Spacing
 from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.source import Derived, Source
 from placefield_tools.sources.with_poses import WithPoses
@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 
 class DistanceSampled(Derived):
-    """The frames of a source that a ``Spacing`` takes.
+    """The frames of a source that a ``DistanceSampler`` takes.
 
     Frames before the first pose of a trajectory are left out, which is logged: nobody knows how far
     apart they are.
@@ -31,7 +31,7 @@ class DistanceSampled(Derived):
 
         Of a live source it is left out: with no news, the vehicle is no farther for all we know.
         """
-        spacing = Spacing(self._metres)
+        spacing = DistanceSampler(self._metres)
         early, begun = 0, not isinstance(self._source, WithPoses)
         for frame in self._source:
             if frame.odometry_m is None:
@@ -48,7 +48,7 @@ class DistanceSampled(Derived):
             if early:
                 log.warning("%d frames before the first pose: left out of the spaced ones", early)
                 early = 0
-            if spacing.takes(frame.odometry_m):
+            if spacing.is_due(frame.odometry_m):
                 yield frame
 
     def _remedy(self) -> str:

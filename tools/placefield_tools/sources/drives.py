@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield_tools.sources.one_drive import goes_on
-from placefield_tools.sources.opening import Parts, holds_recordings, open_source
 from placefield_tools.sources.source import Source
+from placefield_tools.sources.source_factory import Parts, holds_recordings, open_source
 
 _NUMBERED = re.compile(r"(.*?)([0-9]{1,9})(\.[A-Za-z][A-Za-z0-9]*)?")
 

@@ -19,7 +19,7 @@ from placefield_tools.sources.listing import (
     Position,
     with_positions,
 )
-from placefield_tools.sources.name_order import tell_of_copies, tell_of_wrap
+from placefield_tools.sources.name_order import warn_of_copies, warn_of_wrap
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: Defau
         files: in the order of their names.
         default_stamp_ns: of a frame by its number.
     """
-    tell_of_copies(folder, files)
+    warn_of_copies(folder, files)
     tags = _tags(folder, files)
     times = [tag.stamp_ns for tag in tags]
     if len(set(times)) == 1:  # one time for all says nothing of their order
@@ -81,7 +81,7 @@ def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: Defau
                 known,
                 len(times),
             )
-        tell_of_wrap(folder, files)
+        warn_of_wrap(folder, files)
         frames = [Listed(file, default_stamp_ns(at)) for at, file in enumerate(files)]
         listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
         return replace(listing, stamped=False)

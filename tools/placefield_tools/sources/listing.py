@@ -8,7 +8,7 @@ import numpy as np
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import directions
-from placefield_tools.sources.degrees import laid_out
+from placefield_tools.sources.degrees import to_local_metres
 
 DefaultStamp = Callable[[int], int]
 """Gives the stamp, in ns, of the frame of a number, where no other is known."""
@@ -67,7 +67,7 @@ def with_positions(
     places = np.array([position for position in positions if position is not None])
     origin = None
     if in_degrees:
-        origin, places = laid_out(places)
+        origin, places = to_local_metres(places)
     turned = directions(places) if yaws is None else np.array(yaws)[known]
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     metres = np.concatenate([[0.0], np.cumsum(steps)])

@@ -15,7 +15,7 @@ _DIGITS = 4  # of a camera's counter; what is before them may be the number of a
 _NEAR, _FAR = 10, 50  # steps: of the counter's ends, and of the gap between the two parts
 
 
-def tell_of_copies(folder: Path, files: Sequence[str]) -> None:
+def warn_of_copies(folder: Path, files: Sequence[str]) -> None:
     """Log that files are named as copies of others, which are then places that come twice."""
     stems = {Path(file).stem for file in files}
     copies = [file for file in files if _original(file) in stems]
@@ -30,7 +30,7 @@ def tell_of_copies(folder: Path, files: Sequence[str]) -> None:
         )
 
 
-def tell_of_wrap(folder: Path, files: Sequence[str]) -> None:
+def warn_of_wrap(folder: Path, files: Sequence[str]) -> None:
     """Log that a camera's counter seems to have gone back to its start in the middle of a drive.
 
     Args:

@@ -36,7 +36,7 @@ def ground_poses(
     """
     if axes == "z-forward":
         positions, forwards = _as_vehicle(positions), _as_vehicle(forwards)
-    _tell_of_axes(name, positions, axes, remedy)
+    _warn_of_axes(name, positions, axes, remedy)
     return np.column_stack([positions[:, :2], np.arctan2(forwards[:, 1], forwards[:, 0])])
 
 
@@ -66,7 +66,7 @@ def forwards_of(quaternions: NDArray[np.float64], axes: PoseAxes) -> NDArray[np.
     )
 
 
-def _tell_of_axes(name: str, positions: NDArray[np.float64], axes: PoseAxes, remedy: str) -> None:
+def _warn_of_axes(name: str, positions: NDArray[np.float64], axes: PoseAxes, remedy: str) -> None:
     forward, left, up = np.ptp(positions, axis=0)
     if up > _AS_LONG * max(forward, left) and up > _AS_FLAT * min(forward, left):
         log.warning(

@@ -10,7 +10,7 @@ from placefield.errors import SourceError
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
 from placefield.ros.messages import ODOMETRY, POSE
-from placefield_tools.sources.degrees import is_fix, laid_out
+from placefield_tools.sources.degrees import is_fix, to_local_metres
 from placefield_tools.sources.pose_axes import forwards_of, ground_poses
 from placefield_tools.sources.pose_files import LARGEST
 from placefield_tools.sources.recording import Recording, known_errors
@@ -35,7 +35,7 @@ class RecordedTrajectory(NamedTuple):
     span_ns: tuple[int, int]
 
 
-def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> RecordedTrajectory:
+def trajectory_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> RecordedTrajectory:
     """Make a trajectory of messages of one of the types known here, each behind its stamp in ns.
 
     Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
@@ -62,7 +62,7 @@ def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Recorde
         forwards = forwards_of(values[:, 3:], "x-forward")
         poses = ground_poses(name, values[:, :3], forwards, "x-forward", _RECORDED_AXES)
         return RecordedTrajectory(Trajectory.of(stamps, poses), None, span_ns)
-    origin, positions = laid_out(values)
+    origin, positions = to_local_metres(values)
     poses = np.column_stack([positions, directions(positions)])
     return RecordedTrajectory(Trajectory.of(stamps, poses), origin, span_ns)
 
@@ -113,7 +113,7 @@ def with_poses(source: Source, recordings: Sequence[Recording], asked: str | Non
     if topic is None:
         return source
     name = f"{path.name}:{topic}"
-    way = way_of(name, types[topic], _messages(recordings, topic))
+    way = trajectory_of(name, types[topic], _messages(recordings, topic))
     return WithPoses(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
 
 

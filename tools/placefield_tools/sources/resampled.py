@@ -38,7 +38,7 @@ class ResampledTraverse(Source):
 
     Attributes:
         drive: how they are taken.
-        undriven_count: how many frames the query has in its own order.
+        query_count: how many frames the query has in its own order.
     """
 
     def __init__(
@@ -62,9 +62,9 @@ class ResampledTraverse(Source):
         self._other = [] if other is None else _held(other)
         self.origin = query.origin
         self.not_given = query.not_given + (Counter() if other is None else other.not_given)
-        self.undriven_count = len(self._query)
+        self.query_count = len(self._query)
         self.drive: Drive = drive_of(
-            protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every
+            protocol, self.query_count, foreign_count=len(self._other), seed=seed, every=every
         )
         self._seed = seed
         self.count: int = len(self.drive.frames)

@@ -10,7 +10,7 @@ _FAR_M = 10_000.0  # in one step, whenever that was
 _UNUSUAL = 10  # times the usual step: of a jitter within milliseconds nobody has to hear
 
 
-def told_jumps(poses: NDArray[np.float64], stamps: NDArray[np.int64] | None) -> str | None:
+def implausible_steps(poses: NDArray[np.float64], stamps: NDArray[np.int64] | None) -> str | None:
     """Say where poses jump as no vehicle does; None where they do not.
 
     That is a step of more than ten times the usual one which is faster than ``FASTEST``, or longer

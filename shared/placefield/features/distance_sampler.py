@@ -7,7 +7,7 @@ from placefield.errors import SourceError
 _ROUNDING_M = 1e-6  # so that 0.7 is on the grid of 0.1
 
 
-class Spacing:
+class DistanceSampler:
     """Takes the first frame, and the first one at or behind each multiple of so many metres.
 
     This is the paper's odometry, which triggers the camera by distance, so that the vehicle's speed
@@ -23,7 +23,7 @@ class Spacing:
         self._first_m: float | None = None
         self._due_m = -math.inf
 
-    def takes(self, odometry_m: float) -> bool:
+    def is_due(self, odometry_m: float) -> bool:
         """Whether the next frame is taken, which was made after so many metres."""
         if self._first_m is None:
             self._first_m = odometry_m

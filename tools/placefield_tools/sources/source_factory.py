@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from placefield.errors import ConfigError, SourceError
+from placefield.features.distance_sampler import check_spacing
 from placefield.features.frames import Frame
-from placefield.features.spacing import check_spacing
 from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
-from placefield_tools.sources.lined import Lined
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
+from placefield_tools.sources.pose_line_check import PoseLineCheck
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.video import Video
@@ -280,7 +280,7 @@ def _located(
         file = file.by_number()
 
     if file.numbered:
-        source = Lined(source, str(poses), total, stride)
+        source = PoseLineCheck(source, str(poses), total, stride)
 
     def key(frame: Frame) -> int:
         return file.key(frame.index, frame.stamp_ns)

@@ -15,8 +15,8 @@ from placefield.errors import ConfigError
 from placefield.features import trying
 from placefield.features.extract import feature_of
 from placefield.features.network import Network, NetworkInput
+from placefield.features.network_sandbox import try_network
 from placefield.features.onnx_file import MOST_NODES, check_onnx
-from placefield.features.trying import try_network
 
 EXTERNAL = TensorProto.EXTERNAL
 

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.errors import SourceError
-from placefield.features.spacing import Spacing, check_spacing
+from placefield.features.distance_sampler import DistanceSampler, check_spacing
 
 
 def taken(travelled: NDArray[np.float64], metres: float) -> list[int]:
-    spacing = Spacing(metres)
-    return [index for index, at in enumerate(travelled) if spacing.takes(float(at))]
+    spacing = DistanceSampler(metres)
+    return [index for index, at in enumerate(travelled) if spacing.is_due(float(at))]
 
 
 @given(steps=st.lists(st.integers(0, 30)), metres=st.integers(1, 50))

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from placefield.maps import metrics
 from placefield.maps.map import MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 
 Array = NDArray[np.float32]
 Make = Callable[[Array], MapMetric]

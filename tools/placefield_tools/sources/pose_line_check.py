@@ -7,7 +7,7 @@ from placefield.features.frames import Frame
 from placefield_tools.sources.source import Derived, Source
 
 
-class Lined(Derived):
+class PoseLineCheck(Derived):
     """The frames of a source of which each has its line in a file of poses.
 
     How many a video has is known only at its end: those that it lacks have lines too, or none has.
