@@ -1,4 +1,4 @@
-"""Which frames of a drive are taken, when they are spaced by odometry."""
+"""Sampling of the frames of a drive at equal distances, by odometry."""
 
 import math
 
@@ -8,14 +8,14 @@ _ROUNDING_M = 1e-6  # so that 0.7 is on the grid of 0.1
 
 
 class DistanceSampler:
-    """Takes the first frame, and the first one at or behind each multiple of so many metres.
+    """Selects the first frame, and the first frame at or after each multiple of ``metres``.
 
-    This is the paper's odometry, which triggers the camera by distance, so that the vehicle's speed
-    and its stops do not show in the frames.
+    This corresponds to the paper's odometry, which triggers the camera by distance, so that the
+    vehicle's speed and its stops have no effect on the frames.
 
-    A frame is taken late by up to the way between two frames, but this does not add up: what is due
-    is on a grid, so that the numbers of the frames of two drives stay together. A gap of several
-    multiples gives one frame.
+    A selected frame may be late by up to the distance between two frames. Such delays do not add
+    up, because the distances are on a fixed grid: frame i of two drives stays at the same place. A
+    gap of several multiples gives one frame.
     """
 
     def __init__(self, metres: float) -> None:
@@ -24,7 +24,7 @@ class DistanceSampler:
         self._due_m = -math.inf
 
     def is_due(self, odometry_m: float) -> bool:
-        """Whether the next frame is taken, which was made after so many metres."""
+        """Return whether the next frame, at this odometry in metres, is selected."""
         if self._first_m is None:
             self._first_m = odometry_m
         travelled_m = odometry_m - self._first_m + _ROUNDING_M
@@ -35,10 +35,10 @@ class DistanceSampler:
 
 
 def check_spacing(metres: float) -> float:
-    """Return a spacing, which a user gave.
+    """Return a spacing in metres that a user gave, after a check.
 
     Raises:
-        SourceError: it is no distance above 0.
+        SourceError: it is not a finite distance above 0.
     """
     if not (math.isfinite(metres) and metres > _ROUNDING_M):
         raise SourceError(f"--spacing {metres:g}: must be a distance above 0 metres")

@@ -1,24 +1,24 @@
-"""Positions that no vehicle can have come to from the ones before."""
+"""A check for steps between poses that no vehicle can make."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 FASTEST = 100.0
-"""Metres per second: no vehicle that looks at places is faster."""
+"""The highest plausible speed of a vehicle, metres per second."""
 
-_FAR_M = 10_000.0  # in one step, whenever that was
-_UNUSUAL = 10  # times the usual step: of a jitter within milliseconds nobody has to hear
+_FAR_M = 10_000.0  # an implausible step, however long it took
+_UNUSUAL = 10  # times the median step: jitter within milliseconds is not reported
 
 
 def implausible_steps(poses: NDArray[np.float64], stamps: NDArray[np.int64] | None) -> str | None:
-    """Say where poses jump as no vehicle does; None where they do not.
+    """Describe implausible steps between poses in one line; None if there are none.
 
-    That is a step of more than ten times the usual one which is faster than ``FASTEST``, or longer
-    than 10 km.
+    A step is implausible if it is more than ten times the median step, and either faster than
+    ``FASTEST`` or longer than 10 km.
 
     Args:
-        poses: (K, 2 or more) from x and y, metres; NaN where nobody knows.
-        stamps: (K,) of them, nanoseconds; None where nobody knows.
+        poses: (K, 2 or more) x, y, …, metres; NaN where unknown.
+        stamps: (K,) nanoseconds; None if unknown.
     """
     known = np.flatnonzero(np.isfinite(poses[:, 0]))
     if len(known) < 2:
@@ -35,7 +35,7 @@ def implausible_steps(poses: NDArray[np.float64], stamps: NDArray[np.int64] | No
         return None
     worst = int(jumps[np.argmax(steps[jumps])])
     return (
-        f"the poses jump as no vehicle does, in {len(jumps)} of {len(steps)} steps, most from "
-        f"frame {known[worst]} to {known[worst + 1]}, by {steps[worst] / 1000:.3g} km; are they of "
-        "one drive?"
+        f"{len(jumps)} of {len(steps)} steps between poses are too long for a vehicle; the longest "
+        f"is from frame {known[worst]} to {known[worst + 1]}, {steps[worst] / 1000:.3g} km; check "
+        "that all frames are of one drive"
     )

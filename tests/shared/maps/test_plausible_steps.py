@@ -11,14 +11,14 @@ def at_ten_hertz(count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("metres", [12, 200, 40_000])
-def test_a_step_that_is_too_fast_is_told_of_by_its_frames(metres: float) -> None:
+def test_a_step_that_is_too_fast_is_reported_by_its_frames(metres: float) -> None:
     x = np.arange(20) / 2
     x[7:] += metres
     poses = np.column_stack([x, np.zeros(20)])
-    told = implausible_steps(poses, at_ten_hertz(20))
-    assert told is not None
-    assert "from frame 6 to 7" in told
-    assert "\n" not in told
+    reported = implausible_steps(poses, at_ten_hertz(20))
+    assert reported is not None
+    assert "from frame 6 to 7" in reported
+    assert "\n" not in reported
 
 
 @pytest.mark.parametrize("step", [0.0, 0.5, 3.0, 90.0])

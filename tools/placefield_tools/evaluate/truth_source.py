@@ -214,7 +214,8 @@ def _refuse_without_poses(comparison: Comparison, asked: TruthOptions) -> None:
 def _unaligned(comparison: Comparison) -> str | None:
     """Say why frame i is not to be taken for place i; None where nothing is against it."""
     if comparison.queries != comparison.references:
-        return f"the query has {counted(comparison.queries, 'frame')}, and the reference {comparison.references}"
+        frames = counted(comparison.queries, "frame")
+        return f"the query has {frames}, and the reference {comparison.references}"
     is_whole = np.array_equal(comparison.drive.frames, np.arange(comparison.queries))
     travelled = comparison.placemap.places.travelled
     if not is_whole or not len(travelled):
