@@ -80,7 +80,7 @@ def _replay(
     with opened as frames, open_bus(effective.bus, stopped) as bus:
         odometry.listen(bus, keys)
         replayed = replay(frames, bus, effective, stopped, rate=rate, loop=loop and not frames.live)
-    counts = Counter(replayed.unseen) + frames.not_given
+    counts = Counter(replayed.unobserved) + frames.not_given
     faults = ", ".join(f"{count} {what}" for what, count in counts.items())
     print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
     if replayed.sent == counts["unreadable"] and (replayed.sent or counts["missing"]):

@@ -13,7 +13,7 @@ def to_gpx(traverse: QueryTraverse) -> str:
     """Write one track of all matches, with their stamps in microseconds.
 
     Raises:
-        MapError: the map is nowhere on earth.
+        MapError: the map is not georeferenced.
     """
     points = [
         GPXTrackPoint(
@@ -26,7 +26,7 @@ def to_gpx(traverse: QueryTraverse) -> str:
             traverse.geographic_positions(), traverse.matches, strict=True
         )
     ]
-    # What somebody on the bus called the stream may hold what XML cannot.
+    # The name of a stream comes from the bus, and may hold characters that XML does not allow.
     track = GPXTrack(name=repr(traverse.matches[0].header.stream).strip("'"))
     track.segments.append(GPXTrackSegment(points))
     gpx = GPX()
