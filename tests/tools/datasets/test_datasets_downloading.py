@@ -127,7 +127,7 @@ def test_a_file_that_is_larger_than_the_room_is_not_begun(
     web.content["/file"] = BODY
     usage = shutil.disk_usage(part.parent)._replace(free=1000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    with pytest.raises(SourceError, match="disk has room for 0; free some space"):
+    with pytest.raises(SourceError, match="disk has 0 MiB free; free some space"):
         download(f"{web.url}/file", part, None, ignore)
     assert not part.exists()
 

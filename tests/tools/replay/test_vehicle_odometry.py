@@ -11,7 +11,7 @@ from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.features.frames import Frame
 from placefield_tools.replay.vehicle_odometry import Odometry
-from placefield_tools.sources import Source, open_source
+from placefield_tools.sources import Source, open_source, source_factory
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.with_odometry import WithOdometry
 

@@ -478,7 +478,7 @@ def test_a_bags_folder_in_which_other_messages_are_recorded_too_is_read(tmp_path
     metadata = bag / "metadata.yaml"
     told = metadata.read_text()
     metadata.write_text(told.replace("\n  - drive.mcap", "\n  - drive.mcap\n  - drive_1.mcap"))
-    with pytest.raises(SourceError, match=r"lists drive_1\.mcap, not there"):
+    with pytest.raises(SourceError, match=r"lists drive_1\.mcap, which is missing"):
         open_source(str(bag))
     metadata.write_text(told)
     file.rename(tmp_path / "elsewhere.mcap")

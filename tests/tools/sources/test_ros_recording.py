@@ -355,7 +355,7 @@ def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
     assert len(list(source)) == 4
     assert source.not_given["missing"] == COUNT - 4
     assert f"should hold {COUNT} images" in caplog.text
-    assert f"{COUNT - 4} of them are not there" in caplog.text
+    assert f"{COUNT - 4} of them are missing" in caplog.text
     with pytest.raises(SourceError, match=f"{COUNT - 4} frames are missing"):
         build_from([str(bag)], Config())
 

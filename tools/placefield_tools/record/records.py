@@ -103,7 +103,7 @@ class _WholeLines(Iterator[str]):
         line = next(self._lines)
         self.number += 1
         if not line.endswith("\n"):
-            log.warning("%s: the last line is incomplete and is left out", self._path)
+            log.warning("%s: the last line was cut off and is left out", self._path)
             raise StopIteration
         return line
 

@@ -246,7 +246,7 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
     if path.is_dir():
         return Folder(path, start=start, stride=stride, stop=stop)
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        raise SourceError(f"{shown}: is a single image; give its folder")
+        raise SourceError(f"{shown}: is a single image; give the folder of images")
     if path.suffix.lower() in _UNFINISHED:
         raise SourceError(
             f"{shown}: is being written, or was cut off; stop the recorder, or repair the file "
