@@ -21,7 +21,7 @@ def main(route: str, recording: str, geojson: str) -> None:
     placemap = open_map(Path(route))
     origin = Origin.of_frame(placemap.pose_frame)
     if origin is None:
-        sys.exit(f"{route}: is nowhere on earth: build it of frames with latitude and longitude")
+        sys.exit(f"{route}: is not georeferenced; build it of frames with latitude and longitude")
     recognizer = Recognizer(placemap)
     smoothed: list[SmoothedMatch] = []
     with open_source(recording) as frames:

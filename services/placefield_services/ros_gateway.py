@@ -13,7 +13,7 @@ from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
-from placefield.features.spacing import Spacing, check_spacing
+from placefield.features.distance_sampler import DistanceSampler, check_spacing
 from placefield.maps.map import Map
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
 from placefield.ros.topic_keys import check_name, check_topic
@@ -73,7 +73,7 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
     """
     if config.bus.credentials:
         raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
-    spacing = None if topics.spacing_m is None else Spacing(check_spacing(topics.spacing_m))
+    spacing = None if topics.spacing_m is None else DistanceSampler(check_spacing(topics.spacing_m))
     if spacing is not None and topics.odometry is None:
         raise ConfigError("--spacing: needs odometry; give --odometry, too")
     run = check_name(config.run)

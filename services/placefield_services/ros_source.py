@@ -12,7 +12,7 @@ from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
-from placefield.features.spacing import Spacing
+from placefield.features.distance_sampler import DistanceSampler
 from placefield.ros.ros_messages import read_image, read_position
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ class RosSource:
         frames: CachedPublisher,
         put_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
-        spacing: Spacing | None = None,
+        spacing: DistanceSampler | None = None,
     ) -> None:
         self._frames = frames
         self._tell_odometry = put_odometry
@@ -73,7 +73,7 @@ class RosSource:
             if not self._counts["left_out"]:
                 log.warning("images are left out until odometry comes: --spacing needs it")
             return False
-        return self._spacing.takes(self._metres)
+        return self._spacing.is_due(self._metres)
 
     def publish_odometry(self, kind: str, data: bytes) -> None:
         """Add the distance from the last position, and publish the metres travelled so far.

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from placefield.maps.layout import (
+from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     METRIC_FILES,

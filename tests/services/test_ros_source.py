@@ -8,7 +8,7 @@ from cdr_by_hand import compressed_image, image, odometry
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
-from placefield.features.spacing import Spacing
+from placefield.features.distance_sampler import DistanceSampler
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
 from placefield_services.ros_source import RosSource
 
@@ -18,7 +18,7 @@ PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
 class Stage:
     """A source with its published messages and its counts."""
 
-    def __init__(self, spacing: Spacing | None = None) -> None:
+    def __init__(self, spacing: DistanceSampler | None = None) -> None:
         self.frames = RecordingPublisher(FrameMessage)
         self.odometry: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
@@ -94,7 +94,7 @@ def test_implausible_odometry_is_refused_and_affects_nothing_else(stage: Stage) 
 def test_images_are_spaced_by_odometry_and_the_others_counted(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    stage = Stage(Spacing(1.0))
+    stage = Stage(DistanceSampler(1.0))
     publish = stage.source.publish_image
     for second in (1, 2):
         publish(COMPRESSED_IMAGE, compressed_image((second, 0), b"too early"))

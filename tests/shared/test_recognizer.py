@@ -17,7 +17,7 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.build import build_map
 from placefield.maps.map import Map
-from placefield.maps.metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.comparing import MetricPlaces

@@ -138,7 +138,7 @@ def test_a_fetch_survives_the_restart_of_its_server(server: Server, tmp_path: Pa
         server.kill()
         with server.fetch(tmp_path) as second:
             wait_until(lambda: not second.runs, "another one at the same place is refused")
-            assert "is being fetched already" in second.err
+            assert "another process fetches it" in second.err
         server.start()
         assert ended_well(fetch), fetch.err
     assert content(tmp_path / "large.pfmap") == content(server.path)

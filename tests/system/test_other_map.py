@@ -51,7 +51,7 @@ def test_a_host_starts_no_service_again_on_another_map_and_says_so(
         wait_until(lambda: not host.runs, "the host gives up")
         lines = [line for line in host.err.splitlines() if line.startswith("placefield: ")]
     refused = (
-        f"placefield: {served}: is the map {other} now, not {route_map.digest}, which is served"
+        f"placefield: {served}: is now the map {other}, but the services serve {route_map.digest}"
     )
     assert any(line.startswith(refused) for line in lines)
     assert re.search(f"{service}.* ended with code 1 .*times in a row", lines[-1])

@@ -96,7 +96,7 @@ def test_a_recorder_that_holds_no_pictures_is_not_given_any(
 ) -> None:
     install("blindpack", LIST, {"placefield.recorders": {"places": "blindpack:record"}})
     with (
-        pytest.raises(ConfigError, match=r"--frames: a recording \.places holds no pictures"),
+        pytest.raises(ConfigError, match=r"--frames: a recording \.places holds no images"),
         recorder_of(tmp_path / "drive.places", frames=True),
     ):
         pass

@@ -1,1 +1,1 @@
-"""Image to descriptor."""
+"""Features: from images to descriptors."""

@@ -1,4 +1,4 @@
-"""Images to descriptors by the conventions of scikit-learn, to be a step of its pipelines."""
+"""A transformer for scikit-learn's pipelines that turns images into descriptors."""
 
 from collections.abc import Iterable
 from typing import Self
@@ -16,10 +16,10 @@ Array = NDArray[np.float32]
 
 
 class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
-    """Learns from a traverse's images how to describe images, as ``build_map`` does.
+    """Fits a descriptor model on the images of a traverse, as ``build_map`` does.
 
-    Descriptors are standardised as the traverse that was learned from is. A ``Recognizer`` does
-    otherwise with a query, whose own light it takes out frame by frame.
+    Descriptors are standardised by the mean and deviation of that traverse. A ``Recognizer`` is
+    different: it standardises a query by the query's own running mean and deviation.
 
     Attributes:
         model_: the descriptor model, after ``fit``.
@@ -28,15 +28,15 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
     model_: DescriptorModel
 
     def __init__(self, kind: str = "gist", dimensions: int | None = None) -> None:
-        """Take grayscale, gist or onnx:FILE, and how many dimensions PCA leaves at most."""
+        """Set the feature (grayscale, gist or onnx:FILE), and the most dimensions after PCA."""
         self.kind = kind
         self.dimensions = dimensions
 
     def fit(self, images: Iterable[Image], y: None = None) -> Self:
-        """Learn from images: encoded, pixels (H, W) or (H, W, 3) BGR uint8, or files.
+        """Fit the model on images: encoded, pixels (H, W) or (H, W, 3) BGR uint8, or files.
 
         Raises:
-            FrameError: one does not decode.
+            FrameError: an image does not decode.
             SourceError: a file cannot be read.
         """
         feature = feature_of(self.kind)
@@ -50,10 +50,10 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def transform(self, images: Iterable[Image]) -> Array:
-        """Describe images; (K, N) float32, of unit length.
+        """Return the descriptors of images, (K, N) float32, of unit length.
 
         Raises:
-            FrameError: one does not decode.
+            FrameError: an image does not decode.
             SourceError: a file cannot be read.
         """
         check_is_fitted(self)

@@ -1,6 +1,6 @@
 """The stage from frame to descriptor: an image is decoded, described, standardised and reduced.
 
-With no bus: a library and a featurizer compose it alike.
+It knows no bus: the library and the featurizer both use it.
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ Array = NDArray[np.float32]
 
 
 class DescriptorStage:
-    """Describes images as a descriptor model has it; all streams may share it."""
+    """Describes images by a descriptor model; all streams may share it."""
 
     def __init__(self, model: DescriptorModel) -> None:
-        """Take the model of a map.
+        """Load the feature of a map's descriptor model.
 
         Raises:
             ConfigError: OpenCV cannot run its network.
@@ -25,7 +25,7 @@ class DescriptorStage:
         self._feature = feature_of_model(model)
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
-        """Return the raw feature (D,) float32 of an encoded image or pixels; of no stream.
+        """Return the raw feature (D,) float32 of an encoded image or pixels.
 
         Raises:
             FrameError: the image cannot be read.
@@ -33,39 +33,39 @@ class DescriptorStage:
         return self._feature.describe(image)
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
-        """Begin a stream, or go on with one that has had these moments."""
+        """Begin a stream, or continue one whose moments so far are given."""
         return ImageStream(self, DescriptorStream(self._model, moments))
 
 
 class ImageStream:
-    """Makes the images of one stream into descriptors, frame by frame, looking back only."""
+    """Turns the images of one stream into descriptors, frame by frame and causally."""
 
     def __init__(self, stage: DescriptorStage, descriptors: DescriptorStream) -> None:
-        """Take the stage, and what makes the raw features of the stream into descriptors."""
+        """Combine the stage with the stream of descriptors of the raw features."""
         self._stage = stage
         self._descriptors = descriptors
 
     @property
     def moments(self) -> Moments:
-        """Of the stream so far."""
+        """The moments of the stream so far."""
         return self._descriptors.moments
 
     def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame: an encoded image, or pixels.
 
-        None where there was nothing to see, see ``DescriptorStream``.
+        A blank image gives None, see ``DescriptorStream``.
 
         Raises:
-            FrameError: the image cannot be read; the stream is as it was.
+            FrameError: the image cannot be read; the stream is unchanged.
         """
         return self.update_raw(self._stage.describe(image))
 
     def update_raw(self, raw: Array) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame by its raw feature (D,) float32.
 
-        None where there was nothing to see, see ``DescriptorStream``.
+        A blank image gives None, see ``DescriptorStream``.
 
         Raises:
-            FrameError: the feature is of another shape, or not finite; the stream is as it was.
+            FrameError: the feature has another shape, or is not finite; the stream is unchanged.
         """
         return self._descriptors.update(raw)

@@ -1,12 +1,13 @@
 """Features to descriptors: standardisation, PCA, unit length.
 
-A raw feature is divided by its length (contrast varies with the light), standardised by the mean
-and deviation of its traverse (the light and the camera of a traverse are common to all its frames),
-reduced by PCA and divided by its length again, so that distances compare directions alone.
+A raw feature is divided by its length, because contrast varies with the light. It is standardised
+by the mean and deviation of its traverse, because all frames of a traverse share the light and the
+camera. It is reduced by PCA and divided by its length again, so that distances compare directions
+only.
 
-By plain PCA, as published, a raw feature is less its mean, and reduced. It is then put in a unit in
-which no descriptor is longer than 1, so that those of both kinds can be kept alike; what is the
-nearest does not depend on a unit.
+Plain PCA, as published, subtracts the mean of the raw features and projects. The result is scaled
+so that no descriptor is longer than 1, and both kinds can be stored in the same way. A common scale
+does not change which place is the nearest.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,12 +23,12 @@ from placefield.errors import FrameError
 from placefield.features.network import Network
 
 PRIOR_FRAMES = 20
-"""Weight of the reference's mean and deviation in a young query's, frames."""
+"""Weight of the reference's mean and deviation at the start of a query, frames."""
 
 _LEAST_DEVIATION = 1e-6
-_BLANK = 1e-5  # of the largest value: raw features of an even image differ by rounding
-_ROUNDED = 1e-3  # so far from 1 a descriptor's length may be
-_FARTHEST = 4.0  # a query's plain descriptor may be so many times as long as the longest place's
+_BLANK = 1e-5  # of the largest value: the raw features of a blank image differ only by rounding
+_ROUNDED = 1e-3  # tolerance of a descriptor's length around 1
+_FARTHEST = 4.0  # plain PCA: a query's descriptor may be this many times as long as any place's
 _BLOCK = 512  # frames whose standardised features are held at once
 
 Array = NDArray[np.float32]
@@ -36,19 +37,19 @@ Array64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DescriptorModel:
-    """What the reference taught about making descriptors, of D raw and N reduced dimensions.
+    """The model that turns raw features (D,) into descriptors (N,), fitted on the reference.
 
     Attributes:
         kind: of the raw features.
         standardise: whether a query's running mean and deviation replace the reference's.
-        mean: (D,) float32, of the reference's raw features at unit length; in plain PCA, of the
-            features as they are.
-        deviation: (D,) float32, likewise; in plain PCA, the one unit of descriptors.
+        mean: (D,) float32, of the reference's raw features at unit length; with plain PCA, of the
+            features without normalisation.
+        deviation: (D,) float32, likewise; with plain PCA, the scale of descriptors, D times.
         components: (N, D) float32, orthonormal rows: the principal axes.
-        variance_kept: share of the reference's variance that lies along them, 0 to 1.
-        plain: whether this is plain PCA. Nothing is then standardised, whatever ``standardise``
-            says, and nothing is brought to unit length.
-        network: that the raw features are the output of, if so.
+        variance_kept: fraction of the reference's variance along the principal axes, 0 to 1.
+        plain: whether this is plain PCA, which neither standardises nor normalises to unit length,
+            whatever ``standardise`` says.
+        network: the network that gives the raw features, if one does.
     """
 
     kind: FeatureKind
@@ -70,7 +71,7 @@ class DescriptorModel:
         return self.standardise and not self.plain
 
     def of_reference(self, raws: Array) -> Array:
-        """Make descriptors (..., N) of raw features (..., D), standardised as the reference is."""
+        """Return descriptors (..., N) of raw features (..., D), standardised like the reference."""
         if self.plain:
             return self.reduce(_standardise(raws, self.mean, self.deviation))
         return self.reduce(_standardise(unit_length(raws), self.mean, self.deviation))
@@ -78,16 +79,17 @@ class DescriptorModel:
     def reduce(self, standardised: Array) -> Array:
         """Project standardised features (..., D) on the principal axes, (..., N).
 
-        They are of unit length then, but for those of plain PCA.
+        The result has unit length, except with plain PCA.
         """
         reduced = standardised @ self.components.T
         return reduced if self.plain else unit_length(reduced)
 
     def checked(self, descriptor: Array) -> Array | None:
-        """Return a descriptor (N,) that comes from elsewhere; None for length 0: nothing seen.
+        """Check an external descriptor (N,); return None if its length is 0 (no observation).
 
-        A longer one would overflow in the matching, one that is not finite spoil the rest of its
-        stream, and a shorter one, but for those of plain PCA, be matched by its rounding.
+        A descriptor that is too long would overflow in the matching. One that is not finite would
+        spoil the rest of its stream. One that is too short would be matched by its rounding errors
+        (plain PCA allows any shorter length).
 
         Raises:
             FrameError: its shape or its length is not that of a descriptor of this model.
@@ -107,7 +109,7 @@ class DescriptorModel:
 
 def unit_length(vectors: Array) -> Array:
     """Divide vectors (..., D) by their Euclidean lengths; a zero vector stays zero."""
-    # As np.linalg.norm does it, in a fraction of its overhead on one vector.
+    # The same bits as np.linalg.norm, with a fraction of its overhead on one vector.
     lengths = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
@@ -126,14 +128,14 @@ def fit_descriptors(
     Args:
         traverses: raw features of each, (K, D) float32; the first gives mean and deviation.
         kind: of the features.
-        dimensions: N at most; fewer where there are fewer frames than that.
-        standardise: whether every traverse after the first is standardised by its own mean and
-            deviation, as a query will be.
-        plain: whether it is plain PCA instead.
-        network: that the features are the output of, if so.
+        dimensions: the largest N; it is smaller if there are fewer frames.
+        standardise: whether each further traverse is standardised by its own mean and deviation,
+            as a query is.
+        plain: whether to fit plain PCA instead.
+        network: the network that gave the features, if one did.
 
     Returns:
-        The model, and for each traverse its descriptors, (K, N) float32.
+        The model, and the descriptors of each traverse, (K, N) float32.
     """
     if plain:
         return _fit_plain(traverses, kind, dimensions, standardise, network)
@@ -160,7 +162,7 @@ def _fit_plain(
     standardise: bool,
     network: Network | None,
 ) -> tuple[DescriptorModel, list[Array]]:
-    """Fit plain PCA; the unit is such that no descriptor of the traverses is longer than 1/4."""
+    """Fit plain PCA, scaled so that no descriptor of the traverses is longer than 1/4."""
     mean = traverses[0].mean(axis=0, dtype=np.float64).astype(np.float32)
     units = np.ones_like(mean)
 
@@ -180,13 +182,13 @@ def _fit_plain(
 
 
 def _standardised(raws: Array, moments: tuple[Array, Array]) -> Iterator[Array]:
-    """Standardise a traverse's raw features (K, D), and yield them in blocks (B, D)."""
+    """Yield a traverse's raw features (K, D) standardised, in blocks (B, D)."""
     for block in blocks(len(raws), _BLOCK):
         yield _standardise(unit_length(raws[block]), *moments)
 
 
 def _moments(raws: Array) -> tuple[Array, Array]:
-    """Mean and deviation of raw features (K, D) at unit length."""
+    """Return mean and deviation of raw features (K, D) at unit length."""
     total = square_total = np.zeros(raws.shape[1])
     for block in blocks(len(raws), _BLOCK):
         units = unit_length(raws[block]).astype(np.float64)
@@ -204,10 +206,10 @@ def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
 def _principal_axes(
     in_blocks: Callable[[], Iterator[Array]], dimensions: int
 ) -> tuple[Array, float]:
-    """Principal axes (N, D) of vectors that come in blocks (B, D), of which few are held at once.
+    """Return the principal axes (N, D) of vectors, and the fraction of the variance along them.
 
-    Of their covariance, or, of vectors fewer than their dimensions, of themselves. With them comes
-    the share of the vectors' variance that lies along them.
+    The vectors come in blocks (B, D), so that few are in memory at once. The axes are computed
+    from the covariance, or by SVD of the vectors if these are fewer than their dimensions.
     """
     count, total = 0, np.zeros(1)
     for block in in_blocks():
@@ -231,11 +233,11 @@ def _principal_axes(
 
 @dataclass(frozen=True)
 class Moments:
-    """What a stream of raw features has been like so far.
+    """First and second moments of a stream of raw features so far.
 
     Attributes:
-        frames: how many.
-        sums: (2, D) float64, of the features at unit length, and of their squares.
+        frames: number of frames, with the prior's weight.
+        sums: (2, D) float64, sums of the features at unit length, and of their squares.
     """
 
     frames: float
@@ -243,27 +245,27 @@ class Moments:
 
 
 class DescriptorStream:
-    """Makes the raw features of a query into descriptors, frame by frame, looking back only.
+    """Turns the raw features of a query into descriptors, frame by frame and causally.
 
-    Mean and deviation run over the frames so far; the reference's count as ``PRIOR_FRAMES`` of
-    them, so that a young stream is standardised like the reference.
+    Mean and deviation are running ones. The reference's moments count as ``PRIOR_FRAMES`` frames,
+    so that the start of a stream is standardised like the reference.
     """
 
     def __init__(self, model: DescriptorModel, moments: Moments | None = None) -> None:
-        """Begin a stream, or go on with one that has had these moments."""
+        """Begin a stream, or continue one whose moments so far are given."""
         self._model = model
         self.moments = moments or _moments_of_reference(model)
-        """Of the stream so far."""
+        """The moments of the stream so far."""
 
     def update(self, raw: Array) -> Array | None:
-        """Take the next frame's raw feature (D,) and return its descriptor (N,) float32.
+        """Return the descriptor (N,) float32 of the next frame's raw feature (D,).
 
-        None where there was nothing to see, as in the dark or the fog: the raw feature is one and
-        the same value throughout. The stream is as it was.
+        A constant raw feature, as of a blank image in the dark or in fog, gives None, and leaves
+        the stream unchanged.
 
         Raises:
-            FrameError: the feature is of another shape, not finite or, in plain PCA, more than 4
-                times as far from the reference's mean as any place; the stream is as it was.
+            FrameError: the feature has another shape, is not finite or, with plain PCA, is more
+                than 4 times as far from the reference's mean as any place; the stream is unchanged.
         """
         self._check(raw)
         if np.ptp(raw) <= _BLANK * np.abs(raw).max():
@@ -280,7 +282,7 @@ class DescriptorStream:
         return self._model.reduce(standardised.astype(np.float32))
 
     def _check(self, raw: Array) -> None:
-        """One value that is not finite would spoil the sums for good."""
+        """Refuse a wrong shape or a value that is not finite, which would spoil all later sums."""
         expected = self._model.mean.shape
         if raw.shape != expected:
             raise FrameError(f"feature of shape {raw.shape}, not {expected}")

@@ -1,4 +1,4 @@
-"""Images to raw features, by the feature's kind."""
+"""Raw features of images, by the kind of feature."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
 from placefield.features.network import Network, read_network
+from placefield.features.network_sandbox import try_network
 from placefield.features.shrink import small_grey
-from placefield.features.trying import try_network
 from placefield.plugins import load_plugin
 
-GIST_SIZE = 64  # pixels; 128 measured no better on the sample routes, and takes longer
+GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -27,10 +27,10 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Feature:
-    """A way to describe images; threads may share it.
+    """A feature, which describes images; threads may share it.
 
     Attributes:
-        network: that it runs; None for the features that need none.
+        network: the network that it runs; None if it needs none.
     """
 
     network: Network | None
@@ -46,27 +46,27 @@ class Feature:
 
 
 def feature_of(kind: FeatureKind) -> Feature:
-    """Return the feature of a kind; ``onnx:FILE`` reads the network and its TOML.
+    """Return the feature of a kind; for ``onnx:FILE``, the network and its TOML are read.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed, or OpenCV cannot run it, see
-            ``try_network``; or no package brings a feature of another name.
+        ConfigError: a file of the network is missing or malformed, OpenCV cannot run the network
+            (see ``try_network``), or no installed package has a feature of this name.
     """
     return _feature(kind, network_of(kind))
 
 
 def feature_of_model(model: DescriptorModel) -> Feature:
-    """Return the feature that a descriptor model was fitted on; a network is the model's own.
+    """Return the feature that a descriptor model was fitted on, with the model's network.
 
     Raises:
-        ConfigError: OpenCV cannot run the network, see ``try_network``; or the package that brought
-            the feature is gone.
+        ConfigError: OpenCV cannot run the network (see ``try_network``), or the package with the
+            feature is not installed.
     """
     return _feature(model.kind, model.network)
 
 
 def network_of(kind: FeatureKind) -> Network | None:
-    """Read the network that a kind names; None for the kinds that need none.
+    """Read the network of a kind of feature; None for a kind without a network.
 
     Raises:
         ConfigError: a file of the network is missing or malformed.
@@ -83,7 +83,7 @@ def _feature(kind: FeatureKind, network: Network | None) -> Feature:
 
 
 def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
-    """Return a feature of another package, whose vectors are looked at before they are believed."""
+    """Return a feature of another package, with a check of the shape of its vectors."""
     describe = load_plugin("placefield.features", kind)
 
     def checked(pixels: Pixels) -> Array:
@@ -96,10 +96,10 @@ def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
 
 
 def _gist(pixels: Pixels) -> Array:
-    # The authors' code crops the centre; on a route that would lose the sides of the street.
+    # The whole image is used: the authors' code crops the centre, which loses the street's sides.
     return gist(small_grey(pixels, GIST_SIZE, GIST_SIZE))
 
 
 def default_dimensions(kind: FeatureKind) -> int:
-    """Return how many dimensions PCA leaves of a feature, where the configuration does not say."""
+    """Return the default number of dimensions that PCA keeps of a kind of feature."""
     return 500 if kind == "grayscale" else 300

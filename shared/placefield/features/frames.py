@@ -1,4 +1,4 @@
-"""What a camera gave at one instant."""
+"""Frames: an image with its stamp, pose and odometry."""
 
 from dataclasses import dataclass
 
@@ -16,13 +16,16 @@ __all__ = ["Frame", "Pose"]
 class Frame:
     """One frame of a traverse.
 
-    ``index`` is the frame's position in its source, ``stamp_ns`` the time it was taken in
-    nanoseconds, ``name`` what to call it in a message for a person (a file's name, say).
-    ``image`` is an encoded image as it lies in its file, or pixels: uint8, (H, W) grey or
-    (H, W, 3) BGR. ``odometry_m`` is how far the vehicle had travelled, in metres since any fixed
-    start, 0 or more; within a traverse it never goes down. None: nobody has said since the frame
-    before. ``fault`` says why the source could not read the image, which is empty bytes then: the
-    frame keeps its turn.
+    Attributes:
+        index: the frame's position in its source.
+        stamp_ns: when the frame was taken, nanoseconds.
+        name: used in messages, for example the name of a file.
+        image: an encoded image, or pixels: uint8, (H, W) grey or (H, W, 3) BGR.
+        pose: of the vehicle; None if unknown.
+        odometry_m: metres travelled since any fixed start, 0 or more; it never descends within a
+            traverse. None: there was no reading since the frame before.
+        fault: why the source could not read the image; ``image`` is then empty bytes, and the frame
+            keeps its index.
     """
 
     index: int
@@ -43,7 +46,7 @@ class Frame:
         """Return the image decoded, (H, W) grey or (H, W, 3) BGR.
 
         Raises:
-            FrameError: it cannot be read.
+            FrameError: the image cannot be read.
         """
         if self.fault:
             raise FrameError(self.fault)

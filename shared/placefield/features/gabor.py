@@ -1,18 +1,18 @@
 """Mean magnitudes of Gabor responses, each filter within its band of frequencies.
 
-A filter passes a box of frequencies, and next to nothing outside. With P = gain × spectrum in the
+A filter passes a box of frequencies, and almost nothing outside. With P = gain × spectrum in the
 box, and j and l counted from its middle (±1/2, ±3/2, …), the response at a pixel y, x is
 
     r(y, x) = e^{iφ} Σ_j Σ_l P(j, l) e^{i(jy + lx)}.
 
-The phase φ, the frequency of the middle, leaves the magnitude as it is and is dropped. Folded at
-the middle in both directions, the sum is one of real products over a quarter of the box,
+The phase φ, the frequency of the middle, does not change the magnitude and is dropped. Folded at
+the middle in both directions, the sum becomes one of real products over a quarter of the box,
 
     r = Σ_{j, l > 0} [(P_ee cos jy + i P_eo sin jy) cos lx + i (P_oe cos jy + i P_oo sin jy) sin lx]
 
 where e and o stand for even and odd in l and in j. With pixels counted from the middle of the
-image, mirrored pixels differ in signs alone: matrix products give a quarter of the image, and
-sums of them the rest. For images of 64 pixels that takes less time than Fourier transforms.
+image, mirrored pixels differ only in signs: matrix products give a quarter of the image, and sums
+of them give the rest. For images of 64 pixels this is faster than Fourier transforms.
 """
 
 import math
@@ -30,7 +30,7 @@ ORIENTATIONS = 8
 GRID = 4
 
 _BORDER = 32  # symmetric padding against the wrap-around of the Fourier filters, pixels
-_LEAST_GAIN = 1e-5  # a box holds all frequencies of more than that; the largest gain is 1
+_LEAST_GAIN = 1e-5  # a box holds all frequencies with a larger gain; the largest gain is 1
 
 Array = NDArray[np.float32]
 Array64 = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _describe_bands(
 def _fold(spectrum: Array, top: int, left: int, gains: Array, folded: Array) -> None:
     """Apply a box's gains and fold it into (even or odd in l, likewise in j, J, re/im, L).
 
-    What lies left of the middle is read from its conjugate, so that all loads run forward.
+    The left half is read from its conjugate, so that all memory is read forwards.
     """
     rows, _, columns = gains.shape
     last = len(spectrum) - 1
@@ -160,10 +160,10 @@ def _fold(spectrum: Array, top: int, left: int, gains: Array, folded: Array) -> 
 
 @kernel
 def _mean_magnitudes(quarters: Array, means: Array) -> None:
-    """Put the products (even or odd in x, likewise in y, h, re/im, h) together, and average.
+    """Combine the products (even or odd in x, likewise in y, h, re/im, h), and average.
 
-    Each gives four pixels, mirrored at the middle of the image, whose magnitudes go to four of the
-    cells in ``means`` (column, row).
+    Each product gives four pixels, mirrored at the middle of the image. Their magnitudes are added
+    to four cells of ``means`` (column, row).
     """
     half = quarters.shape[2]
     cell = half // 2
@@ -241,7 +241,7 @@ def _from_the_middle(box: Array64) -> Array64:
 
 
 def _even_range(wanted: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return the shortest range of even length that holds all that is wanted."""
+    """Return the shortest range of even length that holds all wanted elements."""
     first, *_, last = np.flatnonzero(wanted).tolist()
     if (last - first) % 2:
         return first, last + 1

@@ -15,7 +15,7 @@ from placefield.features.gabor import GRID, ORIENTATIONS, SCALES, gabor_magnitud
 DIMENSIONS = SCALES * ORIENTATIONS * GRID * GRID
 
 _BORDER = 5  # symmetric padding for the contrast normalisation, pixels
-_EVEN = 0.01  # grey levels: rounding makes as much of an even image, and no object so little
+_EVEN = 0.01  # grey levels: above rounding errors of a blank image, and below any real contrast
 _CYCLES = 4.0  # cut-off of the contrast normalisation, cycles per image
 
 Array = NDArray[np.float32]
@@ -29,7 +29,7 @@ def gist(images: Array) -> Array:
 
     Returns:
         (..., 512) float32: filter by filter (scale major), each a 4 x 4 grid in column-major order.
-        An image's values depend on no other's.
+        The values of an image do not depend on the other images.
 
     Raises:
         ValueError: size is no multiple of 4.
@@ -38,7 +38,7 @@ def gist(images: Array) -> Array:
     if size % GRID:
         raise ValueError(f"a side of {size} pixels does not divide into {GRID} equal cells")
     features = np.empty((*images.shape[:-2], DIMENSIONS), np.float32)
-    # One after another: what one image needs stays in the cache, what several need does not.
+    # One by one: the data of one image stay in the processor's cache, those of several do not.
     for image, feature in zip(
         images.reshape(-1, size, size), features.reshape(-1, DIMENSIONS), strict=True
     ):
@@ -47,7 +47,7 @@ def gist(images: Array) -> Array:
 
 
 def _stretch(image: Array) -> Array:
-    """Map the grey levels to 0..255; an even image becomes black."""
+    """Map the grey levels to 0..255; a blank image becomes black."""
     low, high = float(image.min()), float(image.max())
     return (image - low) * np.float32(255 / (high - low) if high > low + _EVEN else 0)
 
@@ -64,7 +64,7 @@ def _normalise_contrast(image: Array) -> Array:
 
 def _smooth(image: Array) -> Array:
     low_pass = _low_pass(len(image))
-    # In two halves: larger products may be shared out to threads, whose number shows in the bits.
+    # In two halves: a larger product may run in threads, and their number would change the bits.
     halves = low_pass.reshape(2, -1, len(image))
     return np.asarray((halves @ image @ low_pass).reshape(image.shape), np.float32)
 
@@ -76,9 +76,9 @@ def _padding(size: int) -> NDArray[np.intp]:
 
 @lru_cache(maxsize=4)
 def _low_pass(size: int) -> Array:
-    """Matrix that filters a line of pixels by a Gaussian in the Fourier domain, (size, size).
+    """Return the matrix (size, size) that applies a Gaussian low-pass filter to a line of pixels.
 
-    The two-dimensional Gaussian is the product of two such, and the matrix is symmetric.
+    The two-dimensional Gaussian is the product of two such filters, and the matrix is symmetric.
     """
     width = _CYCLES / np.sqrt(np.log(2))
     cycles = np.fft.fftfreq(size, 1 / size)

@@ -1,4 +1,4 @@
-"""Grayscale: the image itself, made small."""
+"""The grayscale feature: the downscaled image itself."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,9 @@ DIMENSIONS = WIDTH * HEIGHT
 
 
 def grayscale(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Make (H, W) or (H, W, 3) uint8 grey and 64 x 48 pixels, row by row: (3072,) float32.
+    """Downscale (H, W) or (H, W, 3) uint8 to 64 x 48 grey pixels, row by row: (3072,) float32.
 
     Raises:
-        FrameError: the pixels are of another shape or dtype.
+        FrameError: the pixels have another shape or dtype.
     """
     return small_grey(pixels, HEIGHT, WIDTH).ravel()

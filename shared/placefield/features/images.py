@@ -1,6 +1,6 @@
-"""Encoded images to pixels, and pixels to grey.
+"""Decoding and encoding of images, and conversion to grey.
 
-Images are turned as their EXIF says: a phone that is held upside down sees the same street.
+Images are rotated as their EXIF data say.
 """
 
 import re
@@ -19,11 +19,11 @@ Image = bytes | NDArray[np.uint8] | Path
 MIN_SIDE = 8
 MAX_PIXELS = 64_000_000
 MAX_SCANS = 100
-"""Of a progressive JPEG, each of which is decoded over the whole image; cameras write ten or so."""
+"""The most scans of a progressive JPEG: each costs a decoding; cameras write about ten."""
 
 _JPEG_QUALITY = 80
 
-_AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # and turned
+_AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # and rotated by EXIF
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -35,10 +35,10 @@ _JPEG_FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def load(image: Image) -> bytes | NDArray[np.uint8]:
-    """Return an image that may be in a file.
+    """Return an image; a path is read as a file.
 
     Raises:
-        SourceError: the file cannot be read, or this is no image at all.
+        SourceError: the file cannot be read, or the value is no image.
     """
     if isinstance(image, Path):
         try:
@@ -54,11 +54,13 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     """Decode an image (JPEG, PNG, BMP, PNM, TIFF, WebP) to (H, W) grey or (H, W, 3) BGR uint8.
 
     16-bit values are scaled by 1/257, so that full range stays full range; alpha is dropped;
-    palettes are resolved. Bytes behind the end of the image are ignored.
+    palettes are resolved. Bytes after the end of the image are ignored. The size of JPEG and PNG is
+    checked before any pixel is decoded, that of other formats afterwards.
 
-    Raises FrameError where the data are empty, no image, cut off, not of 8 or 16 bits, less than
-    ``MIN_SIDE`` pixels wide or high, or of more than ``MAX_PIXELS`` pixels or ``MAX_SCANS`` scans.
-    JPEG and PNG are measured before any pixel is decoded; the other formats afterwards.
+    Raises:
+        FrameError: the data are empty, no image, cut off, not of 8 or 16 bits, less than
+            ``MIN_SIDE`` pixels wide or high, or of more than ``MAX_PIXELS`` pixels or
+            ``MAX_SCANS`` scans.
     """
     declared = _declared_size(data)
     if declared is not None:
@@ -73,16 +75,16 @@ def decode(data: bytes) -> NDArray[np.uint8]:
 
 
 def pixels_of(image: bytes | NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return an encoded image decoded, and pixels as they are.
+    """Return the pixels of an image: an encoded one is decoded, and pixels are returned unchanged.
 
     Raises:
-        FrameError: it does not decode, see ``decode``.
+        FrameError: the image does not decode, see ``decode``.
     """
     return decode(image) if isinstance(image, bytes) else image
 
 
 def small_jpeg(pixels: NDArray[np.uint8], longest: int) -> bytes:
-    """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, shrunk to sides of so many pixels at most."""
+    """Encode pixels (H, W) or (H, W, 3) BGR as JPEG, downscaled to sides of ``longest`` at most."""
     height, width = pixels.shape[:2]
     scale = longest / max(height, width)
     if scale < 1:
@@ -94,8 +96,10 @@ def small_jpeg(pixels: NDArray[np.uint8], longest: int) -> bytes:
 def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Average the colour channels of (H, W) or (H, W, 3) uint8 to (H, W) float32 in 0 … 255.
 
-    The plain mean is GIST's convention, not the weighted luma of JPEG.
-    Raises FrameError for any other shape or dtype, or where there are no pixels.
+    The unweighted mean is GIST's convention; the luma of JPEG is weighted.
+
+    Raises:
+        FrameError: the shape or dtype is another, or there are no pixels.
     """
     check_pixels(image)
     if image.ndim == 2:
@@ -106,7 +110,11 @@ def grey(image: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def check_pixels(image: NDArray[np.uint8]) -> None:
-    """Raise FrameError where pixels are not uint8, (H, W) or (H, W, 3), or there are none."""
+    """Refuse pixels that are not uint8, (H, W) or (H, W, 3), or empty.
+
+    Raises:
+        FrameError: the pixels are refused.
+    """
     if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
         raise FrameError(
             f"pixels are {image.dtype} of shape {image.shape}; give uint8, (H, W) or (H, W, 3)"
@@ -116,7 +124,7 @@ def check_pixels(image: NDArray[np.uint8]) -> None:
 
 
 def _declared_size(data: bytes) -> tuple[int, int] | None:
-    """Return the (height, width) that the header of a JPEG or a PNG declares, None for others."""
+    """Return the (height, width) in the header of a JPEG or a PNG; None for other formats."""
     if data.startswith(b"\xff\xd8"):
         return _jpeg_size(data)
     if data.startswith(_PNG_SIGNATURE):
@@ -125,11 +133,14 @@ def _declared_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:
-    """Walk a JPEG's markers from start to end and return the (height, width) of its frame header.
+    """Return the (height, width) in a JPEG's frame header, after a walk over all its markers.
 
-    OpenCV decodes a JPEG that was cut off and then padded or followed by another to a picture
-    whose lower part is wrong; only a walk tells its end marker from that of a thumbnail.
-    Raises FrameError where the end marker is missing, or there are more than ``MAX_SCANS`` scans.
+    If a JPEG was cut off, and padding or another JPEG follows, OpenCV decodes an image whose lower
+    part is wrong. Only a walk over the markers distinguishes the image's own end marker from that
+    of a thumbnail.
+
+    Raises:
+        FrameError: the end marker is missing, or there are more than ``MAX_SCANS`` scans.
     """
     height = width = scans = 0
     at = 2

@@ -1,4 +1,4 @@
-"""Networks at work, by OpenCV."""
+"""Inference: the output of a network for an image, by OpenCV."""
 
 import re
 import threading
@@ -16,28 +16,28 @@ from placefield.features.onnx_file import check_onnx
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
-# As OpenCV's dump of a network, which alone tells, shows an input: its type, and its axes by their
-# lengths or, where these are free, by names.
+# An input in OpenCV's dump of a network: its type, and the length of each axis, or the name of an
+# axis of free length. OpenCV offers these nowhere else.
 _DUMPED_INPUT = re.compile(r"<Input> (\w+) \[([^]]*)\]")
 
 
 class NetworkFeature:
-    """The output of a network for an image.
+    """A feature that is the output of a network for an image.
 
-    Threads may share one: they take turns, for OpenCV's networks are not thread-safe, and OpenCV
-    uses all cores for each. The values do not depend on how many there are.
+    Threads may share it. A lock serialises them, because OpenCV's networks are not thread-safe;
+    OpenCV uses all cores for each image. The values do not depend on the number of cores.
     """
 
     def __init__(self, name: str, network: Network) -> None:
         """Load a network.
 
         Args:
-            name: of the network, for a message.
+            name: of the network, used in messages.
             network: to load.
 
         Raises:
-            ConfigError: see ``check_onnx``; OpenCV cannot run it, or its input or output is another
-                than it should be.
+            ConfigError: the file is refused (see ``check_onnx``), OpenCV cannot run the network, or
+                its input or output does not fit.
         """
         self._input = network.input
         self._lock = threading.Lock()
@@ -50,7 +50,7 @@ class NetworkFeature:
         """Return the output for an image (H, W) or (H, W, 3) BGR, as one row: (D,) float32.
 
         Raises:
-            FrameError: the pixels are of another shape or dtype, the network fails on them, or its
+            FrameError: the pixels have another shape or dtype, the network fails on them, or its
                 output is not finite.
         """
         try:
@@ -66,11 +66,11 @@ class NetworkFeature:
     def _forward(self, blob: Array) -> Array:
         with self._lock:
             self._net.setInput(blob)
-            # a copy: the network writes its next output into the same memory
+            # copied, because the network writes its next output into the same memory
             return np.array(self._net.forward(self._output), np.float32)
 
     def _try_out(self, name: str) -> None:
-        """Describe a black image: what cannot work is to fail at the start."""
+        """Describe a black image, so that a network that cannot work fails at the start."""
         wanted = self._input
         black = np.zeros((1, wanted.channels, wanted.height, wanted.width), np.float32)
         try:
@@ -87,12 +87,12 @@ class NetworkFeature:
 
 
 def network_input(pixels: Pixels, wanted: NetworkInput) -> Array:
-    """Make an image (H, W) or (H, W, 3) BGR into (1, C, height, width) float32.
+    """Return the network's input (1, C, height, width) float32 of (H, W) or (H, W, 3) BGR pixels.
 
-    Grey is Rec. 601 luma, as networks are trained on.
+    Grey is Rec. 601 luma, which networks are trained on.
 
     Raises:
-        FrameError: the pixels are of another shape or dtype.
+        FrameError: the pixels have another shape or dtype.
     """
     check_pixels(pixels)
     coloured = _coloured(pixels, wanted)
@@ -131,14 +131,14 @@ def _output_name(name: str, net: cv2.dnn.Net, wanted: str | None) -> str:
 
 
 def _check_input(name: str, net: cv2.dnn.Net, wanted: NetworkInput) -> None:
-    """Refuse an input that the network did not declare: OpenCV would run on it, and misread it."""
+    """Refuse an input that the network does not declare: OpenCV would silently misread it."""
     shape = ["1", str(wanted.channels), str(wanted.height), str(wanted.width)]
     declared = _declared_inputs(net)
-    if len(declared) != 1 or not _takes(*declared[0], shape):
-        takes = " and ".join(f"{kind} {' x '.join(axes)}" for kind, axes in declared)
+    if len(declared) != 1 or not _accepts(*declared[0], shape):
+        expected = " and ".join(f"{kind} {' x '.join(axes)}" for kind, axes in declared)
         raise ConfigError(
-            f"{name}: takes {takes or 'nothing'}, not CV_32F {' x '.join(shape)} as its TOML says "
-            "(image, channel, row, column)"
+            f"{name}: its input is {expected or 'nothing'}, not CV_32F {' x '.join(shape)} as its "
+            "TOML says (image, channel, row, column)"
         )
 
 
@@ -151,7 +151,7 @@ def _declared_inputs(net: cv2.dnn.Net) -> list[tuple[str, list[str]]]:
     ]
 
 
-def _takes(kind: str, axes: list[str], shape: list[str]) -> bool:
+def _accepts(kind: str, axes: list[str], shape: list[str]) -> bool:
     return (
         kind.startswith("CV_32F")
         and len(axes) == len(shape)
@@ -160,5 +160,5 @@ def _takes(kind: str, axes: list[str], shape: list[str]) -> bool:
 
 
 def _reason(error: cv2.error) -> str:
-    """Return OpenCV's reason on one line, without where in OpenCV it was found."""
+    """Return OpenCV's reason in one line, without the position in OpenCV's code."""
     return (error.err or str(error)).lstrip("> ").partition("\n")[0]

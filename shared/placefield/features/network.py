@@ -1,6 +1,6 @@
-"""An image network in ONNX, and what its pictures are to look like.
+"""A network in ONNX, and the description of its input.
 
-Beside ``net.onnx`` lies ``net.toml``, which says how an image becomes the network's input.
+The file ``net.toml`` beside ``net.onnx`` says how an image becomes the network's input.
 """
 
 import hashlib
@@ -20,8 +20,9 @@ from placefield.toml import parse_toml
 class NetworkInput(BaseModel):
     """How an image becomes the input of a network, and which of its outputs is the feature.
 
-    An image is resized to ``width`` × ``height``; each value v, 0 to 255, becomes
-    (``scale`` · v − ``mean``) / ``deviation``, the latter two one number or one a channel.
+    An image is resized to ``width`` × ``height``. Each value v, 0 to 255, becomes
+    (``scale`` · v − ``mean``) / ``deviation``, where mean and deviation are one number each, or
+    one number per channel.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -30,12 +31,12 @@ class NetworkInput(BaseModel):
     height: int = Field(ge=1, le=4096, description="pixels")
     colour: Literal["rgb", "bgr", "grey"] = Field("rgb", description="order of the channels")
     equalise: bool = Field(False, description="equalise the histogram of a grey image first")
-    scale: float = Field(1 / 255, gt=0, description="of a pixel's value, 0 to 255")
-    mean: float | tuple[float, ...] = Field(0.0, description="taken from a scaled value")
-    deviation: float | tuple[float, ...] = Field(1.0, description="that it is divided by then")
-    output: str | None = Field(None, description="its name; not needed where there is but one")
+    scale: float = Field(1 / 255, gt=0, description="factor of a pixel's value, 0 to 255")
+    mean: float | tuple[float, ...] = Field(0.0, description="subtracted from a scaled value")
+    deviation: float | tuple[float, ...] = Field(1.0, description="divisor after that")
+    output: str | None = Field(None, description="name of the output; needed if there are several")
     grid: int | None = Field(
-        None, ge=1, description="take the mean of each channel over a grid of so many cells a side"
+        None, ge=1, description="average each channel over a grid of this many cells per side"
     )
 
     @property
@@ -57,11 +58,11 @@ class NetworkInput(BaseModel):
 
 @dataclass(frozen=True)
 class Network:
-    """A network as it lies in its file.
+    """A network, as the bytes of its file.
 
     Attributes:
-        input: what it takes.
-        onnx: (bytes,) uint8, its file.
+        input: description of its input.
+        onnx: (bytes,) uint8, the file.
     """
 
     input: NetworkInput
@@ -72,7 +73,7 @@ class Network:
 
     @property
     def digest(self) -> bytes:
-        """SHA-256 of the network and its input: two of one digest give the same features."""
+        """SHA-256 of the network and its input: equal digests give equal features."""
         digest = hashlib.sha256(self.input.model_dump_json().encode())
         digest.update(self.onnx.data)
         return digest.digest()
@@ -82,16 +83,16 @@ def read_network(path: Path) -> Network:
     """Read ``net.onnx``, and ``net.toml`` beside it.
 
     Raises:
-        ConfigError: either is missing or unreadable, or the TOML is malformed.
+        ConfigError: a file is missing or unreadable, or the TOML is malformed.
     """
-    # The network first: where both are missing, it is the one that was asked for.
+    # The network first: if both files are missing, the error names the one that the user named.
     onnx = np.frombuffer(_read(path, "network"), np.uint8)
     return Network(_read_input(path.with_suffix(".toml")), onnx)
 
 
 def _read(path: Path, what: str) -> bytes:
     try:
-        with path.open("rb") as opened:  # a byte too many is refused later
+        with path.open("rb") as opened:  # one byte more, so that a longer file is refused later
             return opened.read(MOST_BYTES + 1)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such {what}") from None
@@ -100,7 +101,7 @@ def _read(path: Path, what: str) -> bytes:
 
 
 def _read_input(path: Path) -> NetworkInput:
-    text = _read(path, "file; it says what the network beside it takes: width, height, …")
+    text = _read(path, "file; it must describe the network's input: width, height, …")
     try:
         return NetworkInput.model_validate(parse_toml(text, str(path)))
     except ValidationError as error:

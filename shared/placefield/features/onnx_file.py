@@ -1,7 +1,7 @@
-"""What a file in ONNX holds, looked at before anything loads it: it may be a stranger's.
+"""A check of an ONNX file before it is loaded, because it may come from an untrusted host.
 
-It is read by the encoding of Protocol Buffers alone, https://protobuf.dev/programming-guides/encoding,
-and by the numbers of the fields in ``onnx.proto``.
+The file is parsed by the encoding of Protocol Buffers alone
+(https://protobuf.dev/programming-guides/encoding), with the field numbers of ``onnx.proto``.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from placefield.errors import ConfigError
 
 MOST_BYTES = 2**30
-"""Of a network."""
+"""The longest file of a network."""
 
 MOST_NODES = 20_000
-"""Of a network, in all its graphs: the largest that describe images have some thousands."""
+"""The most nodes of a network, in all its graphs; the largest image networks have thousands."""
 
-_MOST_FIELDS = 1_000_000  # that are looked at; of a node, ten or so
+_MOST_FIELDS = 1_000_000  # the most fields that are parsed; a node has about ten
 
-# Messages by the number of the field that they are in.
+# Sub-messages, by field number.
 _Message = dict[int, "_Message"]
 _TENSOR: _Message = {}
 _SPARSE: _Message = {1: _TENSOR, 2: _TENSOR}
@@ -29,22 +29,22 @@ _GRAPH: _Message = {1: _NODE, 5: _TENSOR, 15: _SPARSE}
 _ATTRIBUTE |= {6: _GRAPH, 11: _GRAPH}
 _MODEL: _Message = {7: _GRAPH, 20: {1: _GRAPH, 2: _GRAPH}, 25: {7: _NODE, 11: _ATTRIBUTE}}
 
-_EXTERNAL_DATA, _DATA_LOCATION = 13, 14  # of a tensor
-_FIXED: Mapping[int, int] = {1: 8, 5: 4}  # bytes, by the kind of a field
+_EXTERNAL_DATA, _DATA_LOCATION = 13, 14  # fields of a tensor
+_FIXED: Mapping[int, int] = {1: 8, 5: 4}  # length in bytes, by wire type
 
 
 def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
-    """Refuse a network that reads other files, or is larger than any that describes images.
+    """Refuse a network that reads other files, or is larger than any image network.
 
     Args:
-        name: of the network, for a message.
+        name: of the network, used in messages.
         onnx: (bytes,) its file.
 
     Raises:
-        ConfigError: it is refused, or its bytes are no such file.
+        ConfigError: the network is refused, or the bytes are no ONNX file.
     """
     if onnx.nbytes > MOST_BYTES:
-        raise ConfigError(f"{name}: more than {MOST_BYTES} bytes; take a smaller network")
+        raise ConfigError(f"{name}: more than {MOST_BYTES} bytes; use a smaller network")
     view = np.ascontiguousarray(onnx).data.cast("B")
     waiting: list[tuple[_Message, memoryview]] = [(_MODEL, view)]
     nodes = fields = 0
@@ -55,8 +55,8 @@ def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
             fields += 1
             if nodes > MOST_NODES or fields > _MOST_FIELDS:
                 raise ConfigError(
-                    f"{name}: more than {MOST_NODES} nodes, or as much besides; "
-                    "take a smaller network"
+                    f"{name}: more than {MOST_NODES} nodes or {_MOST_FIELDS} fields; "
+                    "use a smaller network"
                 )
             if message is _TENSOR:
                 _check_tensor(name, number, value)
@@ -67,13 +67,13 @@ def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
 def _check_tensor(name: str, number: int, value: int | memoryview) -> None:
     if number == _EXTERNAL_DATA or (number == _DATA_LOCATION and value != 0):
         raise ConfigError(
-            f"{name}: keeps data in other files, and no network may read these; "
-            "save it with all its data in its own"
+            f"{name}: keeps data in other files, which are not read; "
+            "save the network with all its data in one file"
         )
 
 
 def _fields(name: str, content: memoryview) -> Iterator[tuple[int, int | memoryview]]:
-    """Yield the numbers and values of a message's fields; of fixed length ones, where they are."""
+    """Yield the number and the value of each field of a message; integers, or slices of bytes."""
     at, end = 0, len(content)
     while at < end:
         tag, at = _varint(name, content, at)
@@ -96,7 +96,7 @@ def _fields(name: str, content: memoryview) -> Iterator[tuple[int, int | memoryv
 
 
 def _varint(name: str, content: memoryview, at: int) -> tuple[int, int]:
-    """Return a number of 7 bits a byte, and where the next begins."""
+    """Return a varint (7 bits per byte), and the offset after it."""
     value = 0
     for shift, byte in enumerate(content[at : at + 10]):
         value |= (byte & 127) << 7 * shift
@@ -106,4 +106,4 @@ def _varint(name: str, content: memoryview, at: int) -> tuple[int, int]:
 
 
 def _malformed(name: str) -> ConfigError:
-    return ConfigError(f"{name}: no network that OpenCV can run: no ONNX, or not all of it")
+    return ConfigError(f"{name}: no network that OpenCV can run: no ONNX file, or cut off")

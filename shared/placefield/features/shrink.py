@@ -1,4 +1,4 @@
-"""Colour pixels to a small grey image, in one pass over them."""
+"""Downscaling of colour pixels to a small grey image, in one pass."""
 
 from functools import lru_cache
 
@@ -16,8 +16,8 @@ Pixels = NDArray[np.uint8]
 def small_grey(pixels: Pixels, height: int, width: int) -> Array:
     """Average the colour channels and resize to (height, width), float32 in 0 … 255.
 
-    Each value is the mean over the area that its pixel covers in the image. Where the image is the
-    smaller of the two in a direction, OpenCV interpolates.
+    Each value is the mean over the area that its pixel covers in the image. If the image is smaller
+    than the result in one direction, OpenCV interpolates.
 
     Args:
         pixels: (H, W) or (H, W, 3) uint8.
@@ -25,7 +25,7 @@ def small_grey(pixels: Pixels, height: int, width: int) -> Array:
         width: of the result, pixels.
 
     Raises:
-        FrameError: the pixels are of another shape or dtype, or there are none.
+        FrameError: the pixels have another shape or dtype, or there are none.
     """
     check_pixels(pixels)
     rows, columns = pixels.shape[:2]
@@ -42,7 +42,7 @@ def small_grey(pixels: Pixels, height: int, width: int) -> Array:
 
 @kernel
 def _average_rows(lines: Pixels, firsts: NDArray[np.intp], shares: Array, means: Array) -> None:
-    """Add up the rows (H, C) that each row of ``means`` (h, C) covers, by their shares in it."""
+    """Add up the rows (H, C) that each row of ``means`` (h, C) covers, weighted by ``shares``."""
     for row in range(len(firsts)):
         for tap in range(shares.shape[1]):
             share, line = shares[row, tap], lines[firsts[row] + tap]
@@ -52,7 +52,7 @@ def _average_rows(lines: Pixels, firsts: NDArray[np.intp], shares: Array, means:
 
 @kernel
 def _average_columns(lines: Array, firsts: NDArray[np.intp], shares: Array, means: Array) -> None:
-    """Add up the values of each line (h, C) that each of ``means`` (h, w) covers, by shares."""
+    """Add up the values of a line (h, C) that each of ``means`` (h, w) covers, by ``shares``."""
     for row in range(means.shape[0]):
         line = lines[row]
         for column in range(means.shape[1]):
@@ -65,11 +65,11 @@ def _average_columns(lines: Array, firsts: NDArray[np.intp], shares: Array, mean
 
 @lru_cache(maxsize=16)
 def _areas(length: int, parts: int, channels: int) -> tuple[NDArray[np.intp], Array]:
-    """Divide a line of so many pixels, of interleaved channels, into equal parts.
+    """Divide a line of ``length`` pixels, of interleaved channels, into equal parts.
 
     Returns:
-        The first value of each part, (parts,), and the shares in its mean of the values from
-        there on, (parts, T) float32; T are enough for the part that covers most.
+        The first value of each part, (parts,), and the weights of the values from there on in the
+        part's mean, (parts, T) float32; T is the most values that a part covers.
     """
     taps = min(length, -(-length // parts) + 1)
     starts = np.arange(parts) * length / parts

@@ -1,1 +1,1 @@
-"""The built map, in memory and on disk."""
+"""Maps: building, saving, opening and transferring them."""

@@ -12,7 +12,7 @@ from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, MapMetric, Places
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -25,9 +25,9 @@ HELD_BACK = 0.2  # of the reference, as in the paper
 
 Array = NDArray[np.float32]
 Progress = Callable[[int, str, float], None]
-"""Called with a channel's number, what is done to it and the share done, from any thread.
+"""Called with a channel's number, the step under way and the fraction done, from any thread.
 
-What it raises ends the work on that channel, and with it the build.
+An exception that it raises ends the build.
 """
 
 Cut = Callable[[Array, Traverse, Config], tuple[Channel, ...]]
@@ -52,16 +52,16 @@ def adaptive_channels(
     Args:
         descriptors: (K, N) float32, of the reference traverse.
         traverse: the reference traverse.
-        config: its scales and seed say how.
-        run: the channels.
-        progress: told of every channel's.
+        config: its scales and seed are used.
+        run: maps a function over the channels, as ``map`` does.
+        progress: called with the progress of each channel.
 
     Raises:
-        MapError: the reference is too short for the channels asked for; the smallest scale is in
-            metres, but the reference has no poses.
+        MapError: the reference is too short for this many channels, or the smallest scale is in
+            metres and the reference has no poses.
     """
     scales = config.scales
-    min_scale, way = _lower_limit(traverse, config)
+    min_scale, metres = _lower_limit(traverse, config)
     return make_channels(
         descriptors,
         channels=scales.channels,
@@ -70,7 +70,7 @@ def adaptive_channels(
         same_start=scales.same_start,
         position_weight=scales.position_weight,
         min_scale=min_scale,
-        travelled=way,
+        travelled=metres,
         seed=config.seed,
         run=run,
         progress=lambda number, share: progress(number, "clustering", share),
@@ -78,10 +78,10 @@ def adaptive_channels(
 
 
 def _lower_limit(traverse: Traverse, config: Config) -> tuple[float, NDArray[np.floating] | None]:
-    """Return the shortest active segment, and the way along the places where it is in metres.
+    """Return the shortest active segment, and, if it is in metres, the metres up to each place.
 
     Raises:
-        MapError: it is in metres, but the traverse has no poses.
+        MapError: it is in metres, and the traverse has no poses.
     """
     scales = config.scales
     if not scales.min_scale_metres:
@@ -109,10 +109,11 @@ def build_map(
     Args:
         traverses: of equal length.
         config: its features, scales, metric and seed describe the map.
-        progress: told of every channel's learning.
-        cut: how the reference becomes segments.
-        network: that the raw features are the output of, if so; the map keeps it.
-        run: the channels, which do not depend on each other: on how many cores changes no bit.
+        progress: called with the progress of each channel.
+        cut: cuts the reference into segments.
+        network: the network that gave the raw features, if one did; the map keeps it.
+        run: maps a function over the channels, as ``map`` does. Channels are independent, so the
+            number of cores does not change the result.
 
     Raises:
         MapError: the traverses differ in length, or ``cut`` refuses the reference.
@@ -183,19 +184,19 @@ def _check_aligned(traverses: Sequence[Traverse]) -> None:
 
 
 def _trained_first(held_back: NDArray[np.bool_], traverses: int) -> NDArray[np.intp]:
-    """Order of the frames of all traverses, one below the other: those held back come last."""
+    """Return the order of the frames of all stacked traverses that puts held-back frames last."""
     return np.argsort(np.tile(held_back, traverses), kind="stable")
 
 
 def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
-    """Descriptors (K, N) of all traverses, one below the other, reordered, less their mean."""
+    """Stack the descriptors (K, N) of all traverses, reorder them and subtract their mean."""
     reference = np.concatenate(descriptors)[order]
     reference -= reference.mean(axis=0)
     return reference
 
 
 def _probes(descriptors: Sequence[Array], held_back: NDArray[np.bool_]) -> Probes | None:
-    """Make the gate's questions: the held-back places as the other traverses saw them, if any."""
+    """Return the gate's probes: the held-back places as the other traverses observed them."""
     first, *others = descriptors
     if not others:
         return None
@@ -253,9 +254,9 @@ def _with_push(
     reference: Array,
     places: NDArray[np.integer],
 ) -> MetricConfig:
-    """Return the settings of the metric with push as a number, for all channels.
+    """Return the metric's settings with push as a number, the same for all channels.
 
-    Cross-validation is on the labels of the first channel, if a metric is to be learned at all.
+    Where push is to be chosen, cross-validation on the labels of the first channel chooses it.
     """
     metric = config.metric
     if not isinstance(metric.push, str):

@@ -1,4 +1,4 @@
-"""Checksums of a map's files, worked out by all cores: a worker starts as fast as it can read."""
+"""Checksums of a map's files. All cores compute them, so that a worker starts quickly."""
 
 import hashlib
 import os
@@ -10,7 +10,7 @@ _PIECE = 2**20  # bytes that one thread reads and hashes at once
 
 
 def checksum_of(file: Path) -> str:
-    """Return the SHA-256 of the SHA-256 of each MiB of a file, one after another; hexadecimal.
+    """Return the checksum of a file: the SHA-256 of the SHA-256s of its MiBs; hexadecimal.
 
     Raises:
         OSError: the file is missing or unreadable.
@@ -20,7 +20,7 @@ def checksum_of(file: Path) -> str:
 
 
 def checksum_of_opened(file: BinaryIO) -> str:
-    """Return the same of a file that is open; where it stands is no matter, and stays.
+    """Return the checksum of an open file, see ``checksum_of``; its position does not change.
 
     Raises:
         OSError: the file is unreadable.

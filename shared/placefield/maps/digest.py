@@ -1,17 +1,17 @@
-"""What tells one map from another."""
+"""The digest that identifies a map."""
 
 import hashlib
 
 DIGEST_LENGTH = 16
-"""Hexadecimal digits."""
+"""Length of a map's digest, hexadecimal digits."""
 
 NO_DIGEST = "0" * DIGEST_LENGTH
-"""Stands for the digest of a map that is not on disk, or that an old recording does not name."""
+"""The digest of a map that was never saved, or of the map of an old recording that names none."""
 
 
 def short_digest(written: bytes) -> str:
-    """Return which map a manifest is of, as it is written: the first digits of its SHA-256.
+    """Return the digest of a map: the first digits of the SHA-256 of its manifest's bytes.
 
-    The manifest has the checksums of all files, so that no two maps share one.
+    The manifest holds the checksums of all files, so two different maps have different digests.
     """
     return hashlib.sha256(written).hexdigest()[:DIGEST_LENGTH]

@@ -1,7 +1,7 @@
-"""Between latitude and longitude and a map's own metres: a plane that touches the earth.
+"""Conversion between latitude and longitude and a map's metres, on a local tangent plane.
 
-East is x and north is y, from the plane's origin, on the ellipsoid of WGS 84 (pymap3d's ENU).
-Height is left out: 10 km from the origin the ground is 8 m below the plane, and that is no matter.
+x is east and y is north of the plane's origin, on the ellipsoid of WGS 84 (pymap3d's ENU). Height
+is ignored: the ground is 8 m below the plane at 10 km from the origin.
 """
 
 import re
@@ -18,20 +18,20 @@ _FRAME = re.compile(rf"wgs84 {_NUMBER} {_NUMBER}")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where such a plane touches the earth, degrees north and east."""
+    """The point where the tangent plane touches the ellipsoid, degrees north and east."""
 
     latitude: float
     longitude: float
 
     def to_local(self, latitude: float, longitude: float) -> tuple[float, float]:
-        """Return x and y, metres, of a point in degrees."""
+        """Return x and y, metres, of a point given in degrees."""
         east, north, _ = pymap3d.geodetic2enu(
             latitude, longitude, 0.0, self.latitude, self.longitude, 0.0
         )
         return float(east), float(north)
 
     def to_degrees(self, x: float, y: float) -> tuple[float, float]:
-        """Return latitude and longitude of a point in metres."""
+        """Return latitude and longitude, degrees, of a point given in metres."""
         latitude, longitude, _ = pymap3d.enu2geodetic(
             x, y, _drop(x, y), self.latitude, self.longitude, 0.0
         )
@@ -39,15 +39,15 @@ class Origin:
 
     @property
     def frame(self) -> str:
-        """The name of the frame in a map, which says where it is."""
+        """The name of this coordinate frame in a map: ``wgs84 LATITUDE LONGITUDE``."""
         return f"wgs84 {self.latitude:.9f} {self.longitude:.9f}"
 
     @classmethod
     def of_frame(cls, frame: str | None) -> Self | None:
-        """Read the origin from a frame's name; None if that does not say where on earth it is.
+        """Read the origin from a frame's name; None if the frame is not georeferenced.
 
         Raises:
-            MapError: it is nowhere on earth.
+            MapError: the name begins with ``wgs84`` and holds no valid latitude and longitude.
         """
         if frame is None or not frame.startswith("wgs84 "):
             return None
@@ -58,6 +58,6 @@ class Origin:
 
 
 def _drop(x: float, y: float) -> float:
-    """Return how far the ground is below the plane, metres, so that a way there and back meets."""
+    """Return the height of the ground below the plane, metres (negative), for the way back."""
     radius = 6_371_000.0
     return -(x * x + y * y) / (2 * radius)

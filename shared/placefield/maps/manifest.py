@@ -9,27 +9,27 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
+from placefield.maps.array_files import open_inside
 from placefield.maps.digest import short_digest
-from placefield.maps.reading import open_inside
 from placefield.presets import Preset
 
 SUFFIX = ".pfmap"
-"""Of a map's folder."""
+"""The suffix of a map's folder."""
 
 MANIFEST = "manifest.json"
-"""Its file in there."""
+"""The manifest's file in a map's folder."""
 
 SEAL = "manifest.sha256"
-"""The file beside it that holds its checksum."""
+"""The file that holds the manifest's checksum."""
 
 LONGEST_MANIFEST = 2**20
-"""Bytes; thousands of channels take less."""
+"""The longest manifest that is read, bytes; one of thousands of channels is shorter."""
 
 MOST_PLACES = 10**7
-"""Of a map: ten times what the method is measured on."""
+"""The most places of a map: ten times the largest map that was measured."""
 
 REBUILD = "build the map again with 'placefield build'"
-"""What is to be done about a map that is refused."""
+"""The remedy in an error about a map that is refused."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -49,10 +49,10 @@ class MetricRecord(_Record):
     """One metric.
 
     Attributes:
-        learned: whether it was.
-        unit: length of one code of its places.
-        coarse_unit: the same of the coarse look at them; none where the map is to be searched
-            exactly.
+        learned: whether the projection was learned.
+        unit: quantization step of the places' descriptors.
+        coarse_unit: quantization step of the coarse search, in units; none if the map has no coarse
+            search.
     """
 
     learned: bool
@@ -69,17 +69,17 @@ class ChannelRecord(_Record):
 
 
 class Manifest(_Record):
-    """The map in words: what it was made of and how, and the checksum of every file.
+    """The description of a map: how it was built, and the checksum of each file.
 
     Attributes:
         format: version of the map format.
-        placefield: version of the program that built it.
-        preset: by which it was built; none if by none.
+        placefield: version of the program that built the map.
+        preset: the preset of the build, if one was used.
         model: fingerprint of the descriptor model.
-        variance_kept: share of the features' variance that its descriptors keep.
-        network: what the network takes that the features are of; none if they are of none.
-        smallest_scale: of all channels, frames.
-        pose_frame: name of the frame that the poses are in; none if there are none.
+        variance_kept: fraction of the features' variance that the descriptors keep.
+        network: input of the network that gives the features; none if no network does.
+        smallest_scale: smallest scale of all channels, frames.
+        pose_frame: name of the coordinate frame of the poses; none if there are no poses.
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
@@ -103,25 +103,25 @@ class Manifest(_Record):
 
 
 def seal_of(written: bytes) -> bytes:
-    """Return what ``SEAL`` holds of a manifest as it is written, in the words of sha256sum.
+    """Return the content of ``SEAL`` for a manifest's bytes, as sha256sum writes it.
 
-    It is of the bytes, and not of what they mean: that may change with the program that reads them.
+    It is the checksum of the bytes, because their parsed form may change with the program.
     """
     return f"{hashlib.sha256(written).hexdigest()}  {MANIFEST}\n".encode()
 
 
 def parse_manifest(written: bytes, source: str) -> Manifest:
-    """Read a manifest as it is written; ``source`` says whose it is, should it be refused.
+    """Parse a manifest's bytes; an error begins with ``source``.
 
     Raises:
-        MapError: it is of another format, or none.
+        MapError: it is malformed, or of another format.
     """
     try:
         return Manifest.model_validate_json(written)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "the whole"
-        if not key.isprintable():  # a stranger may have named it
+        if not key.isprintable():  # an untrusted host may have written the key
             key = ascii(key)
         raise MapError(f"{source}: {key:.80}: {first['msg']}; {REBUILD}") from None
 
@@ -130,20 +130,20 @@ def read_manifest(path: Path) -> Manifest:
     """Read a map's manifest.
 
     Raises:
-        MapError: there is none, it is of another format, too long or damaged.
+        MapError: it is missing, too long, damaged or of another format.
     """
     return read_identified(path)[0]
 
 
 def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, str]:
-    """Read a map's manifest, and which map it is of; see ``short_digest``.
+    """Read a map's manifest and return it with the map's digest, see ``short_digest``.
 
     Args:
         path: of the map.
-        digest: of the map that it has to be; None: any.
+        digest: the digest that the map must have; None accepts any map.
 
     Raises:
-        MapError: there is none, it is of another format, damaged, or of another map.
+        MapError: it is missing, too long, damaged, of another format, or of another map.
     """
     try:
         written = _read(path, MANIFEST)
@@ -159,8 +159,8 @@ def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, st
     found = short_digest(written)
     if digest not in (None, found):
         raise MapError(
-            f"{path}: is the map {found} now, not {digest}, which is served: put that one back, or "
-            "end all that serves it and start it with this one"
+            f"{path}: is now the map {found}, but the services serve {digest}: put that map back, "
+            "or stop all services of it and start them with the new map"
         )
     return manifest, found
 

@@ -20,7 +20,7 @@ from placefield.search.quantized import Quantized
 Array = NDArray[np.float32]
 
 STEPS = 6
-"""Places between those whose distances a map keeps: a vehicle may go as many per frame."""
+"""A map keeps the distances of places up to this many apart: the most places per frame."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class Places:
     """The K places of a map: the frames of its first reference traverse.
 
     Attributes:
-        stamps: (K,) int64, nanoseconds, as the source had them.
-        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows; (0, 3)
-            if there are none.
-        travelled: (K,) float64, metres from the first place to each, not descending; (0,) if nobody
-            knows.
-        same: (K,) int32, the earliest place that each shows the same stretch as, itself if none:
-            see ``placefield.matching.revisits``.
+        stamps: (K,) int64, nanoseconds, as the source gave them.
+        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where unknown; (0, 3) if no
+            place has a pose.
+        travelled: (K,) float64, metres from the first place to each, never descending; (0,) if
+            unknown.
+        same: (K,) int32, for each place the earliest place that shows the same stretch, or the
+            place itself; see ``placefield.matching.revisits``.
         thumbnails: (bytes,) uint8, JPEG images one after another.
-        thumbnail_ends: (K,) int64, where each of them ends.
+        thumbnail_ends: (K,) int64, where each image ends.
     """
 
     stamps: NDArray[np.int64]
@@ -56,7 +56,7 @@ class Places:
         return len(self.stamps)
 
     def pose(self, place: int) -> Pose | None:
-        """Return the pose of a place; None if nobody knows it."""
+        """Return the pose of a place; None if it is unknown."""
         if not len(self.poses) or not np.isfinite(self.poses[place]).all():
             return None
         return Pose(*map(float, self.poses[place]))
@@ -72,14 +72,14 @@ class MapMetric:
     """A metric, and the K places under it.
 
     Attributes:
-        learned: whether the projection was learned; else it is the identity.
+        learned: whether the projection was learned; if not, it is the identity.
         projection: (M, N) float32, v of Eq. 6.
-        unit: length of one code, see ``placefield.search.quantized``.
-        places: (K, M) int16, the codes of the places under it.
+        unit: quantization step, see ``placefield.search.quantized``.
+        places: (K, M) int16, the projected and quantized descriptors of the places.
         squares: (K,) int32, their squared lengths.
-        steps: (6, K) float32, how far each place is from the one before it, the second before it,
-            and so on; where there is none, the mean.
-        coarse: a coarse look at them, where the map was built for that.
+        steps: (6, K) float32, the distance of each place to the place before it, to the second
+            before it, and so on; the mean of the row where there is no such place.
+        coarse: index of the coarse search; None if the map was built without one.
     """
 
     learned: bool
@@ -102,13 +102,13 @@ class MapChannel:
 
     Attributes:
         fuzzifier: m of its fuzzy c-means.
-        clusters: C.
-        metric: its metric; channels for which none was learned share one.
-        labels: (K,) int32, 0 where the place is inactive, else the number of its segment, from 1.
-        segments: (S, 2) int32, first place and last + 1 of every active segment.
+        clusters: C, the number of clusters.
+        metric: its metric; channels without a learned metric share one.
+        labels: (K,) int32, the number of each place's segment, from 1; 0 for an inactive place.
+        segments: (S, 2) int32, first place and last place + 1 of each active segment.
         scales: (n,) int32, ascending distinct lengths of the segments, frames.
-        smallest: s_min of Eqs. 13 to 16, frames: one for all channels of a map, set beforehand.
-        curve: (steps + 1, 2) float64, validation loss and gate score while learning.
+        smallest: s_min of Eqs. 13 to 16, frames: the same for all channels of a map.
+        curve: (steps + 1, 2) float64, validation loss and gate score during learning.
     """
 
     fuzzifier: float
@@ -127,18 +127,18 @@ class MapChannel:
 
 
 def _stays() -> None:
-    """Nobody else can change what lies in this process's own memory."""
+    """Do nothing: other processes cannot change a map in this process's memory."""
 
 
 @dataclass(frozen=True)
 class Map:
-    """All that recognising places on a route needs, and how it was made.
+    """A built map: everything that place recognition on a route needs, and how it was built.
 
     Attributes:
-        preset: by which it was made, for the record; its settings are below.
-        digest: which map it is, 16 hexadecimal digits; see ``placefield.maps.manifest``.
-        check_unchanged: raises ``MapError`` when a file that arrays are mapped from was written to
-            since the map was opened; what was worked out of it in the meantime may be wrong.
+        preset: the preset of the build, for the record; the settings are in the fields below.
+        digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
+        check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
+            was opened. Results computed in the meantime may be wrong.
     """
 
     preset: Preset | None
@@ -164,17 +164,17 @@ class Map:
 
     @property
     def is_saved(self) -> bool:
-        """Whether it was opened from disk, so that its digest says which map it is."""
+        """Whether the map was opened from disk, and so has a digest."""
         return self.digest != NO_DIGEST
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:
-        """The metrics of its channels, each once."""
+        """The distinct metrics of its channels."""
         return tuple(dict.fromkeys(channel.metric for channel in self.channels))
 
 
 def fingerprint(model: DescriptorModel) -> str:
-    """Return what tells descriptors of one model from those of another, 16 hexadecimal digits."""
+    """Return the fingerprint that identifies a descriptor model, 16 hexadecimal digits."""
     digest = hashlib.sha256(f"{model.kind} {model.standardise} {model.plain}".encode())
     for array in (model.mean, model.deviation, model.components):
         digest.update(repr(array.shape).encode())

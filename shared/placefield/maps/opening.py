@@ -1,4 +1,4 @@
-"""Opening a map: large arrays are memory-mapped, and what does not fit is refused."""
+"""Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.network import Network
-from placefield.maps.checksums import checksum_of_opened
-from placefield.maps.layout import (
+from placefield.maps.array_files import ArrayFile, ArrayHeader, open_inside
+from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     METRIC_FILES,
@@ -21,13 +21,13 @@ from placefield.maps.layout import (
     PLACE_FILES,
     Layout,
 )
+from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
-from placefield.maps.reading import ArrayFile, ArrayHeader, open_inside
 from placefield.search.coarse import CoarseIndex
 
-_QUICK = 2**28  # bytes that are soon read: of a file that is damaged, that is then told
-# Of a file; the largest hold some kB of each place.
+_QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
+# The longest file that is accepted; the largest files hold some kB per place.
 _MOST_BYTES = 2**30
 _MOST_BYTES_OF_A_PLACE = 2**16
 
@@ -39,13 +39,13 @@ def open_map(
 
     Args:
         path: of the map.
-        channels: that are read and checked now, None for all; another one is when it is first asked
-            for, which may then raise what is below.
-        digest: of the map that it has to be, see ``Map.digest``; None: any.
+        channels: the channels that are read and checked now; None: all. The others are read and
+            checked at the first access, which may raise the same errors.
+        digest: the digest that the map must have, see ``Map.digest``; None accepts any map.
 
     Raises:
-        MapError: there is no map, it is of another format, or a file's checksum, dtype or shape is
-            wrong; it is another map than the one of this digest.
+        MapError: there is no map, it is of another format or has another digest, or the checksum,
+            dtype or shape of a file is wrong.
     """
     path = Path(path)
     manifest, found = read_identified(path, digest)
@@ -94,7 +94,7 @@ class _Files:
         self._watched: list[tuple[Path, ArrayFile]] = []
 
     def load(self, folder: str, layout: Layout, sizes: dict[str, int]) -> list[NDArray[Any]]:
-        """Load a folder's arrays; ``sizes`` has lengths of axes that are known, and learns more."""
+        """Load a folder's arrays. ``sizes`` holds the known lengths of axes; new ones are added."""
         arrays = []
         for name, (dtype, axes) in layout.items():
             arrays.append(self._open(f"{folder}/{name}.npy", dtype, axes, sizes))
@@ -130,7 +130,7 @@ class _Files:
         axes: str,
         sizes: dict[str, int],
     ) -> str | None:
-        """Say what is wrong with an array, by its header alone: it may be of any length."""
+        """Describe what is wrong with an array, by its header alone: the file may be huge."""
         if header is None:
             return "not an array"
         if header.dtype != dtype or not _fits(header.shape, axes, sizes):
@@ -154,17 +154,17 @@ def _fits(shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> bool:
 
 def _check_travelled(path: Path, places: Places) -> None:
     travelled = places.travelled
-    is_way = len(travelled) == places.count and np.isfinite(travelled).all()
-    if len(travelled) and not (is_way and (np.diff(travelled) >= 0).all()):
+    is_complete = len(travelled) == places.count and np.isfinite(travelled).all()
+    if len(travelled) and not (is_complete and (np.diff(travelled) >= 0).all()):
         file = path / "places" / "travelled.npy"
-        raise MapError(f"{file}: not one metre count per place that never goes down; {REBUILD}")
+        raise MapError(f"{file}: not one ascending count of metres per place; {REBUILD}")
 
 
 def _check_same(path: Path, same: NDArray[np.int32]) -> None:
-    there = ((same >= 0) & (same <= np.arange(len(same)))).all()
-    if not (there and (same[same] == same).all()):
+    is_earlier = ((same >= 0) & (same <= np.arange(len(same)))).all()
+    if not (is_earlier and (same[same] == same).all()):
         file = path / "places" / "same.npy"
-        raise MapError(f"{file}: not the earliest place that each is the same as; {REBUILD}")
+        raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
 def _open_network(files: _Files) -> Network | None:
@@ -174,7 +174,7 @@ def _open_network(files: _Files) -> Network | None:
 
 
 class _Channels(Sequence[MapChannel]):
-    """The channels of a map, each opened when it is first asked for."""
+    """The channels of a map, each opened at its first access."""
 
     def __init__(self, files: _Files, sizes: Mapping[str, int]) -> None:
         self._files, self._sizes = files, sizes
@@ -186,7 +186,7 @@ class _Channels(Sequence[MapChannel]):
         return len(self._manifest.channels)
 
     def open(self, numbers: Collection[int]) -> None:
-        """Open those of these that there are."""
+        """Open the channels of these numbers that exist."""
         for number in set(numbers) & set(range(len(self))):
             self._channel(number)
 

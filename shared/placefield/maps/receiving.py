@@ -1,6 +1,6 @@
-"""A map that arrives in chunks: written beside its place, renamed when all of it checks out.
+"""Receiving a map in chunks: it is written to a partial folder, checked, and renamed at the end.
 
-What has arrived is kept when the work is cut off, and is checked before more of it is asked for.
+An interrupted download is kept. The next one checks the chunks that are there and goes on.
 """
 
 import errno
@@ -20,22 +20,22 @@ from placefield.maps.opening import open_map
 from placefield.maps.transfer import CHUNK, Chunk, Offer, chunk_count, chunks_of, file_in
 
 PARTIAL = ".partial"
-"""What is added to the name of a map that has not arrived in full."""
+"""The suffix of the folder of a map that has not arrived in full."""
 
 _LOCK = ".lock"
 
 
 def opened_if_there(path: Path, offer: Offer) -> Map | None:
-    """Open the map at a path if it is the one that is offered; None if nothing is there.
+    """Open the map at a path if it is the offered one; return None if the path does not exist.
 
     Raises:
-        MapError: something else is there; the map there is damaged.
+        MapError: the path holds something else, or its map is damaged.
     """
     if not os.path.lexists(path):
         return None
     if _bytes_of(path / MANIFEST) != offer.written:
         raise MapError(
-            f"{path}: is there and is not the map that is offered; "
+            f"{path}: exists and is not the offered map; "
             "remove it, or choose another folder with --to"
         )
     return open_map(path)
@@ -43,13 +43,13 @@ def opened_if_there(path: Path, offer: Offer) -> Map | None:
 
 @contextmanager
 def receiving(path: Path) -> Iterator["PartialMap"]:
-    """Receive a map for this path, alone; whatever has arrived stays for the next time.
+    """Receive a map for this path, under a lock; chunks that arrived stay for the next attempt.
 
     Raises:
-        MapError: somebody else receives it, or the disk refuses.
+        MapError: another process receives it, or the disk refuses.
     """
     partial = PartialMap(path)
-    with _disk_errors_told(path):
+    with _disk_errors_reported(path):
         partial.folder.mkdir(parents=True, exist_ok=True)
         with _locked(partial.folder):
             try:
@@ -62,8 +62,8 @@ class PartialMap:
     """A map that has arrived in part.
 
     Attributes:
-        folder: where it is.
-        there: how many of its chunks are there, as far as one knows.
+        folder: the partial folder.
+        there: how many of its chunks have arrived, right or not.
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,10 +73,10 @@ class PartialMap:
         self._offer: Offer | None = None
 
     def begin(self, offer: Offer) -> None:
-        """Receive this map: go on with what is there of it, begin anew if that is of another one.
+        """Begin to receive this map; chunks of it are kept, and those of another map removed.
 
         Raises:
-            MapError: see ``Offer.check``; the map is larger than the room on the disk.
+            MapError: the offer is refused, see ``Offer.check``, or the disk has too little room.
         """
         offer.check()
         if _bytes_of(self.folder / MANIFEST) != offer.written:
@@ -87,10 +87,10 @@ class PartialMap:
         self._check_room(CHUNK * (offer.chunks - self.there))
 
     def missing(self) -> Iterator[Chunk]:
-        """Yield the chunks that are missing, each to be given to ``add`` before the next.
+        """Yield the missing chunks; the caller gives each to ``add`` before it asks for the next.
 
         Raises:
-            MapError: a file that has arrived in full is not what the manifest says.
+            MapError: the checksum of a file that has arrived in full is wrong.
         """
         for name, checksum in self._begun.files.items():
             yield from self._missing_of(name, self._begun.sizes[name], checksum)
@@ -99,18 +99,18 @@ class PartialMap:
         file = file_in(self.folder, name)
         kept = self._arrived(name, size)
         yield from chunks_of(name, size, kept)
-        if kept and checksum_of(file) != checksum:  # what was kept may be at fault
+        if kept and checksum_of(file) != checksum:  # the kept chunks may be damaged
             self.there -= chunk_count(size)
             yield from chunks_of(name, size)
         if checksum_of(file) != checksum:
             file.unlink()
             raise MapError(
-                f"{self._path}: {name} arrives with a wrong checksum: the map is damaged where it "
-                "is served; build it again there"
+                f"{self._path}: {name} arrives with a wrong checksum: the server's map is damaged; "
+                "build it again there"
             )
 
     def add(self, chunk: Chunk, data: bytes) -> None:
-        """Write a chunk, as long as it says; those of a file come in order."""
+        """Write a chunk of the right length; the chunks of a file come in order."""
         file = file_in(self.folder, chunk.file)
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("r+b" if chunk.number else "wb") as opened:
@@ -119,7 +119,7 @@ class PartialMap:
         self.there += 1
 
     def finish(self) -> Map:
-        """Put the map in its place when all chunks are there; return it, opened.
+        """Check the complete map, move it to its path and return it, opened.
 
         Raises:
             MapError: it cannot be opened.
@@ -134,7 +134,7 @@ class PartialMap:
         return opened
 
     def leave(self) -> None:
-        """Leave what has arrived for the next time; a folder in which nothing has is removed."""
+        """Keep the chunks that arrived for the next attempt; remove a folder without any."""
         if self._offer is None and not (self.folder / MANIFEST).exists():
             shutil.rmtree(self.folder)
 
@@ -144,7 +144,7 @@ class PartialMap:
         return self._offer
 
     def _arrived(self, name: str, size: int) -> int:
-        """How many whole chunks of a file are there, right or not."""
+        """Return how many whole chunks of a file have arrived, right or not."""
         file = file_in(self.folder, name)
         length = file.stat().st_size if file.is_file() else 0
         return chunk_count(size) if length == size else min(length, size - 1) // CHUNK
@@ -153,8 +153,8 @@ class PartialMap:
         free = shutil.disk_usage(self.folder).free
         if needed > free:
             raise MapError(
-                f"{self._path}: {_mib(needed)} MiB are still to come and the disk has room for "
-                f"{_mib(free)}; free some space, or choose another folder with --to"
+                f"{self._path}: {_mib(needed)} MiB are still missing, and the disk has "
+                f"{_mib(free)} MiB free; free some space, or choose another folder with --to"
             )
 
     def _empty(self) -> None:
@@ -167,22 +167,22 @@ class PartialMap:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder, which goes with the process however it ends."""
+    """Hold the lock of a folder; the system releases it when the process ends, even if killed."""
     lock = folder / _LOCK
     with lock.open("ab") as opened:
-        # it may be of a folder that has just been put in its place by the one who held it
+        # the process that held the lock may have just renamed the folder
         is_held = (
             take_lock(opened)
             and lock.exists()
             and os.path.samestat(os.fstat(opened.fileno()), lock.stat())
         )
         if not is_held:
-            raise MapError(f"{folder}: is being fetched already; let that end, and try again")
+            raise MapError(f"{folder}: another process fetches it; wait for that, and try again")
         yield
 
 
 @contextmanager
-def _disk_errors_told(path: Path) -> Iterator[None]:
+def _disk_errors_reported(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

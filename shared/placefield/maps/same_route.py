@@ -1,8 +1,9 @@
-"""Whether other reference traverses show the route of the first.
+"""A check that the other reference traverses show the route of the first.
 
-Their frames are matched against the first's as those of a drive are, by GIST, whatever the map's
-feature: it tells day from night least. Besides, as traverses are aligned by index, their frames
-resemble the places of their own number more than others. Either will do.
+A traverse passes one of two tests. Either enough of its frames are known when they are matched
+against the first traverse like a drive. Or its frames resemble the places of their own index more
+than other places, because traverses are aligned by index. Both tests use GIST, whatever the map's
+feature, because GIST depends least on the time of day.
 """
 
 import logging
@@ -18,18 +19,18 @@ from placefield.features.extract import default_dimensions, feature_of
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import MapChannel
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import Traverse
 from placefield.matching.channel_stage import ChannelStage
 
 log = logging.getLogger(__name__)
 
 LEAST_KNOWN = 0.3
-"""Share of the frames that must be known; of real routes, by day and night, 37 % are at least."""
+"""Fraction of frames that must be known; on real routes, by day and night, it is at least 0.37."""
 
-_ALIGNED = 5.0  # deviations: real routes that differ reach 4
-_LEAST_FRAMES = 40  # of fewer the matcher cannot be sure
-_TOO_FEW = 8  # no map is built of these
+_ALIGNED = 5.0  # standard deviations: different real routes reach 4
+_LEAST_FRAMES = 40  # with fewer, the matcher cannot become certain
+_TOO_FEW = 8  # too few frames for a map
 _SLACK = 2  # places
 
 _KIND: FeatureKind = "gist"
@@ -40,15 +41,15 @@ Array = NDArray[np.float32]
 def check_same_route(traverses: Sequence[Traverse], kind: FeatureKind) -> None:
     """Refuse a traverse that shows another route than the first.
 
-    Of traverses too short for telling it is only logged. Traverses that differ in length, or make
-    no map, are left to ``build_map``, which refuses them.
+    A traverse that is too short for a verdict is only logged. Traverses of different lengths, or
+    too short for a map, are not checked here: ``build_map`` refuses them.
 
     Args:
-        traverses: of one map, the first gives the places.
+        traverses: of one map; the first gives the places.
         kind: of their raw features.
 
     Raises:
-        MapError: one does.
+        MapError: a traverse shows another route.
     """
     first, *others = traverses
     others = [other for other in others if len(other.raw) == len(first.raw)]
@@ -61,13 +62,13 @@ def check_same_route(traverses: Sequence[Traverse], kind: FeatureKind) -> None:
             continue
         if len(first.raw) >= _LEAST_FRAMES:
             raise MapError(
-                f"{other.name}: does not show the route of {first.name}: {known:.0%} of its frames "
-                f"are recognised there, and {LEAST_KNOWN:.0%} have to be; build a map of its own, "
-                "or give --one-drive if they are parts of one"
+                f"{other.name}: does not show the route of {first.name}: only {known:.0%} of its "
+                f"frames are recognised there, and {LEAST_KNOWN:.0%} are needed; build a separate "
+                "map, or give --one-drive if both are parts of one drive"
             )
         log.warning(
-            "%s: %.0f%% of its %d frames are recognised in %s, which is too short to tell whether "
-            "it shows the same route",
+            "%s: %.0f%% of its %d frames are recognised in %s, which is too short to decide if "
+            "both show one route",
             other.name,
             100 * known,
             len(other.raw),
@@ -83,7 +84,7 @@ def _raws(traverse: Traverse, kind: FeatureKind) -> Array:
 
 
 def _alike(reference: Array, other: Array) -> tuple[float, bool]:
-    """Return the share of frames that are known, and whether the route is the same."""
+    """Return the fraction of frames that are known, and whether the route is the same."""
     _, (places, frames) = fit_descriptors(
         [reference, other], _KIND, dimensions=default_dimensions(_KIND), standardise=True
     )
@@ -92,7 +93,7 @@ def _alike(reference: Array, other: Array) -> tuple[float, bool]:
 
 
 def _known(places: Array, frames: Array) -> float:
-    """Return the share of frames (K, N) that are known in hindsight among the places (K, N)."""
+    """Return the fraction of frames (K, N) that are known among the places (K, N), smoothed."""
     matching, count = MatchingConfig(), len(places)
     channels = ChannelStage({0: _channel(places)}, matching)
     fusion = FusionStage(np.arange(count, dtype=np.int32), matching)
@@ -106,7 +107,7 @@ def _known(places: Array, frames: Array) -> float:
 
 
 def _channel(places: Array) -> MapChannel:
-    """Return a channel of no segments."""
+    """Return a channel without segments."""
     count, one = len(places), np.ones(1, np.int32)
     none = np.zeros((0, 2), np.int32)
     labels = np.zeros(count, np.int32)
@@ -114,11 +115,13 @@ def _channel(places: Array) -> MapChannel:
 
 
 def _alignment(similarities: Array) -> float:
-    """Return by how many deviations frames resemble places of their number more than others.
+    """Return by how many standard deviations frames resemble places of their own index more.
+
+    For each shift, the mean similarity of frame i and place i + shift (cyclic) is computed. Small
+    shifts are compared with large ones.
 
     Args:
-        similarities: (K, K), of frames and places. The mean over the frames, of places so many
-            further on, all the way round, is compared with that of none.
+        similarities: (K, K), frames by places.
     """
     count = len(similarities)
     numbers = np.arange(count)

@@ -1,6 +1,6 @@
-"""A map on disk: ``NAME.pfmap/`` with a manifest and ``.npy`` files.
+"""Saving a map to disk: ``NAME.pfmap/`` with a manifest and ``.npy`` files.
 
-It is written beside its place and renamed, so that a build that is killed leaves no half map.
+A map is written to a temporary folder and renamed, so that a killed build leaves no partial map.
 """
 
 import errno
@@ -14,8 +14,8 @@ import numpy as np
 
 from placefield.errors import MapError
 from placefield.files import sync, write_whole
+from placefield.maps.array_layout import arrays_of
 from placefield.maps.checksums import checksum_of
-from placefield.maps.layout import arrays_of
 from placefield.maps.manifest import (
     LONGEST_MANIFEST,
     MANIFEST,
@@ -30,10 +30,10 @@ from placefield.maps.map import Map, fingerprint
 
 
 def check_map_path(path: Path) -> None:
-    """Refuse what cannot become a map, before the work of building it.
+    """Refuse a path that a map cannot be saved to, before the map is built.
 
     Raises:
-        MapError: the path is no ``.pfmap``, or holds something else.
+        MapError: the path does not end in ``.pfmap``, or holds something that is no map.
     """
     if path.suffix != SUFFIX:
         raise MapError(f"{path}: a map's name ends in {SUFFIX}")
@@ -42,7 +42,7 @@ def check_map_path(path: Path) -> None:
 
 
 def save_map(built: Map, path: Path | str) -> None:
-    """Write a map; one that is already there is replaced at the end.
+    """Save a map; an existing map at the path is replaced at the end.
 
     Raises:
         MapError: see ``check_map_path``, or the map cannot be written.
@@ -53,7 +53,7 @@ def save_map(built: Map, path: Path | str) -> None:
         with _written_beside(path) as folder:
             _write(built, folder)
     except OSError as error:
-        # numpy tells of an array that was written in part without an errno
+        # numpy reports an array that was written in part by an error without errno
         full = error.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         what = "the disk is full; free some space" if full else (error.strerror or str(error))
         raise MapError(f"{path}: cannot write the map: {what}") from None
@@ -122,8 +122,8 @@ def _write(built: Map, folder: Path) -> None:
     written = manifest.model_dump_json(indent=1).encode()
     if len(written) > LONGEST_MANIFEST:
         raise MapError(
-            f"{MANIFEST}: more than {LONGEST_MANIFEST} bytes, for its many channels; "
-            "build fewer of them"
+            f"{MANIFEST}: more than {LONGEST_MANIFEST} bytes, because of its many channels; "
+            "build fewer channels"
         )
     write_whole(folder / MANIFEST, written)
     write_whole(folder / SEAL, seal_of(written))

@@ -1,4 +1,4 @@
-"""Where a vehicle was: between its poses, how far along them, and which way it looked."""
+"""The trajectory of a vehicle: interpolated poses, metres travelled, and headings."""
 
 from dataclasses import dataclass
 from typing import Literal, Self
@@ -7,24 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_GAP_NS = 2_000_000_000
-"""Between poses that are further apart in time than this, nobody knows the way."""
+"""Poses are not interpolated over a longer gap than this."""
 
 PoseAxes = Literal["x-forward", "z-forward"]
-"""A vehicle's, with y on the left and z up (REP 103), or a camera's, with x right and y down."""
+"""The vehicle's axes, y left and z up (REP 103), or a camera's, x right and y down."""
 
-_STEP_M = 0.5  # a shorter one says little about the direction: positions jitter
+_STEP_M = 0.5  # a shorter step gives no reliable heading, because positions jitter
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Where a vehicle was at so many instants.
+    """The states of a vehicle at N instants.
 
     Attributes:
-        stamps: (N,) int64, nanoseconds, ascending, none twice; N is 1 or more.
-        states: (N, 4) float64: x and y in metres, yaw in radians without its jumps of 2π, and
-            metres travelled.
-        reach_ns: how long before the first instant and after the last the vehicle was there too:
-            half the usual time between two, for clocks are rounded and do not tick together.
+        stamps: (N,) int64, nanoseconds, strictly ascending; N is 1 or more.
+        states: (N, 4) float64: x and y in metres, yaw in radians (unwrapped), metres travelled.
+        reach_ns: tolerance before the first and after the last instant: half the median interval,
+            because clocks are rounded and not synchronous.
     """
 
     stamps: NDArray[np.int64]
@@ -33,7 +32,7 @@ class Trajectory:
 
     @classmethod
     def of(cls, stamps: NDArray[np.int64], poses: NDArray[np.float64]) -> Self:
-        """Make one of poses (N, 3) in any order; of those with one stamp, the first counts."""
+        """Return the trajectory of poses (N, 3) in any order; the first pose of a stamp counts."""
         ascending, first = np.unique(stamps, return_index=True)
         x, y, yaw = poses[first].T
         usual = np.median(np.diff(ascending)) if len(ascending) > 1 else 0
@@ -44,17 +43,17 @@ class Trajectory:
         )
 
     def covers(self, stamp_ns: int) -> bool:
-        """Return whether an instant is neither before the first nor after the last."""
+        """Return whether an instant, nanoseconds, lies between the first and the last."""
         first, last = int(self.stamps[0]), int(self.stamps[-1])
         return first - self.reach_ns <= stamp_ns <= last + self.reach_ns
 
     def at(self, stamps: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return where the vehicle was at each of the stamps, (M,) int64.
+        """Return the state of the vehicle at each of the stamps, (M,) int64.
 
-        Between two instants it drives straight on, if they are at most ``MAX_GAP_NS`` apart.
+        States are interpolated between two instants that are at most ``MAX_GAP_NS`` apart.
 
         Returns:
-            (M, 4) float64: x, y, yaw in -π … π, metres travelled; NaN where nobody knows.
+            (M, 4) float64: x, y, yaw in -π … π, metres travelled; NaN where unknown.
         """
         last = len(self.stamps) - 1
         after = np.searchsorted(self.stamps, stamps).clip(max=last)
@@ -73,8 +72,8 @@ class Trajectory:
 def travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the metres travelled up to each pose, (K,), of poses (K, 2 or more) from x and y.
 
-    Poses that nobody knows, NaN, lie evenly on the straight way between those that are known;
-    before the first of these and after the last, at the mean step. At least one is known.
+    Unknown poses, NaN, are taken to lie evenly on the line between known ones; before the first
+    known pose and after the last, the mean step is used. At least one pose is known.
     """
     known = np.flatnonzero(np.isfinite(poses[:, 0]))
     steps = np.linalg.norm(np.diff(poses[known, :2], axis=0), axis=1)
@@ -89,10 +88,10 @@ def travelled(poses: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def directions(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the yaw of a vehicle that looks where it drives, (K,) radians from x to y.
+    """Return the yaw of a vehicle that looks in its direction of travel, (K,) radians from x to y.
 
-    It is the direction from a position (K, 2) to a later one half a metre away or more; at the end
-    it stays, and of a vehicle that never moves it is 0.
+    The yaw is the direction from a position (K, 2) to the next one at least half a metre away. At
+    the end the last yaw stays. The yaw of a vehicle that never moves is 0.
     """
     yaws = np.zeros(len(positions))
     later, yaw = 0, 0.0

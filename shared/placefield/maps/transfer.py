@@ -1,6 +1,6 @@
-"""A map on its way from host to host: what is offered, and the chunks it is cut into.
+"""Transfer of a map from host to host: the offer, and the chunks of its files.
 
-Neither side trusts the other: a file is one that the manifest lists, and lies in the map's folder.
+Neither side trusts the other: only files that the manifest lists, in the map's folder, are sent.
 """
 
 import hashlib
@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.maps.array_files import open_inside
 from placefield.maps.manifest import (
     LONGEST_MANIFEST,
     MANIFEST,
@@ -19,17 +20,16 @@ from placefield.maps.manifest import (
     parse_manifest,
     read_manifest,
 )
-from placefield.maps.reading import open_inside
 
 CHUNK = 2**20
-"""Bytes of a file that travel together; less at its end."""
+"""Length of a chunk, bytes; the last chunk of a file may be shorter."""
 
 _FILE = re.compile(r"([A-Za-z0-9_]{1,64}/){1,8}[A-Za-z0-9_]{1,64}\.npy")
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """So many bytes of a file of a map, from ``CHUNK`` times its number on."""
+    """A piece of a file of a map: ``length`` bytes from the offset ``number`` times ``CHUNK``."""
 
     file: str
     number: int
@@ -37,26 +37,26 @@ class Chunk:
 
 
 def chunks_of(file: str, size: int, start: int = 0) -> Iterator[Chunk]:
-    """Yield the chunks of a file of so many bytes, from number ``start`` on."""
+    """Yield the chunks of a file of ``size`` bytes, from number ``start`` on."""
     for number in range(start, chunk_count(size)):
         yield Chunk(file, number, min(CHUNK, size - CHUNK * number))
 
 
 def chunk_count(size: int) -> int:
-    """Return how many chunks a file of so many bytes has."""
+    """Return how many chunks a file of ``size`` bytes has."""
     return -(-size // CHUNK)
 
 
 def digest_of(data: bytes) -> str:
-    """Return the SHA-256 of a chunk, or of a manifest: which map it is; hexadecimal."""
+    """Return the SHA-256 of a chunk or of a manifest, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def name_of(path: Path) -> str:
-    """Return the name by which others ask for a map: its folder's, without the suffix.
+    """Return the name by which other hosts fetch a map: its folder's name without the suffix.
 
     Raises:
-        MapError: it has none.
+        MapError: the path has no name.
     """
     name = path.absolute().name.removesuffix(SUFFIX)
     if not name:
@@ -65,20 +65,20 @@ def name_of(path: Path) -> str:
 
 
 def check_file(name: str) -> None:
-    """Refuse a name that no file of a map has; there is no way out of a folder by one that passes.
+    """Refuse a file name that no map has; an accepted name cannot lead out of the folder.
 
     Raises:
-        MapError: it is none.
+        MapError: the name is refused.
     """
     if not _FILE.fullmatch(name):
         raise MapError(f"{name!r:.80}: no file of a map has such a name")
 
 
 def file_in(folder: Path, name: str) -> Path:
-    """Return where a file of a map lies.
+    """Return the path of a file of a map.
 
     Raises:
-        MapError: no file of a map has such a name, or a link is on the way to it.
+        MapError: no file of a map has such a name, or a part of its path is a link.
     """
     check_file(name)
     file = folder / name
@@ -90,10 +90,10 @@ def file_in(folder: Path, name: str) -> Path:
 
 @dataclass(frozen=True)
 class Offer:
-    """A map as one who has it offers it.
+    """The offer of a map by a host that has it.
 
     Attributes:
-        written: its manifest, byte for byte.
+        written: the bytes of its manifest.
         sizes: of its files, bytes.
     """
 
@@ -102,7 +102,7 @@ class Offer:
 
     @cached_property
     def digest(self) -> str:
-        """Which map it is."""
+        """The SHA-256 of the manifest, which identifies the map."""
         return digest_of(self.written)
 
     @cached_property
@@ -110,41 +110,41 @@ class Offer:
         """Checksums of the files.
 
         Raises:
-            MapError: the manifest is none, or is of another format.
+            MapError: the manifest is malformed, or of another format.
         """
         return parse_manifest(self.written, MANIFEST).files
 
     @property
     def chunks(self) -> int:
-        """How many chunks its files have."""
+        """Number of chunks of all files."""
         return sum(map(chunk_count, self.sizes.values()))
 
     def check(self) -> None:
-        """Refuse what no honest host offers.
+        """Refuse an offer that no honest host makes.
 
         Raises:
-            MapError: the manifest is none, too long or of another format; it lists what is no file
-                of a map; the sizes are not of these files.
+            MapError: the manifest is malformed, too long or of another format, lists a name that no
+                file of a map has, or lists other files than the sizes.
         """
         if len(self.written) > LONGEST_MANIFEST:
             raise MapError(f"{MANIFEST}: more than {LONGEST_MANIFEST} bytes")
         for name in self.files:
             check_file(name)
         if self.sizes.keys() != self.files.keys() or min(self.sizes.values(), default=0) < 1:
-            raise MapError(f"{MANIFEST}: lists other files than are offered")
+            raise MapError(f"{MANIFEST}: lists other files than the offer")
 
 
 class OwnMap:
-    """A map that this host has, as others may have it: its manifest and chunks of its files.
+    """A map of this host that other hosts may fetch: its manifest and chunks of its files.
 
-    It may be built again at any time: every question is about the map that is there then.
+    The map may be rebuilt at any time: each call reads the map that is there at that moment.
     """
 
     def __init__(self, path: Path) -> None:
-        """Have the map at this path.
+        """Check the map at this path.
 
         Raises:
-            MapError: there is none, or its manifest is damaged.
+            MapError: there is no map, or its manifest is damaged.
         """
         self._path = path
         self.name = name_of(path)
@@ -152,10 +152,10 @@ class OwnMap:
         self.offer()
 
     def offer(self) -> Offer:
-        """Offer the map.
+        """Return the offer of the map.
 
         Raises:
-            MapError: there is none, its manifest is damaged or a file missing.
+            MapError: there is no map, its manifest is damaged, or a file is missing.
         """
         files = read_manifest(self._path).files
         offer = Offer(self._written(), {name: self._file(name).stat().st_size for name in files})
@@ -166,13 +166,13 @@ class OwnMap:
         """Return a chunk of a file.
 
         Raises:
-            MapError: the map is another one now, or has no such chunk.
+            MapError: the map was replaced, or has no such chunk.
         """
         written = self._written()
         if digest_of(written) != digest:
-            raise MapError(f"{self._path}: not the map {digest[:12]!r} that is asked for")
+            raise MapError(f"{self._path}: is not the requested map {digest[:12]!r}")
         if file not in self._manifest(written).files:
-            raise MapError(f"{self._path}: {file!r:.80} is no file of this map")
+            raise MapError(f"{self._path}: this map has no file {file!r:.80}")
         with self._file(file).open("rb") as opened:
             opened.seek(CHUNK * number)
             data = opened.read(CHUNK)
@@ -185,7 +185,7 @@ class OwnMap:
             with open_inside(self._path, MANIFEST) as opened:
                 return opened.read(LONGEST_MANIFEST + 1)
         except OSError:
-            raise MapError(f"{self._path}: no map there any more") from None
+            raise MapError(f"{self._path}: the map is gone") from None
 
     def _parse(self, written: bytes) -> Manifest:
         return parse_manifest(written, str(self._path / MANIFEST))
@@ -193,5 +193,5 @@ class OwnMap:
     def _file(self, name: str) -> Path:
         file = file_in(self._path, name)
         if not file.is_file():
-            raise MapError(f"{file}: missing, or no file")
+            raise MapError(f"{file}: is missing, or is no file")
         return file

@@ -1,4 +1,4 @@
-"""Frames to what a map is built from: raw features, stamps, poses, thumbnails."""
+"""Reference traverses, which maps are built from: raw features, stamps, poses, thumbnails."""
 
 import logging
 from collections.abc import Iterable, Sequence
@@ -11,20 +11,20 @@ from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
-from placefield.maps.jumps import told_jumps
+from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
 
 ROUTE = "route"
-"""The frame of poses that are in metres of the user's own."""
+"""Name of the coordinate frame of poses that are not georeferenced."""
 
 _THUMBNAIL = 160  # pixels of a side, at most
 
 
 @dataclass(frozen=True)
 class DescribedFrame:
-    """What a map keeps of one frame."""
+    """A frame as a map keeps it: raw feature, stamp, pose, odometry and thumbnail."""
 
     raw: NDArray[np.float32]
     stamp_ns: int
@@ -38,15 +38,15 @@ class Traverse:
     """One reference traverse of K frames.
 
     Attributes:
-        name: for a person.
+        name: used in messages.
         raw: (K, D) float32, raw features.
         stamps: (K,) int64, nanoseconds.
-        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows; (0, 3)
-            if no frame has one.
-        travelled: (K,) float64, metres from the first frame to each, not descending; (0,) if nobody
-            knows.
+        poses: (K, 3) float64, x and y in metres and yaw in radians, NaN where unknown; (0, 3) if no
+            frame has a pose.
+        travelled: (K,) float64, metres from the first frame to each, never descending; (0,) if
+            unknown.
         thumbnails: K JPEG images.
-        pose_frame: what the poses are measured in, as a map's.
+        pose_frame: name of the poses' coordinate frame, as in a map.
     """
 
     name: str
@@ -66,7 +66,7 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     """Describe a reference frame.
 
     Raises:
-        FrameError: it cannot be read; the error begins with its name.
+        FrameError: the frame cannot be read; the error begins with its name.
     """
     try:
         pixels = frame.pixels()
@@ -84,18 +84,19 @@ def traverse_of(
     *,
     stamped: bool = True,
 ) -> Traverse:
-    """Put the described frames of one traverse together.
+    """Assemble a traverse from its described frames.
 
-    A frame without a pose lies by its stamp between the poses before and after it, if these are
-    close (see ``Trajectory.at``), or at the first or the last, if it is at most half the usual step
-    outside. Where that is not so, the stamps do not ascend, or are not ``stamped``, the frames'
-    own, nobody knows its pose. How many are so is logged, and where poses jump.
+    The pose of a frame without one is interpolated by its stamp, see ``Trajectory.at``. It stays
+    unknown if the neighbouring poses are too far apart in time, if the stamps do not ascend, or if
+    the stamps are nominal (``stamped`` is false). Interpolated poses, unknown poses and implausible
+    steps are logged.
 
-    The metres travelled are the odometry's where all frames have a reading, else those along the
-    poses.
+    The metres travelled are those of the odometry if all frames have a reading, and otherwise those
+    along the poses.
 
     Raises:
-        MapError: there is no frame; a pose is not finite; the odometry goes back, or is not finite.
+        MapError: there is no frame, a pose is not finite, or the odometry descends or is not
+            finite.
     """
     frames = list(described)
     if not frames:
@@ -122,15 +123,15 @@ def _poses(
         return np.empty((0, 3))
     poses = np.full((len(given), 3), np.nan)
     poses[has_pose] = rows
-    astray = np.flatnonzero(has_pose & ~np.isfinite(poses).all(axis=1))
-    if len(astray):
-        raise MapError(f"{name}: the pose of frame {astray[0]} is not finite")
+    wrong = np.flatnonzero(has_pose & ~np.isfinite(poses).all(axis=1))
+    if len(wrong):
+        raise MapError(f"{name}: the pose of frame {wrong[0]} is not finite")
     if stamps is not None and (np.diff(stamps) <= 0).any():
         stamps = None
     if not has_pose.all():
         _fill(name, stamps, poses, has_pose)
-    if jumps := told_jumps(poses, stamps):
-        log.warning("%s: %s", name, jumps)
+    if implausible := implausible_steps(poses, stamps):
+        log.warning("%s: %s", name, implausible)
     return poses
 
 
@@ -140,13 +141,13 @@ def _fill(
     poses: NDArray[np.float64],
     has_pose: NDArray[np.bool_],
 ) -> None:
-    """Put poses between those that are given, where their stamps tell, and log how many."""
+    """Interpolate missing poses by their stamps, and log how many were and how many were not."""
     if stamps is not None:
-        way = Trajectory.of(stamps[has_pose], poses[has_pose])
-        poses[~has_pose] = way.at(stamps[~has_pose])[:, :3]
+        trajectory = Trajectory.of(stamps[has_pose], poses[has_pose])
+        poses[~has_pose] = trajectory.at(stamps[~has_pose])[:, :3]
     unknown = int(np.isnan(poses[:, 0]).sum())
     if between := int((~has_pose).sum()) - unknown:
-        log.warning("%s: %d of %d poses are between others", name, between, len(poses))
+        log.warning("%s: %d of %d poses are interpolated", name, between, len(poses))
     if unknown:
         log.warning("%s: %d of %d frames have no pose", name, unknown, len(poses))
 
@@ -161,6 +162,6 @@ def _travelled(
     if len(wrong):
         raise MapError(
             f"{name}: the odometry of frame {wrong[0]} is less than the one before, or not finite: "
-            "mend it, or leave it out"
+            "correct it, or leave it out"
         )
     return np.asarray(metres - metres[:1])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.map import STEPS, MapChannel, MapMetric
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.matching.best_window import best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces

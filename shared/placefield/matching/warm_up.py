@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from placefield.config import MatchingConfig
-from placefield.maps.layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
+from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
 from placefield.maps.map import MapChannel
 from placefield.matching.channel_stage import ChannelStage
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.features.gist import DIMENSIONS, GRID, ORIENTATIONS, SCALES, gist
-from placefield_tools.bench.naive_gist import PlainGist
+from placefield_tools.bench.naive_gist import NaiveGist
 
 
 def published_image(size: int) -> NDArray[np.float32]:
@@ -43,7 +43,7 @@ def test_values_are_those_of_the_plain_definition(size: int) -> None:
         100 + 50 * np.sin(0.3 * x + 2.9 * y),  # in the band of few filters
         np.where((x > 20) & (y > 30), 255, 0),
     ]
-    plain = PlainGist(size)
+    plain = NaiveGist(size)
     for image in images:
         grey = image.astype(np.float32)
         expected = plain(grey)

@@ -119,7 +119,7 @@ def test_values_depend_on_no_thread_and_no_other_image(path: Path) -> None:
     ("declared", "reason"),
     [
         ({"output": "map"}, "no output 'map'; the network has 'maps', 'gap'"),
-        ({"width": 23}, "takes CV_32FC1 ? x 3 x 16 x 24, not CV_32F 1 x 3 x 16 x 23"),
+        ({"width": 23}, "its input is CV_32FC1 ? x 3 x 16 x 24, not CV_32F 1 x 3 x 16 x 23"),
         ({"colour": "grey"}, "not CV_32F 1 x 1 x 16 x 24"),
         ({"grid": 15}, "no 15×15 cells"),
         ({"output": "gap", "grid": 2}, "no 2×2 cells"),

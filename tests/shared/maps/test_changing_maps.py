@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from placefield.errors import MapError
-from placefield.maps import reading
+from placefield.maps import array_files
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
@@ -20,7 +20,7 @@ PLACES = "metrics/0/places.npy"
 @pytest.fixture
 def all_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
     """As of a map whose files are all large."""
-    monkeypatch.setattr(reading, "_MAPPED_FROM", 0)
+    monkeypatch.setattr(array_files, "_MAPPED_FROM", 0)
 
 
 def overwrite(file: Path) -> None:

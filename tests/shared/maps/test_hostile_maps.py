@@ -22,7 +22,7 @@ from placefield.errors import MapError
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import MANIFEST, SEAL, seal_of
 from placefield.maps.map import Map
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.search.quantized import DESCRIPTOR_UNIT

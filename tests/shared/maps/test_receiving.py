@@ -148,7 +148,7 @@ def test_a_file_that_arrives_damaged_is_refused_and_not_kept(large: Path, target
 def test_one_receives_at_a_time(large: Path, target: Path) -> None:
     with receiving(target) as first:
         send(OwnMap(large), first, 3)
-        with pytest.raises(MapError, match="is being fetched already"), receiving(target):
+        with pytest.raises(MapError, match="another process fetches it"), receiving(target):
             pass
         send(OwnMap(large), first)
         first.finish()
@@ -162,7 +162,7 @@ def test_a_map_that_is_larger_than_the_disk_is_refused_before_it_is_asked_for(
     huge = Offer(offer.written, dict.fromkeys(offer.sizes, 2**48 - 1))
     with (
         receiving(target) as partial,
-        pytest.raises(MapError, match=r"MiB are still to come .* free some space"),
+        pytest.raises(MapError, match=r"MiB are still missing.* free some space"),
     ):
         partial.begin(huge)
 
@@ -208,7 +208,7 @@ def test_a_map_that_is_there_is_opened_and_another_one_left_alone(
     opened = opened_if_there(target, OwnMap(large).offer())
     assert opened is not None
     assert opened.places.count == 90
-    with pytest.raises(MapError, match="not the map that is offered; remove it"):
+    with pytest.raises(MapError, match="not the offered map; remove it"):
         opened_if_there(target, OwnMap(pristine).offer())
     assert content(target) == content(large)
 

@@ -56,7 +56,7 @@ def test_of_traverses_too_short_for_telling_it_is_said(
 ) -> None:
     parts = [traverse(reference_dir, "gist", part) for part in (slice(0, 20), slice(30, 50))]
     check_same_route(parts, "gist")
-    assert "too short to tell" in caplog.text
+    assert "too short to decide" in caplog.text
 
 
 def test_the_same_frames_again_are_the_same_route(reference_dir: Path) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.network import read_network
 from placefield.maps.map import Map, fingerprint
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.opening import open_map
 from placefield.maps.store import check_map_path, save_map
 from placefield.maps.traverse import Traverse

@@ -123,7 +123,7 @@ def test_only_files_that_the_manifest_lists_are_given(saved: Path, name: str) ->
     own = OwnMap(saved)
     for secret in (saved / "../secret.npy", saved / "stamps.npy", saved / "places/other.npy"):
         secret.write_bytes(b"secret")
-    with pytest.raises(MapError, match="no file of this map"):
+    with pytest.raises(MapError, match="this map has no file"):
         own.chunk(own.offer().digest, name, 0)
 
 
@@ -139,12 +139,12 @@ def test_another_map_in_the_same_place_is_another_offer(saved: Path, small_map: 
     before = own.offer()
     save_map(small_map, saved)
     assert own.offer().digest != before.digest
-    with pytest.raises(MapError, match="not the map"):
+    with pytest.raises(MapError, match="not the requested map"):
         own.chunk(before.digest, "places/stamps.npy", 0)
     shutil.rmtree(saved)
     with pytest.raises(MapError, match="no map there"):
         own.offer()
-    with pytest.raises(MapError, match="no map there any more"):
+    with pytest.raises(MapError, match="the map is gone"):
         own.chunk(before.digest, "places/stamps.npy", 0)
 
 

@@ -60,7 +60,7 @@ def test_a_frame_without_a_pose_lies_between_its_neighbours_and_this_is_logged(
     traverse = traverse_of("drive", described([0, 0.5, 1.5, 2], poses), "wgs84 1.0 2.0")
     np.testing.assert_allclose(traverse.poses[1:3, :2], [[1, 2], [3, 6]])
     assert np.abs(traverse.poses[1:3, 2]).min() > 3
-    assert caplog.messages == ["drive: 2 of 4 poses are between others"]
+    assert caplog.messages == ["drive: 2 of 4 poses are interpolated"]
     assert traverse.pose_frame == "wgs84 1.0 2.0"
 
 
@@ -106,13 +106,13 @@ def test_stamps_that_do_not_ascend_or_are_invented_tell_no_pose(
 
 
 @pytest.mark.parametrize("stamped", [True, False])
-def test_a_jump_of_hundreds_of_kilometres_is_told_of(
+def test_a_step_of_hundreds_of_kilometres_is_logged(
     stamped: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     poses: list[Pose | None] = [Pose(317_000, 0, 0), *(Pose(at, 0, 0) for at in range(5))]
     traverse_of("drive", described([*range(6)], poses), stamped=stamped)
-    assert "in 1 of 5 steps" in caplog.text
-    assert "from frame 0 to 1, by 317 km" in caplog.text
+    assert "1 of 5 steps" in caplog.text
+    assert "from frame 0 to 1, 317 km" in caplog.text
 
 
 def with_odometry(
@@ -142,7 +142,7 @@ def test_where_a_reading_is_missing_metres_are_those_along_the_poses_else_unknow
 
 @pytest.mark.parametrize("wrong", [0.5, np.nan, np.inf, -np.inf])
 def test_odometry_that_goes_back_or_is_not_finite_is_refused(wrong: float) -> None:
-    with pytest.raises(MapError, match=r"^drive: the odometry of frame 2 .*mend it"):
+    with pytest.raises(MapError, match=r"^drive: the odometry of frame 2 .*correct it"):
         traverse_of("drive", with_odometry([0.0, 1.0, wrong]))
 
 

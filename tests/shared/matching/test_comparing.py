@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.matching import comparing
 from placefield.matching.comparing import Comparison, MetricPlaces, distance_matrix
 

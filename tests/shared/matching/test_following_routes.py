@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.fusion.rules import fuse
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from windowed import mean_of
 
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, MapChannel, MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.matching.ams import AmsMatcher
 from placefield.matching.candidate import NO_CANDIDATE, UNANSWERED, Candidate
 from placefield.matching.channel_stage import ChannelStage

@@ -16,7 +16,7 @@ from placefield.errors import ConfigError
 from placefield.fusion.rules import fuse
 from placefield.fusion.shard_joiner import join_shards
 from placefield.maps.map import MapChannel, MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate

@@ -10,7 +10,7 @@ import pytest
 
 from placefield.config import Config
 from placefield.maps.build import build_map
-from placefield.maps.metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.filter_matcher import within_reach
 from placefield.search.coarse import AXES

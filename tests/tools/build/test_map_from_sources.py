@@ -70,8 +70,11 @@ def test_a_frame_that_is_bad_in_one_traverse_is_left_out_of_all_where_that_is_as
     np.testing.assert_array_equal(built.places.stamps, whole.places.stamps[kept])
     for place, old in enumerate(kept):
         assert built.places.thumbnail(place) == whole.places.thumbnail(old)
-    assert f"{one}: 2 of 60 frames cannot be read: left out (the first: a/0031.jpg: " in caplog.text
-    assert f"{other}: 1 of 60 frames cannot be read: left out" in caplog.text
+    assert (
+        f"{one}: 2 of 60 frames cannot be read and are left out (the first: a/0031.jpg: "
+        in caplog.text
+    )
+    assert f"{other}: 1 of 60 frames cannot be read and are left out" in caplog.text
 
 
 def test_where_no_frame_can_be_read_there_is_no_map(reference_dir: Path, tmp_path: Path) -> None:
@@ -97,9 +100,7 @@ def test_a_video_that_gives_fewer_frames_than_it_promised_is_refused_unless_they
 ) -> None:
     video = a_video(tmp_path / "a.avi", 60)
     video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
-    with pytest.raises(
-        SourceError, match=r"a\.avi: 31 frames of it are missing; .*--leave-out-bad"
-    ):
+    with pytest.raises(SourceError, match=r"a\.avi: 31 frames are missing; .*--leave-out-bad"):
         build_from([str(video)], IDENTITY)
     assert build_from([str(video)], IDENTITY, leave_out_bad=True).places.count == 29
 
@@ -157,7 +158,7 @@ def test_a_camera_is_no_reference() -> None:
 
 def test_a_cameras_password_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera.Camera, "__init__", lambda *_, **__: None)
-    with pytest.raises(SourceError, match=r"^rtsp://host/s: a camera gives no second look"):
+    with pytest.raises(SourceError, match=r"^rtsp://host/s: no map is built from a live camera"):
         build_from(["rtsp://me:secret@host/s"], IDENTITY)
 
 

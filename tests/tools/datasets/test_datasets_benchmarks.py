@@ -113,7 +113,7 @@ def test_checking_counts_frames_and_tells_all_that_is_wrong(tmp_path: Path) -> N
     (tmp_path / "jan" / "._0.jpg").touch()
     (tmp_path / "jan" / "notes.txt").touch()
     with pytest.raises(
-        SourceError, match=r"1 frames in jan, and 385 are known; no ground truth truth.csv; see"
+        SourceError, match=r"1 frames in jan, and 385 are expected; no ground truth truth.csv; see"
     ):
         check(known, tmp_path)
     (tmp_path / "truth.csv").touch()

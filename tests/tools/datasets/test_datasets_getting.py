@@ -167,7 +167,7 @@ def test_what_is_to_be_got_by_hand_is_told(tmp_path: Path) -> None:
 
 def test_what_is_there_is_left_alone(web: Any, tmp_path: Path) -> None:
     (tmp_path / "walk").mkdir()
-    with pytest.raises(SourceError, match="is there already; 'placefield datasets check walk"):
+    with pytest.raises(SourceError, match="exists already; 'placefield datasets check walk"):
         get(benchmark_at(web.url), tmp_path, ignore)
     assert web.ranges == []
 
@@ -176,7 +176,7 @@ def test_two_at_once_do_not_meet(web: Any, tmp_path: Path) -> None:
     web.content["/walk.zip"] = ARCHIVE
 
     def again(*_: object) -> None:
-        with pytest.raises(SourceError, match="somebody else is at it"):
+        with pytest.raises(SourceError, match="another process downloads it"):
             get(benchmark_at(web.url), tmp_path, ignore)
 
     get(benchmark_at(web.url), tmp_path, again)

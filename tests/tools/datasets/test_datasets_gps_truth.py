@@ -292,7 +292,7 @@ def test_what_cannot_be_made_is_told(drives: Path, query: Positions) -> None:
     (drives / QUERY / "fGPS.txt").write_text("".join(f"{-lat},{lon}\n" for lat, lon in far))
     assert refused("st-lucia", str(drives)) == (
         f"{drives}: no frame of the query is within 25 m of the reference, by {QUERY}/fGPS.txt; "
-        "are these drives of one route?"
+        "check that both drives are of one route"
     )
     (drives / QUERY / "webcam_video.avi").unlink()
     assert f"{drives}/{QUERY}/webcam_video.avi" in refused("st-lucia", str(drives))

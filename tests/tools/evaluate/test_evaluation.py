@@ -26,7 +26,7 @@ from placefield_tools.evaluate.evaluation import (
     judge_smoothed,
     match_here,
 )
-from placefield_tools.evaluate.truth_source import Asked
+from placefield_tools.evaluate.truth_source import TruthOptions
 from placefield_tools.sources import Parts, open_source
 
 UNKNOWN: list[float | None] = [None] * 60
@@ -282,7 +282,7 @@ def test_frames_off_the_route_are_those_of_the_other_and_never_right(
 def test_frames_of_a_query_that_is_cut_keep_their_numbers(
     map_path: Path, query_dir: Path, parts: Parts
 ) -> None:
-    asked = Asked(3)
+    asked = TruthOptions(3)
     cut = evaluate(
         map_path,
         Query(str(query_dir), parts=parts),

@@ -163,7 +163,7 @@ def test_poses_on_earth_and_in_metres_are_not_compared(
     everything = [*range(COUNT)]
     reference = drive(reference_dir, tmp_path / "r", everything, "latitude,longitude", on_earth)
     query = drive(query_dir, tmp_path / "q", everything, "x,y", in_metres)
-    with pytest.raises(TruthError, match="one side are on earth"):
+    with pytest.raises(TruthError, match="only the poses of one side are georeferenced"):
         told("evaluate", reference, query, *FLAGS, *flag)
 
 

@@ -116,7 +116,7 @@ def test_every_format_is_written_again_alike(earth_map: Path, tmp_path: Path, su
 def test_a_file_that_is_there_is_not_replaced(earth_map: Path, tmp_path: Path) -> None:
     drive, out = recorded(earth_map, tmp_path / "drive.jsonl", DRIVE), tmp_path / "out.tum"
     out.write_text("mine")
-    assert "is there already" in refusal(RecordingError, drive, out, "--map", earth_map)
+    assert "exists already" in refusal(RecordingError, drive, out, "--map", earth_map)
     assert out.read_text() == "mine"
 
 
@@ -212,7 +212,7 @@ def test_matches_at_places_without_a_pose_are_left_out_and_counted(
         ended = run_export(drive, out, "--map", gappy)
         assert ended.exit_code == 0, ended.output
         assert "nan" not in out.read_text().lower()
-        assert "1 of 3 matches are at places without a pose: left out" in caplog.text
+        assert "1 of 3 matches are at places without a pose and are left out" in caplog.text
     alone = recorded(gappy, tmp_path / "alone.jsonl", [nowhere])
     reason = refusal(RecordingError, alone, tmp_path / "alone.tum", "--map", gappy)
     assert "1 of 1 matches are at places without a pose" in reason

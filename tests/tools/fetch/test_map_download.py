@@ -239,7 +239,7 @@ def test_a_map_of_a_size_that_no_disk_has_is_refused_before_anything_is_asked_fo
         return [(reply[0], OfferMessage(server=about.server, sizes=sizes).encode())]
 
     hosts.change = boast
-    assert "MiB are still to come" in refusal(hosts, target)
+    assert "MiB are still missing" in refusal(hosts, target)
     assert hosts.chunks_asked == []
 
 
@@ -269,7 +269,7 @@ def test_a_map_that_is_built_again_meanwhile_is_fetched_anew(
 
 def test_another_map_in_the_way_is_left_alone(hosts: Hosts, other_path: Path, target: Path) -> None:
     save_map(open_map(other_path), target)
-    with pytest.raises(MapError, match="is not the map that is offered; remove it"):
+    with pytest.raises(MapError, match="is not the offered map; remove it"):
         fetch(hosts, target)
     assert same(target, other_path)
     assert [path.name for path in target.parent.iterdir()] == ["route.pfmap"]

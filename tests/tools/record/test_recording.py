@@ -80,7 +80,7 @@ def recording(bus: StillBus, kept: Kept) -> RecordSession:
 
 
 def drain(recording: RecordSession) -> dict[str, int]:
-    while recording.take(0):
+    while recording.write_received(0):
         pass
     return dict(recording.counts)
 
@@ -156,7 +156,7 @@ def test_matches_do_not_wait_for_pictures_and_old_live_frames_give_way_to_new(
     for header, match in stream[:-1]:
         bus.deliver_frame(header.model_copy(update={"live": True}))
         bus.deliver_match(header, match)
-    recording.take(0)
+    recording.write_received(0)
     assert len(kept.matches) == 40
     assert 1 <= len(kept.frames) <= 16
     counts = drain(recording)
@@ -174,7 +174,7 @@ def test_a_frame_that_gave_way_is_not_counted_as_lost_too(
 ) -> None:
     first, *others = [header for header, _ in stream_of([KNOWN] * 40)[:-1]]
     bus.deliver_frame(first.model_copy(update={"live": True}))
-    recording.take(0)
+    recording.write_received(0)
     for header in others:
         bus.deliver_frame(header.model_copy(update={"live": True}))
     counts = drain(recording)

@@ -22,7 +22,7 @@ def test_an_unknown_kind_of_recording_is_refused(tmp_path: Path, name: str) -> N
 def test_a_file_that_is_there_is_not_written_over(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"drive.{suffix}"
     path.write_text("precious")
-    with pytest.raises(RecordingError, match="is there already"):
+    with pytest.raises(RecordingError, match="exists already"):
         recorder_of(path)
     assert path.read_text() == "precious"
 

@@ -11,7 +11,7 @@ from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.features.frames import Frame
 from placefield_tools.replay.vehicle_odometry import Odometry
-from placefield_tools.sources import Source, open_source, opening
+from placefield_tools.sources import Source, open_source, source_factory
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.with_odometry import WithOdometry
 
@@ -107,7 +107,7 @@ def test_a_cameras_frames_have_the_metres_that_were_said_since_the_frame_before(
 def test_a_camera_that_is_opened_has_the_vehicles_odometry_spaced_or_not(
     monkeypatch: pytest.MonkeyPatch, spacing_m: float | None, taken: list[int]
 ) -> None:
-    monkeypatch.setattr(opening, "Camera", lambda *_, **__: Clip())
+    monkeypatch.setattr(source_factory, "Camera", lambda *_, **__: Clip())
     said = [None, 0.0, 0.5, None, 1.5, 1.5, None, 1.75, None, 2.5]
     in_turn = iter(said)
     with open_source("camera:0", spacing_m=spacing_m, metres=lambda: next(in_turn)) as source:

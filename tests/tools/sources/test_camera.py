@@ -84,7 +84,7 @@ def test_a_camera_that_is_gone_is_waited_for_longer_and_longer(capture, monkeypa
     assert len(frames) == 10  # and the numbers go on
     assert all(frame.index > 5 for frame in frames[5:])
     back = [message for message in caplog.messages if "reconnects" in message]
-    assert back == ["camera:0: opened again; reconnects so far: 1"]
+    assert back == ["camera:0: is back; reconnects so far: 1"]
 
 
 def test_the_camera_is_given_back(monkeypatch):

@@ -86,7 +86,7 @@ def test_copies_come_right_after_what_they_are_of_and_are_told(
     names = ["IMG_4.jpg", "IMG_5.jpg", copied, "IMG_6.jpg", "IMG_50.jpg"]
     assert order_of(tmp_path, names) == names
     [line] = caplog.messages
-    assert f"1 of 5 files are named as copies of others, as {copied!r}" in line
+    assert f"1 of 5 files are named like copies of others, for example {copied!r}" in line
 
 
 def test_numbers_in_brackets_alone_are_no_copies(

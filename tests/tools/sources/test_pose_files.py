@@ -76,10 +76,10 @@ def test_a_kitti_file_that_evo_wrote_lies_on_the_ground_of_the_camera(tmp_path: 
         ("", "holds no poses"),
         ("# stamp\n", "holds no poses"),
         ("# a remark\n1 2 3\n", "line 2: 3 numbers; a line has 8"),
-        ("1 2 3 4 0 0 0 1\n2 3 4 0 0 0 1\n", "line 2: 7 numbers, the first line 8"),
+        ("1 2 3 4 0 0 0 1\n2 3 4 0 0 0 1\n", "line 2: has 7 numbers, and the first line has 8"),
         ("1 2 3 4 0 0 0 nan\n", "line 1: a number is not finite"),
-        ("1 2 3 4 0 0 0 1e300\n", "line 1: a number is 1e[+]300, beyond"),
-        ("1 -1e12 3 4 0 0 0 1\n", "line 1: a number is -1e[+]12, beyond"),
+        ("1 2 3 4 0 0 0 1e300\n", "line 1: the number 1e[+]300 is too large"),
+        ("1 -1e12 3 4 0 0 0 1\n", "line 1: the number -1e[+]12 is too large"),
         ("1 2 3 4 0 0 0 one\n", "line 1: could not convert"),
         ("-1 2 3 4 0 0 0 1\n", "line 1: the stamp '-1'"),
     ],
@@ -147,7 +147,7 @@ def test_a_camera_s_axes_taken_for_a_vehicle_s_are_told_of(
     there, turned = as_camera(*way(shape))
     read_pose_file(written(tmp_path / "a.tum", tum_text(there, Rotation.from_matrix(turned))))
     (told,) = caplog.messages
-    assert "upwards" in told
+    assert "vertically" in told
     assert told.endswith("give --pose-axes z-forward")
     assert "\n" not in told
 

@@ -45,7 +45,7 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
 
     driven = ResampledTraverse(query, protocol, other=other, seed=2)
 
-    assert driven.undriven_count == 50
+    assert driven.query_count == 50
     assert driven.count == len(images)
     for _ in range(2):
         frames = list(driven)

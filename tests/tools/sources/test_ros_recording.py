@@ -153,7 +153,7 @@ def test_of_several_topics_one_is_to_be_named(tmp_path: Path) -> None:
     where = record(tmp_path / "drive", images("/left") + images("/right")[:3])
     with pytest.raises(SourceError, match=r"choose with --topic one of /left, /right$"):
         open_source(where)
-    with pytest.raises(SourceError, match="--topic /up: there are no images; choose"):
+    with pytest.raises(SourceError, match="--topic /up: has no images; choose"):
         open_source(where, parts=Parts(topic="/up"))
     assert len(frames_of(where, Parts(topic="/right"))) == 3
 
@@ -197,7 +197,7 @@ def test_fixes_become_metres_from_the_first_and_what_is_no_fix_is_left_out(
     _, north, _ = pymap3d.geodetic2enu(-27.49999, 153.0, 0, -27.5, 153.0, 0)
     assert (fourth.pose.x, fourth.pose.y) == pytest.approx((0, north), abs=1e-6)
     assert fourth.pose.yaw == pytest.approx(0, abs=1e-3)  # from here on to the east
-    assert caplog.messages == ["drive:/fix: 3 of 5 messages say where"]
+    assert caplog.messages == ["drive:/fix: 3 of 5 messages have a position"]
 
 
 @pytest.mark.parametrize(
@@ -273,7 +273,7 @@ def test_of_several_topics_of_poses_the_one_that_is_asked_for_counts(tmp_path: P
 def test_poses_may_be_left_out(tmp_path: Path) -> None:
     said = [*images(), Said("/odom", POSE, 0, {"pose": pose(np.nan, 0)})]
     where = record(tmp_path / "drive", said)
-    with pytest.raises(SourceError, match="/odom: none of 1 messages says where; "):
+    with pytest.raises(SourceError, match="/odom: none of 1 messages has a position; "):
         open_source(where)
     assert {frame.pose for frame in frames_of(where, Parts(odometry_topic="none"))} == {None}
 
@@ -298,7 +298,7 @@ def test_a_recording_says_what_is_to_be_installed_to_read_it(
 
 
 def test_a_start_beyond_the_end_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match=r"--start 8: .*/camera/compressed holds 8 frames only"):
+    with pytest.raises(SourceError, match=r"--start 8: .*/camera/compressed holds only 8 frames"):
         open_source(record(tmp_path / "drive", images()), parts=Parts(start=COUNT))
 
 
@@ -307,7 +307,7 @@ def test_a_bag_with_a_chunk_of_more_memory_than_is_allowed_is_refused(
 ) -> None:
     where = record(tmp_path / "drive", images())
     monkeypatch.setattr(mcap_summary, "MAX_CHUNK_BYTES", 2**10)
-    with pytest.raises(SourceError, match=r"\.mcap: a chunk of it takes"):
+    with pytest.raises(SourceError, match=r"\.mcap: has a chunk of"):
         open_source(where)
 
 
@@ -354,9 +354,9 @@ def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
     source = open_source(str(bag))
     assert len(list(source)) == 4
     assert source.not_given["missing"] == COUNT - 4
-    assert f"says that it holds {COUNT} images" in caplog.text
-    assert f"{COUNT - 4} of them are not there" in caplog.text
-    with pytest.raises(SourceError, match=f"{COUNT - 4} frames of it are missing"):
+    assert f"should hold {COUNT} images" in caplog.text
+    assert f"{COUNT - 4} of them are missing" in caplog.text
+    with pytest.raises(SourceError, match=f"{COUNT - 4} frames are missing"):
         build_from([str(bag)], Config())
 
 

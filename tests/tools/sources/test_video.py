@@ -124,7 +124,7 @@ def test_what_a_video_that_was_cut_off_lacks_is_counted_and_told(tmp_path, caplo
     given = len(list(source))
     assert 0 < given < NOISE
     assert source.not_given["missing"] == NOISE - given
-    assert f"{cut}: {given} frames came and {NOISE - given} did not" in caplog.text
+    assert f"{cut}: {given} frames were read and {NOISE - given} are missing" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_where_no_frame_decodes_the_codec_is_named(tmp_path):
     first, last = data.index(b"\xff\xd8"), data.rindex(b"\xff\xd9")
     data[first:last] = bytes(last - first)
     video.write_bytes(data)
-    with pytest.raises(SourceError, match=r"a\.avi: no frame decodes; .* codec, MJPG") as refused:
+    with pytest.raises(SourceError, match=r"a\.avi: no frame decodes: .* codec, MJPG") as refused:
         list(open_source(str(video)))
     assert "\n" not in str(refused.value)
     assert "ffmpeg -i a.avi" in str(refused.value)

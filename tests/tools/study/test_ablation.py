@@ -5,7 +5,7 @@ import pytest
 
 from placefield.config import Config
 from placefield.maps.map import MapChannel
-from placefield.maps.metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluate.evaluation import judge
 from placefield_tools.study.ablation import ablate

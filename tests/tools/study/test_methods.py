@@ -13,7 +13,7 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.loading import load_config
 from placefield.maps.map import Map
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import MapChannel, MapMetric
-from placefield.maps.metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.sharding import ChannelShard

@@ -15,7 +15,7 @@ from placefield.config import MatchingConfig, Rule
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.random_walks import observed_again, random_walk

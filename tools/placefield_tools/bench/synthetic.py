@@ -7,7 +7,7 @@ from placefield.config import Config, FeatureConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, Places
-from placefield.maps.metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric
 from placefield_tools.bench.random_walks import near_identity
 
 CHANNELS = 4

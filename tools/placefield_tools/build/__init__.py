@@ -1,1 +1,1 @@
-"""Sources of frames to a map."""
+"""Building a map from sources of frames."""

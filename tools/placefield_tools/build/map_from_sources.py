@@ -1,4 +1,4 @@
-"""Sources of frames to a map."""
+"""Building a map from sources of frames."""
 
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -22,8 +22,8 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.drives import Drive, drives_of
-from placefield_tools.sources.opening import name_of
 from placefield_tools.sources.secrets import without_secrets
+from placefield_tools.sources.source_factory import name_of
 
 
 def build_from(
@@ -40,19 +40,20 @@ def build_from(
     Args:
         references: sources of frames.
         config: of the map.
-        spacing_m: metres between the frames, by odometry; None: take every frame.
-        parts: of the sources; the poses are the first's, whose frames are the places.
-        leave_out_bad: build without frames that cannot be read, in any of the sources, or that a
-            source has promised and not given; how many they are is logged.
+        spacing_m: metres between the frames, by odometry; None: every frame.
+        parts: selects topics and frames; its file of poses is for the first traverse, whose frames
+            are the places.
+        leave_out_bad: build without frames that are missing or cannot be read, in any source; their
+            number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
 
     Raises:
-        SourceError: a source or one of its frames cannot be read, or is a camera.
-        MapError: the traverses do not make a map, see ``build_map``.
+        SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        MapError: no map can be built of the traverses, see ``build_map``.
     """
     feature = feature_of(config.features.kind)
     first, *others = drives_of(references, parts, one_drive)
-    unlocated = replace(parts, poses=None, pose_axes=None)
+    without_poses = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
             _open_reference(drive, spacing_m, own),
@@ -60,7 +61,7 @@ def build_from(
             feature,
             leave_out_bad=leave_out_bad,
         )
-        for drive, own in [(first, parts), *((other, unlocated) for other in others)]
+        for drive, own in [(first, parts), *((other, without_poses) for other in others)]
     ]
     traverses = [each.traverse() for each in without_bad(described)]
     check_same_route(traverses, config.features.kind)
@@ -75,7 +76,7 @@ def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Sour
     source = open_source(drive, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
-            f"{without_secrets(drive[0])}: a camera gives no second look; "
+            f"{without_secrets(drive[0])}: no map is built from a live camera; "
             "record a traverse and build from that"
         )
     return source
@@ -91,18 +92,18 @@ def map_of(
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
 ) -> Iterator[Path]:
-    """Give the path of a map: of ``reference`` itself, or one built from it for the time being.
+    """Yield the path of a map: ``reference`` itself, or a temporary map that is built from it.
 
     Args:
         reference: a map, or a source of frames.
         config: of the map to build.
-        feature_asked: whether the feature was asked for, which a map there already must then hold.
-        spacing_m: see ``build_from``; says nothing of a map there already.
+        feature_asked: whether the user asked for the feature; an existing map must then have it.
+        spacing_m: see ``build_from``; not used with an existing map.
         parts: likewise.
         leave_out_bad: likewise.
 
     Raises:
-        MapError: the map holds another feature, or one of another network.
+        MapError: the existing map has another feature, or another network.
         PlacefieldError: see ``build_from``.
     """
     path = Path(reference)
@@ -134,4 +135,4 @@ def _is_of(model: DescriptorModel, kind: str) -> bool:
     asked = network_of(kind)
     if asked is None or model.network is None:
         return kind == model.kind
-    return asked.digest == model.network.digest  # wherever its file lies by now
+    return asked.digest == model.network.digest  # the path of the network may have changed

@@ -1,4 +1,4 @@
-"""Reference traverses, described frame by frame; those that are bad are refused or left out."""
+"""Describing reference traverses frame by frame; bad frames are refused or left out."""
 
 import logging
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from placefield_tools.sources import Source
 
 log = logging.getLogger(__name__)
 
-_REMEDY = "mend it, or give --leave-out-bad to build without"
+_REMEDY = "repair it, or give --leave-out-bad to build without"
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Reference:
     """A reference traverse of K frames.
 
     Attributes:
-        name: for a person.
-        frames: K described frames, None for one that is bad.
-        pose_frame: what the poses are measured in.
-        stamped: whether the frames' stamps are their own.
+        name: used in messages.
+        frames: K described frames, None for a bad one.
+        pose_frame: name of the poses' coordinate frame.
+        stamped: whether the stamps are measured, and not nominal.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Reference:
     stamped: bool = True
 
     def traverse(self) -> Traverse:
-        """Return it without its bad frames; see ``traverse_of`` for the errors."""
+        """Return the traverse without its bad frames; see ``traverse_of`` for the errors."""
         good = (frame for frame in self.frames if frame is not None)
         return traverse_of(self.name, good, self.pose_frame, stamped=self.stamped)
 
@@ -46,14 +46,14 @@ def describe_reference(
     """Describe all frames of a source.
 
     Args:
-        source: of the frames, closed after it.
+        source: of the frames; it is closed at the end.
         name: of the traverse.
-        feature: to describe by.
-        leave_out_bad: go on without frames that cannot be read or have not come.
+        feature: describes the frames.
+        leave_out_bad: continue without frames that are missing or cannot be read.
 
     Raises:
-        SourceError: there are some, and that was not asked for. A map is built once and used for
-            long: one missing frame may shift every place behind it. Or no frame can be read.
+        SourceError: a frame is missing or cannot be read and ``leave_out_bad`` is false, because a
+            missing frame may shift every later place; or no frame can be read.
     """
     faults: dict[int, FrameError] = {}
 
@@ -71,7 +71,7 @@ def describe_reference(
         described = list(map_in_order(describe, frames))
     if faults:
         log.warning(
-            "%s: %d of %d frames cannot be read: left out (the first: %s)",
+            "%s: %d of %d frames cannot be read and are left out (the first: %s)",
             name,
             len(faults),
             len(described),
@@ -81,13 +81,13 @@ def describe_reference(
         raise SourceError(f"{name}: no frame can be read ({faults[min(faults)]})")
     missing = source.not_given["missing"]
     if missing and not leave_out_bad:
-        raise SourceError(f"{name}: {missing} frames of it are missing; {_REMEDY} them")
+        raise SourceError(f"{name}: {missing} frames are missing; {_REMEDY} them")
     pose_frame = source.origin.frame if source.origin else ROUTE
     return Reference(name, described, pose_frame, source.stamped)
 
 
 def without_bad(references: Sequence[Reference]) -> list[Reference]:
-    """Leave frames that are bad in one traverse out of all: frame i of each is one place."""
+    """Remove frames that are bad in one traverse from all, because frame i of each is one place."""
     bad = {
         index
         for reference in references

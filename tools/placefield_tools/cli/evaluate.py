@@ -73,7 +73,7 @@ def _evaluate(
     from placefield_tools.evaluate.evaluation import Query, evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
     from placefield_tools.evaluate.evaluation_report import figures, print_table
-    from placefield_tools.evaluate.truth_source import Asked
+    from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
 
     options_truth.check_truth(tolerance, truth, aligned=aligned, same_frame=same_frame)
@@ -92,7 +92,7 @@ def _evaluate(
     )
     asked = None
     if truth is None:
-        asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
+        asked = TruthOptions(effective.matching.tolerance, metres, aligned, same_frame)
     within = None if truth is not None or metres is not None else effective.matching.tolerance
     options_truth.check_other(protocol, other)
     options_truth.check_every(protocol, every)

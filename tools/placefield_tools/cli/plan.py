@@ -103,8 +103,8 @@ def _names(hosts: str) -> list[str]:
 
 def _sizes(map_path: Path, files: Sequence[str]) -> dict[str, int]:
     from placefield.errors import MapError
+    from placefield.maps.array_files import open_inside
     from placefield.maps.manifest import REBUILD
-    from placefield.maps.reading import open_inside
 
     sizes = {}
     for file in files:

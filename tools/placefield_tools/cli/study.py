@@ -57,7 +57,7 @@ def _study(
       placefield study day/ dusk/ --preset paper
     """
     from placefield_tools.evaluate.evaluation import Query
-    from placefield_tools.evaluate.truth_source import Asked
+    from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
     from placefield_tools.study.paper.paper_report import write_paper_report
     from placefield_tools.study.paper.paper_table import paper_figures, print_paper_study
@@ -82,7 +82,7 @@ def _study(
     )
     asked = None
     if truth is None:
-        asked = Asked(effective.matching.tolerance, metres, aligned, same_frame)
+        asked = TruthOptions(effective.matching.tolerance, metres, aligned, same_frame)
     within = None if truth is not None or metres is not None else effective.matching.tolerance
     options_truth.check_other(protocol, other)
     options_truth.check_every(protocol, every)

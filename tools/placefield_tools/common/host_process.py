@@ -1,4 +1,4 @@
-"""Hosts that another process runs: where they listen, and when they are ready."""
+"""Hosts as child processes: a free endpoint, and waiting until they are ready."""
 
 import socket
 import subprocess
@@ -8,7 +8,7 @@ from placefield.errors import BusError
 
 
 def free_endpoint() -> str:
-    """Return an endpoint on loopback that nobody listens at."""
+    """Return a free endpoint on loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -18,8 +18,7 @@ def await_ready(process: subprocess.Popen[str], patience_s: float) -> None:
     """Wait for the line on its standard output in which a host says that it is ready.
 
     Raises:
-        BusError: it ended, or it took longer than so many seconds and was killed, which its
-            services notice.
+        BusError: the process ended, or was killed because it was not ready in time.
     """
     timer = threading.Timer(patience_s, process.kill)
     timer.start()

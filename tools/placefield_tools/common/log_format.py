@@ -11,7 +11,7 @@ log = logging.getLogger("placefield")
 
 
 class _Stderr(logging.StreamHandler[TextIO]):
-    """Writes to the current standard error, which an embedding program may replace."""
+    """Writes to the current ``sys.stderr``, which an embedding program may replace."""
 
     @property
     def stream(self) -> TextIO:
@@ -22,7 +22,7 @@ class _Stderr(logging.StreamHandler[TextIO]):
 
 
 def log_for_a_person() -> None:
-    """Log a line per message, with the name of the program."""
+    """Log a line of text per message, with the prefix ``placefield:``."""
     logging.basicConfig(format="placefield: %(message)s", handlers=[_Stderr()], force=True)
     for ours in ("placefield", "placefield_services", "placefield_tools"):
         logging.getLogger(ours).setLevel(logging.INFO)
@@ -31,7 +31,7 @@ def log_for_a_person() -> None:
 def log_as_json() -> None:
     """Log an object per line: ``time`` in UTC, ``level``, ``logger``, ``message``, ``process``.
 
-    Warnings and what nobody caught are objects, too; these have their traceback as ``exc_info``.
+    Warnings and uncaught exceptions are objects, too; the latter have a traceback, ``exc_info``.
     """
     from pythonjsonlogger.json import JsonFormatter
 

@@ -1,4 +1,4 @@
-"""How people order and count things."""
+"""Natural sort order of names, and counts with singular and plural."""
 
 import re
 from collections.abc import Iterable
@@ -7,11 +7,11 @@ from decimal import Decimal
 _SUFFIX = re.compile(r"\.[A-Za-z][A-Za-z0-9]*$")
 _WHOLE = re.compile(r"([0-9]+)")
 _DECIMAL = re.compile(r"((?<![0-9]\.)[0-9]+\.[0-9]+(?![0-9]|\.[0-9])|[0-9]+)")
-"""A number with one decimal point, or a whole one, as each of 1.2.3 is."""
+"""A number with one decimal point, or a whole number, such as each part of 1.2.3."""
 
 
 def natural_key(name: str, *, decimals: bool = False) -> tuple[list[str | Decimal], str]:
-    """Order numbers in a name by value; the name itself settles 1.png and 01.png.
+    """Return a sort key that orders numbers by value; the name decides between 1.png and 01.png.
 
     Args:
         name: of a file, or the like.
@@ -25,9 +25,9 @@ def natural_key(name: str, *, decimals: bool = False) -> tuple[list[str | Decima
 def in_natural_order(names: Iterable[str]) -> list[str]:
     """Return names in natural order: frame2 before frame10, 20.45 before 20.5, 1.9 before 1.10.
 
-    Whether 20.45 is a time or a chapter is seen by them all. Fractions of one length are in one
-    order either way. Of those that differ in length, times that lost their last zeros never end in
-    one, and chapters that count to ten do.
+    All names together decide whether 20.45 is a decimal number or two numbers. The difference
+    matters only if the fractions differ in length. Decimal numbers without trailing zeros never end
+    in a zero, and counters that reach ten do.
     """
     names = list(names)
     numbers = (number for name in names for number in _DECIMAL.findall(name))
@@ -37,5 +37,5 @@ def in_natural_order(names: Iterable[str]) -> list[str]:
 
 
 def counted(count: int, name: str) -> str:
-    """Say how many there are of what has this name: 1 frame, 2 frames."""
+    """Return a count with its noun: 1 frame, 2 frames."""
     return f"{count} {name}" if count == 1 else f"{count} {name}s"

@@ -1,4 +1,4 @@
-"""Work on many things, on all cores."""
+"""Parallel work on all cores."""
 
 import os
 from collections import deque
@@ -11,12 +11,12 @@ Result = TypeVar("Result")
 
 
 def map_in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """Apply a function to items, a few in advance, and yield the results in order.
+    """Apply a function to items in threads, and yield the results in order.
 
-    Threads do: numpy and OpenCV let go of the interpreter while they work, and threads share
-    memory, start at once and never outlive the process.
+    Only a few items are read in advance. Threads suffice, because numpy and OpenCV release the
+    interpreter's lock; they share memory, start at once and never outlive the process.
 
-    If the caller stops early, by Ctrl-C or by an error, it does not wait for the items at work.
+    A caller that stops before the end, by Ctrl-C or an error, does not wait for running items.
     """
     workers = cores()
     pool = ThreadPoolExecutor(workers)

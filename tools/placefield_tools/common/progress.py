@@ -19,7 +19,7 @@ from rich.progress import (
 Item = TypeVar("Item")
 
 ChannelProgress = Callable[[int, str, float], None]
-"""Called with a channel's number, what is done to it and the share done, from any thread."""
+"""Called with a channel's number, the step under way and the fraction done, from any thread."""
 
 CONSOLE = Console(stderr=True, markup=False)
 
@@ -38,10 +38,10 @@ def progress_bar() -> Progress:
 
 @contextmanager
 def tracked(items: Iterable[Item], what: str, total: int | None) -> Iterator[Iterator[Item]]:
-    """Give the items, showing how many have gone by; the bar is gone after the block.
+    """Yield the items with a progress bar, which is removed at the end of the block.
 
-    A generator that closed the bar itself would, if abandoned, be closed wherever it is collected:
-    in the thread that draws another bar, say, which would then wait for itself.
+    A context manager closes the bar in a known thread. A bare generator, if abandoned, might be
+    closed in the thread that draws another bar, which would then deadlock.
     """
     with progress_bar() as bar:
         task = bar.add_task(what, total=total)
@@ -56,10 +56,9 @@ def tracked(items: Iterable[Item], what: str, total: int | None) -> Iterator[Ite
 
 @contextmanager
 def channel_progress(channels: int) -> Iterator[ChannelProgress]:
-    """Show how many channels are learned, and how far those are that are at work.
+    """Show the number of learned channels, and the progress of the channels under way.
 
-    Whoever reports after the block is stopped by an error: a thread whose result nobody waits for
-    any more.
+    A report after the block raises an error, which ends a thread whose result is not needed.
     """
     is_over = Event()
     learned: set[int] = set()
@@ -69,7 +68,7 @@ def channel_progress(channels: int) -> Iterator[ChannelProgress]:
 
         def report(number: int, what: str, share: float) -> None:
             if is_over.is_set():
-                raise RuntimeError("nobody waits for this channel any more")
+                raise RuntimeError("the result of this channel is not needed any more")
             if share >= 1:
                 if number in at_work:
                     bar.remove_task(at_work.pop(number))

@@ -1,1 +1,1 @@
-"""The public benchmarks: where they are, how they lie on the disk, and how to run them here."""
+"""The public benchmarks: their addresses, their layout on disk, and how to run them here."""

@@ -1,4 +1,4 @@
-"""What is known of each public benchmark: the registry ``benchmarks.toml``, read and checked."""
+"""The registry of public benchmarks, ``benchmarks.toml``, read and checked."""
 
 import tomllib
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_vali
 from placefield.errors import ConfigError
 
 TRUTH = "truth.csv"
-"""What a ground truth that is made of the benchmark's own is called, in the benchmark's folder."""
+"""Name of the ground truth in the benchmark's folder, converted from the benchmark's own."""
 
 _ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 
@@ -28,9 +28,9 @@ class BenchmarkTraverse(_Entry):
     """One drive along the route.
 
     Attributes:
-        name: what it is called.
-        folder: its frames' folder (or its video), within the benchmark's folder.
-        frames: how many; None where it is not known.
+        name: of the traverse.
+        folder: the folder of its frames (or its video), within the benchmark's folder.
+        frames: number of frames; None if unknown.
     """
 
     name: str
@@ -39,13 +39,13 @@ class BenchmarkTraverse(_Entry):
 
 
 class File(_Entry):
-    """A file to be downloaded; an archive is unpacked.
+    """A file to download; an archive is unpacked.
 
     Attributes:
-        name: of the file, after the address that all files share.
-        sha256: of its bytes; None where that is not known.
-        bytes: how long it is; None where that is not known.
-        into: for an archive, the folder within the benchmark's that it becomes; ".": that itself.
+        name: of the file, relative to ``Benchmark.files_at``.
+        sha256: of its bytes; None if unknown.
+        bytes: its length; None if unknown.
+        into: folder within the benchmark's folder that an archive becomes; ".": the folder itself.
     """
 
     name: str
@@ -55,7 +55,7 @@ class File(_Entry):
 
     @property
     def is_archive(self) -> bool:
-        """Whether it is unpacked."""
+        """Whether the file is an archive, which is unpacked."""
         return self.name.endswith(_ARCHIVES)
 
 
@@ -63,9 +63,9 @@ class BenchmarkStudy(_Entry):
     """How the benchmark is run here.
 
     Attributes:
-        reference: name of the traverse that is mapped.
-        query: name of the one that is matched.
-        tolerance: frames; None where a ground truth says what is right.
+        reference: name of the traverse of the map.
+        query: name of the traverse that is matched.
+        tolerance: frames; None if there is a file of the ground truth.
     """
 
     reference: str
@@ -77,8 +77,8 @@ class GpsTruth(_Entry):
     """A ground truth by GPS.
 
     Attributes:
-        file: the file beside each traverse that has the position of every frame.
-        metres: how far off a right place is at most, unless one asks for another distance.
+        file: the file beside each traverse with the position of every frame.
+        metres: default for the largest distance of a right place.
     """
 
     file: str
@@ -89,23 +89,23 @@ class Benchmark(_Entry):
     """A public benchmark.
 
     Attributes:
-        name: what commands call it.
-        title: what its authors call it.
-        about: where, and in which conditions.
-        citation: whom to cite.
-        licence: in words; what is not known is said to be.
+        name: its name in commands.
+        title: the authors' name.
+        about: the place and the conditions.
+        citation: publication to cite.
+        licence: as text, also if it is unknown.
         page: address of its page.
-        size: of what is downloaded, in words.
-        tolerance: in words, what others take.
-        truth: in words, what says which place is right.
-        notes: what else to know.
+        size: of the download, as text.
+        tolerance: the usual tolerance, as text.
+        truth: source of the ground truth, as text.
+        notes: further notes.
         traverses: as they lie in its folder.
-        study: how to run it here; None where it is no drive along a route.
-        truth_matrix: the file with its ground truth as a matrix, from which ``TRUTH`` is made.
-        truth_gps: where the positions are from which ``TRUTH`` is made when one asks for it.
-        files_at: address that the names of ``files`` come after.
-        files: what to download; empty where it cannot, or may not, be downloaded by a program.
-        by_hand: what to do instead.
+        study: how to run it here; None if it is no drive along a route.
+        truth_matrix: file with its ground truth as a matrix, which is converted to ``TRUTH``.
+        truth_gps: positions that are converted to ``TRUTH`` on request.
+        files_at: base address of ``files``.
+        files: files to download; empty if a program cannot or may not download them.
+        by_hand: instructions for a download by hand.
     """
 
     name: str
@@ -130,7 +130,7 @@ class Benchmark(_Entry):
     def _fits_together(self) -> Self:
         names = [traverse.name for traverse in self.traverses]
         if self.study and not {self.study.reference, self.study.query} <= set(names):
-            raise ValueError("the study takes a traverse that there is not")
+            raise ValueError("the study uses a traverse that does not exist")
         if bool(self.files) == bool(self.by_hand) or bool(self.files) != bool(self.files_at):
             raise ValueError("give files and files_at, or by_hand")
         if self.truth_gps and (
@@ -141,9 +141,9 @@ class Benchmark(_Entry):
 
     @property
     def gps_files(self) -> tuple[tuple[str, str], ...]:
-        """The study's reference and query, each with its positions, within the folder.
+        """Paths of the study's reference and query, each with its file of positions.
 
-        Empty where the truth is not by GPS.
+        Empty if the truth is not by GPS.
         """
         if self.truth_gps is None or self.study is None:
             return ()
@@ -158,7 +158,7 @@ class Benchmark(_Entry):
 
 @cache
 def benchmarks() -> Mapping[str, Benchmark]:
-    """Return all that are known, by name."""
+    """Return all benchmarks of the registry, by name."""
     text = files(__package__).joinpath("benchmarks.toml").read_text(encoding="utf-8")
     return {
         name: Benchmark.model_validate({"name": name, **entry})
@@ -170,11 +170,11 @@ def benchmark(name: str) -> Benchmark:
     """Return a benchmark by its name.
 
     Raises:
-        ConfigError: there is none of that name.
+        ConfigError: there is no benchmark of this name.
     """
     known = benchmarks()
     if name not in known:
         close = get_close_matches(name, known, n=1)
         hint = f"did you mean {close[0]}?" if close else "'placefield datasets' lists the names"
-        raise ConfigError(f"{name}: no benchmark of that name is known; {hint}")
+        raise ConfigError(f"{name}: unknown benchmark; {hint}")
     return known[name]

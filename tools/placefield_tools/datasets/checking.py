@@ -1,4 +1,4 @@
-"""Whether a benchmark lies on the disk as it should."""
+"""Checking the layout of a benchmark on disk."""
 
 from pathlib import Path
 
@@ -12,8 +12,8 @@ def check(benchmark: Benchmark, folder: Path) -> dict[str, int]:
     """Count the frames of every traverse; a video counts as 1.
 
     Raises:
-        SourceError: a traverse is missing, empty, or has another number of frames than is known, or
-            the ground truth or the positions for it are missing; all that is wrong is told.
+        SourceError: a traverse is missing, empty, or has a wrong number of frames, or its ground
+            truth or positions are missing; the error lists all problems.
     """
     counts = {traverse.name: _count(folder / traverse.folder) for traverse in benchmark.traverses}
     wrong = [
@@ -34,7 +34,7 @@ def _complaints(traverse: BenchmarkTraverse, count: int) -> list[str]:
     if count == 0:
         return [f"no frames in {traverse.folder}"]
     if traverse.frames not in (None, count):
-        return [f"{count} frames in {traverse.folder}, and {traverse.frames} are known"]
+        return [f"{count} frames in {traverse.folder}, and {traverse.frames} are expected"]
     return []
 
 

@@ -1,7 +1,7 @@
-"""A file from an address: gone on with where it was cut off, begun anew where it has changed.
+"""Downloading a file: an interrupted download is resumed, unless the file has changed.
 
-``pooch`` downloads files and checks their sums, but begins each at its first byte whenever it is
-called; the archive of a benchmark may be large, and come over a link that breaks.
+``pooch`` downloads files and checks their sums, but restarts each at its first byte. The archive of
+a benchmark may be large, and the link may break.
 """
 
 import http.client
@@ -16,7 +16,7 @@ from urllib.request import Request, urlopen
 from placefield.errors import SourceError
 
 Progress = Callable[[int, int | None], None]
-"""Called with how many bytes are there, and of how many; None: the server does not say."""
+"""Called with the bytes received so far, and the total; None if the server does not report it."""
 
 _BLOCK = 1 << 18
 _TIMEOUT_S = 30.0
@@ -25,24 +25,24 @@ _RANGE_IS_BEYOND = 416
 
 
 class _CutOffError(Exception):
-    """The server stopped in the middle, or cannot be reached."""
+    """The connection broke, or the server cannot be reached."""
 
 
 def download(url: str, part: Path, size: int | None, progress: Progress) -> None:
-    """Bring a file to its end, going on as long as something comes.
+    """Download a file completely, and resume as long as bytes arrive.
 
-    What the server said of the version (its strong ETag, or else its date) lies beside the file: a
-    server goes on only with that version, and sends another one from its beginning.
+    The version that the server reported (a strong ETag, or else a date) is stored beside the file.
+    The server resumes only this version, and sends another version from its beginning.
 
     Args:
         url: http or https.
-        part: where it is, or is to be; what has come stays whatever happens.
-        size: how long it must be, in bytes; None where that is not known.
-        progress: told of what has come.
+        part: path of the file; received bytes stay there in any case.
+        size: expected length, bytes; None if unknown.
+        progress: called with the progress.
 
     Raises:
-        SourceError: it cannot be had, or not all of it.
-        OSError: it cannot be written.
+        SourceError: the file cannot be downloaded completely.
+        OSError: the file cannot be written.
     """
     while True:
         had = _size(part)
@@ -63,9 +63,9 @@ def _go_on(url: str, part: Path, size: int | None, progress: Progress) -> None:
             if total == had:
                 return
             part.unlink(missing_ok=True)
-            raise _CutOffError("answers something else than was asked for; begun anew")
+            raise _CutOffError("sends another range than requested; the download restarts")
         if size is not None and total not in (None, size):
-            raise SourceError(f"{url}: is {total} bytes long and should be {size}: it has changed")
+            raise SourceError(f"{url}: has changed: it has {total} bytes instead of {size}")
         _check_room(part, start, total)
         with part.open("ab" if start else "wb") as file:  # emptied before its version is noted
             _note_version(part, answer)
@@ -102,7 +102,7 @@ def _answer(url: str, part: Path, had: int) -> Iterator[http.client.HTTPResponse
 def _extent(
     answer: http.client.HTTPResponse | HTTPError, had: int
 ) -> tuple[int | None, int | None]:
-    """Return from which byte the answer goes on (None: from nowhere), and how long the file is."""
+    """Return the offset of the answer's first byte (None: no bytes), and the file's length."""
     stated = _CONTENT_RANGE.fullmatch(answer.headers.get("Content-Range", ""))
     length = answer.headers.get("Content-Length", "")
     if answer.status == http.client.OK:
@@ -139,8 +139,8 @@ def _check_room(part: Path, start: int, total: int | None) -> None:
     free = shutil.disk_usage(part.parent).free
     if total is not None and total - start > free:
         raise SourceError(
-            f"{part}: {(total - start) >> 20} MiB are still to come and the disk has room for "
-            f"{free >> 20}; free some space, or choose another folder with --into"
+            f"{part}: {(total - start) >> 20} MiB are still missing, and the disk has "
+            f"{free >> 20} MiB free; free some space, or choose another folder with --into"
         )
 
 

@@ -1,7 +1,7 @@
-"""A benchmark from where it is published to a folder: whole under its name, or not there at all.
+"""Downloading a benchmark into a folder, which appears under its name only when complete.
 
-Everything happens in NAME.partial, of which the outcome is renamed at the end. What has been
-downloaded stays there when the work is cut off.
+The work is done in NAME.partial, which is renamed at the end. If the work is interrupted, the
+downloaded files stay there.
 """
 
 import errno
@@ -20,13 +20,13 @@ from placefield_tools.datasets.sums import read_sums, sum_of, write_sums
 from placefield_tools.datasets.unpacking import unpack
 
 Progress = Callable[[int, int, int | None], None]
-"""Called with the number of a file (from 0), how many bytes are there, and of how many if known."""
+"""Called with the number of a file (from 0), its bytes so far, and their total if known."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def sums_file(benchmark: Benchmark, into: Path) -> Path:
-    """Return where the sums of files are kept of which none was known."""
+    """Return the path of the stored checksums of files without a known checksum."""
     return into / f"{benchmark.name}.sha256"
 
 
@@ -35,26 +35,26 @@ def get(benchmark: Benchmark, into: Path, progress: Progress) -> Path:
 
     Args:
         benchmark: one that has files.
-        into: the folder in which its own is made.
-        progress: told of what has come.
+        into: the folder in which the benchmark's folder is created.
+        progress: called with the progress.
 
     Returns:
         The benchmark's folder.
 
     Raises:
-        SourceError: it is to be got by hand, is there already or cannot be had, a file is not what
-            it should be, or the disk refuses.
+        SourceError: the benchmark must be downloaded by hand, exists already or cannot be
+            downloaded, a file has a wrong checksum, or the disk refuses.
     """
     folder = into / benchmark.name
     if benchmark.by_hand:
         raise SourceError(f"{benchmark.name}: {benchmark.by_hand}; put it in {folder}")
     if os.path.lexists(folder):
         raise SourceError(
-            f"{folder}: is there already; 'placefield datasets check {benchmark.name} {folder}' "
-            "looks at it; remove it to get it anew"
+            f"{folder}: exists already; 'placefield datasets check {benchmark.name} {folder}' "
+            "checks it; remove it to download it again"
         )
     partial = into / f"{benchmark.name}.partial"
-    with _disk_errors_told(partial):
+    with _disk_errors_reported(partial):
         partial.mkdir(parents=True, exist_ok=True)
         with _alone(partial):
             _download(benchmark, partial, sums_file(benchmark, into), progress)
@@ -78,7 +78,7 @@ def _download(benchmark: Benchmark, partial: Path, sums_kept: Path, progress: Pr
 
 
 def _check(file: File, part: Path, sums_kept: Path) -> None:
-    """Compare a file with what it should be, or with what it was the first time."""
+    """Compare a file's checksum with the known one, or with that of the first download."""
     wanted = file.sha256 or read_sums(sums_kept).get(file.name)
     if wanted and (found := sum_of(part)) != wanted:
         part.unlink()
@@ -87,7 +87,7 @@ def _check(file: File, part: Path, sums_kept: Path) -> None:
 
 
 def _keep_sums(benchmark: Benchmark, partial: Path, sums_kept: Path) -> None:
-    """Keep the sums of files of which none was known; they have been unpacked, so are no halves."""
+    """Store the checksums of files without a known one; they were unpacked, so are complete."""
     known = read_sums(sums_kept)
     news = [file for file in benchmark.files if not file.sha256 and file.name not in known]
     if news:
@@ -116,15 +116,15 @@ def _come(partial: Path, file: File) -> Path:
 
 @contextmanager
 def _alone(partial: Path) -> Iterator[None]:
-    """Hold the lock of a folder, which goes with the process however it ends."""
+    """Hold the lock of a folder; the system releases it when the process ends, even if killed."""
     with (partial / ".lock").open("ab") as opened:
         if not take_lock(opened):
-            raise SourceError(f"{partial}: somebody else is at it; let that end first")
+            raise SourceError(f"{partial}: another process downloads it; wait for that")
         yield
 
 
 @contextmanager
-def _disk_errors_told(partial: Path) -> Iterator[None]:
+def _disk_errors_reported(partial: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -1,6 +1,6 @@
-"""A ground truth by GPS: right for a query frame is every place that is near enough to it.
+"""A ground truth by GPS: every place within a distance of the query frame is right.
 
-A street that the reference takes twice is right both times, which makes several runs of places.
+If the reference passes a street twice, both passes are right: a frame has several runs of places.
 """
 
 import logging
@@ -27,17 +27,17 @@ def write_gps_truth(benchmark: Benchmark, folder: Path, metres: float) -> tuple[
 
     Args:
         benchmark: one whose truth is by GPS.
-        folder: in which it lies.
-        metres: how far off a right place is at most.
+        folder: of the benchmark.
+        metres: largest distance of a right place.
 
     Returns:
-        How many query frames have a right place, and how many there are. The others have no row:
-        ``--truth`` takes them to be off the route, where whatever is claimed is wrong.
+        The number of query frames with a right place, and the number of query frames. The others
+        have no row: ``--truth`` treats them as off the route, where every match is wrong.
 
     Raises:
-        SourceError: positions or frames are missing, a file of positions is none, or no query frame
-            has a right place.
-        OSError: it cannot be written.
+        SourceError: positions or frames are missing, a file of positions is malformed, or no query
+            frame has a right place.
+        OSError: the file cannot be written.
     """
     reference, query = (
         _of_frames(folder / traverse, folder / positions)
@@ -48,7 +48,7 @@ def write_gps_truth(benchmark: Benchmark, folder: Path, metres: float) -> tuple[
     if placed == 0:
         raise SourceError(
             f"{folder}: no frame of the query is within {metres:g} m of the reference, by "
-            f"{benchmark.gps_files[1][1]}; are these drives of one route?"
+            f"{benchmark.gps_files[1][1]}; check that both drives are of one route"
         )
     write_runs(rows, folder / TRUTH)
     return placed, len(query)
@@ -57,18 +57,18 @@ def write_gps_truth(benchmark: Benchmark, folder: Path, metres: float) -> tuple[
 def runs_within(
     query: NDArray[np.float64], reference: NDArray[np.float64], metres: float
 ) -> list[tuple[int, int, int]]:
-    """Give the runs of reference frames that are near enough to each query frame.
+    """Return the runs of reference frames within a distance of each query frame.
 
-    Distances are over ground, in the plane that touches WGS 84 amid the reference (pymap3d's ENU).
+    Distances are horizontal, in the tangent plane at the reference's mean (pymap3d's ENU, WGS 84).
 
     Args:
-        query: latitude and longitude of the query's frames, degrees, (Q, 2); NaN: not known.
-        reference: of the reference's, (K, 2).
-        metres: how far off a right place is at most.
+        query: latitude and longitude of the query's frames, degrees, (Q, 2); NaN if unknown.
+        reference: likewise of the reference's frames, (K, 2).
+        metres: largest distance of a right place.
 
     Returns:
-        Query frame, first and last reference frame of every run. A query frame may have many; one
-        whose position is not known has none.
+        Query frame, first and last reference frame of every run. A query frame may have several
+        runs; a frame of unknown position has none.
     """
     if not (np.isfinite(query).any() and np.isfinite(reference).any()):
         return []
@@ -78,16 +78,16 @@ def runs_within(
 
 
 def between_fixes(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give every frame a position of its own, where a receiver has fewer fixes than a film frames.
+    """Interpolate positions of frames that repeat a fix, because fixes are rarer than frames.
 
-    A fix holds for the first of the frames that repeat it, and those between it and the next fix
-    lie on the straight line between the two, evenly. The last fix stays as it is.
+    A fix belongs to the first frame that has it. The positions of the frames up to the next fix are
+    interpolated linearly. The last fix is kept.
 
     Args:
-        positions: latitude and longitude, degrees, (N, 2); NaN: not known.
+        positions: latitude and longitude, degrees, (N, 2); NaN if unknown.
 
     Returns:
-        The same with what repeats spread, (N, 2); what was not known is not known.
+        The interpolated positions, (N, 2); unknown positions stay unknown.
     """
     known = np.isfinite(positions).all(axis=1)
     if not known.any():
@@ -101,16 +101,16 @@ def between_fixes(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def read_positions(path: Path) -> NDArray[np.float64]:
-    """Read a file that has ``latitude,longitude`` of every frame on a line, in degrees.
+    """Read a file with one line ``latitude,longitude``, in degrees, per frame.
 
-    A blank line, ``0,0`` and NaN say that there was no fix. Latitudes without their minus, as in
-    fGPS.txt, are left so: that mirrors the route at the equator and changes no distance.
+    A blank line, ``0,0`` and NaN mean that there was no fix. Latitudes without their minus sign, as
+    in fGPS.txt, are not corrected: that mirrors the route at the equator and keeps all distances.
 
     Returns:
         (N, 2); NaN where there was no fix.
 
     Raises:
-        SourceError: it cannot be read, a line is none of these, or there is no fix at all.
+        SourceError: the file cannot be read, a line is malformed, or there is no fix at all.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -143,14 +143,14 @@ def _position(path: Path, number: int, line: str) -> tuple[float, float]:
 
 
 def _of_frames(traverse: Path, path: Path) -> NDArray[np.float64]:
-    """Return where every frame is, (N, 2); lines and frames are taken together from the first."""
+    """Return the position of every frame, (N, 2); line i belongs to frame i."""
     positions = between_fixes(read_positions(path))
     with open_source(str(traverse)) as source:
         count = source.count or len(positions)
     if count != len(positions):
         log.warning(
-            "%s: has %d lines for the %d frames of %s; line i is taken for frame i from the "
-            "first on, what is over is left out",
+            "%s: has %d lines for the %d frames of %s; line i is used for frame i, and the rest "
+            "is left out",
             path,
             len(positions),
             count,

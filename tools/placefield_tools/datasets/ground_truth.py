@@ -1,4 +1,4 @@
-"""A benchmark's own ground truth as the table that ``--truth`` takes."""
+"""Converting a benchmark's own ground truth to the table that ``--truth`` reads."""
 
 import csv
 from collections.abc import Iterable, Iterator
@@ -12,7 +12,7 @@ from placefield.errors import SourceError
 from placefield.files import written_whole
 
 _MATRIX = "GTsoft"
-"""What counts as right: all places from which the query's can be seen, not the nearest one alone"""
+"""The matrix of right places: all places that show the query's scene, not only the nearest one."""
 
 
 def write_truth(matrix: Path, table: Path) -> None:
@@ -21,11 +21,11 @@ def write_truth(matrix: Path, table: Path) -> None:
     Args:
         matrix: a NumPy archive whose ``GTsoft``, (places, queries) of any number type, is not 0
             where a place is right for a query frame.
-        table: where to.
+        table: path of the table.
 
     Raises:
         SourceError: there is no such matrix.
-        OSError: it cannot be written.
+        OSError: the table cannot be written.
     """
     try:
         with np.load(matrix, allow_pickle=False) as arrays:
@@ -38,7 +38,7 @@ def write_truth(matrix: Path, table: Path) -> None:
 
 
 def runs(right: Iterable[NDArray[np.bool_]]) -> Iterator[tuple[int, int, int]]:
-    """Give the runs of right places of every query frame as query, first and last.
+    """Yield the runs of right places of every query frame as query, first and last.
 
     Args:
         right: for each query frame which places are right, (K,) bool.
@@ -49,10 +49,10 @@ def runs(right: Iterable[NDArray[np.bool_]]) -> Iterator[tuple[int, int, int]]:
 
 
 def write_runs(rows: Iterable[tuple[int, int, int]], table: Path) -> None:
-    """Write runs as ``query,first,last``, whole or not at all.
+    """Write runs as ``query,first,last``, atomically.
 
     Raises:
-        OSError: they cannot be written.
+        OSError: the table cannot be written.
     """
     with written_whole(table) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

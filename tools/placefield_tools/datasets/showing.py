@@ -1,4 +1,4 @@
-"""What is known of the benchmarks, for a person."""
+"""Printing the registry of benchmarks."""
 
 import shlex
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from placefield_tools.datasets.benchmarks import TRUTH, Benchmark
 
 
 def print_list(benchmarks: Iterable[Benchmark]) -> None:
-    """Print the names, and what each is."""
+    """Print the names and titles of benchmarks."""
     table = Table("name", "benchmark", "size", "to get")
     for column in table.columns:
         column.no_wrap = column.header != "benchmark"
@@ -23,7 +23,7 @@ def print_list(benchmarks: Iterable[Benchmark]) -> None:
 
 
 def print_benchmark(known: Benchmark, folder: Path) -> None:
-    """Print all that is known of one."""
+    """Print all facts about a benchmark."""
     for word, text in (
         ("benchmark", f"{known.title}: {known.about}"),
         ("citation", known.citation),
@@ -44,7 +44,7 @@ def print_benchmark(known: Benchmark, folder: Path) -> None:
 
 
 def study_command(known: Benchmark, folder: Path) -> str | None:
-    """Return the command that runs a benchmark which lies in a folder; None where none does."""
+    """Return the command that runs a benchmark in a folder; None if it cannot be run here."""
     study = known.study
     if study is None:
         return None
@@ -58,7 +58,7 @@ def study_command(known: Benchmark, folder: Path) -> str | None:
 
 
 def truth_command(known: Benchmark, folder: Path) -> str | None:
-    """Return the command that makes the ground truth in a folder; None where none is needed."""
+    """Return the command that makes the ground truth in a folder; None if none is needed."""
     if known.truth_gps is None:
         return None
     return shlex.join(["placefield", "datasets", "truth", known.name, str(folder)])
@@ -66,7 +66,7 @@ def truth_command(known: Benchmark, folder: Path) -> str | None:
 
 def _traverse_line(known: Benchmark, folder: Path, at: int) -> str:
     traverse = known.traverses[at]
-    frames = "not known how many" if traverse.frames is None else str(traverse.frames)
+    frames = "an unknown number of" if traverse.frames is None else str(traverse.frames)
     return f"{traverse.name}: {frames} frames in {folder / traverse.folder}"
 
 
@@ -75,4 +75,4 @@ def _sums(known: Benchmark) -> str:
         return ""
     if all(file.sha256 for file in known.files):
         return "SHA-256 of every file is known and checked"
-    return "no SHA-256 sums are known: those of the first time are kept and checked"
+    return "no SHA-256 sums are known: those of the first download are stored and checked"

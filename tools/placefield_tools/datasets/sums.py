@@ -1,6 +1,6 @@
-"""What files were the first time, as ``sha256sum`` writes it, where no sum is known.
+"""Checksums of the first download, as ``sha256sum`` writes them, of files without a known one.
 
-That does not say that they were right, but that later ones are the same.
+They do not prove that the files were right, but that later downloads are the same.
 """
 
 import hashlib
@@ -21,10 +21,10 @@ def sum_of(file: Path) -> str:
 
 
 def read_sums(path: Path) -> dict[str, str]:
-    """Return the sums of a list by the files' names; none if there is no list.
+    """Return the sums in a list by the files' names; empty if there is no list.
 
     Raises:
-        SourceError: it is not what ``sha256sum`` writes.
+        SourceError: the file is not what ``sha256sum`` writes.
     """
     if not path.exists():
         return {}
@@ -34,14 +34,14 @@ def read_sums(path: Path) -> dict[str, str]:
         lines = [""]
     found = [_LINE.fullmatch(line) for line in lines]
     if None in found:
-        raise SourceError(f"{path}: is not a list of SHA-256 sums; remove it to begin another")
+        raise SourceError(f"{path}: is not a list of SHA-256 sums; remove it to begin a new list")
     return {match[2]: match[1] for match in found if match}
 
 
 def write_sums(path: Path, sums: Mapping[str, str]) -> None:
-    """Write a list of sums, whole or not at all.
+    """Write a list of sums, atomically.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the list cannot be written.
     """
     write_whole(path, "".join(f"{digest}  {name}\n" for name, digest in sums.items()))

@@ -1,4 +1,4 @@
-"""Archives of strangers: nothing of them lands outside the folder, or beyond the disk's room."""
+"""Unpacking untrusted archives: only into the folder, and only if the disk has enough room."""
 
 import lzma
 import shutil
@@ -18,7 +18,7 @@ from placefield.errors import SourceError
 _DAMAGES = (
     BadZipFile,
     EOFError,
-    RuntimeError,  # it has a password, or is packed in an odd way
+    RuntimeError,  # it has a password, or an unknown compression
     ValueError,
     lzma.LZMAError,
     struct.error,
@@ -33,14 +33,14 @@ _FORKS = "__MACOSX"
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    """What an archive says that it holds.
+    """An entry of an archive.
 
     Attributes:
         name: path in the archive.
         size: bytes, as declared; no more are ever read.
-        is_folder: whether it is one.
+        is_folder: whether it is a folder.
         is_file: whether it is a regular file: no link, device or pipe.
-        open: gives its bytes.
+        open: opens its content.
     """
 
     name: str
@@ -51,16 +51,16 @@ class _Member:
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Unpack a zip, or a tar however compressed.
+    """Unpack a zip, or a tar of any compression.
 
     Args:
         archive: the file.
-        folder: to be made; if the archive is wrapped in a folder of its own, that becomes this.
+        folder: to be created; if the archive holds a single folder, that becomes this folder.
 
     Raises:
-        SourceError: the archive is damaged, holds links or what would land elsewhere, or more than
-            the disk has room for; nothing of it is left then.
-        OSError: it cannot be written.
+        SourceError: the archive is damaged, holds links or paths outside the folder, or more than
+            the disk has room for; no file of it is left then.
+        OSError: a file cannot be written.
     """
     wrapped = folder.with_name(f"{folder.name}.unpacking")
     shutil.rmtree(wrapped, ignore_errors=True)
@@ -87,7 +87,7 @@ def _unpack(archive: Path, folder: Path) -> None:
 
 
 def _write(member: _Member, folder: Path, archive: Path) -> None:
-    path = PureWindowsPath(member.name)  # knows drives, and either slash
+    path = PureWindowsPath(member.name)  # handles drives, and both slashes
     if path.anchor or ".." in path.parts:
         raise SourceError(f"{archive}: {member.name!r} would land outside the folder: not unpacked")
     if not (member.is_folder or member.is_file):
@@ -110,7 +110,7 @@ def _members(archive: Path) -> Iterator[_Member]:
 def _of_zip(archive: Path) -> Iterator[_Member]:
     with ZipFile(archive) as opened:
         for info in opened.infolist():
-            kind = stat.S_IFMT(info.external_attr >> 16)  # 0 where the packer knows no kinds
+            kind = stat.S_IFMT(info.external_attr >> 16)  # 0 if the packer stores no kind
             yield _Member(
                 info.filename,
                 info.file_size,
@@ -139,6 +139,6 @@ def _bytes_of(opened: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
 
 
 def _content(folder: Path) -> Path:
-    """Return the folder itself, or what is within when it holds one folder and nothing else."""
+    """Return the folder, or the innermost folder if each holds only one folder."""
     entries = list(folder.iterdir())
     return _content(entries[0]) if len(entries) == 1 and entries[0].is_dir() else folder

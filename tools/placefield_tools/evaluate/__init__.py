@@ -1,1 +1,1 @@
-"""How well a query is recognised."""
+"""Evaluating how well a query is recognised."""

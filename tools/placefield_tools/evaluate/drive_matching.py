@@ -1,4 +1,4 @@
-"""Descriptors to matches, at once and in hindsight; frames are compared with the places once."""
+"""Matching the descriptors of a drive: causal and smoothed matches from one comparison."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ Descriptors = Sequence[NDArray[np.float32] | None]
 
 @dataclass(frozen=True, eq=False)
 class Metres:
-    """How far a drive of Q frames has come, and the K places of its map.
+    """The odometry of a drive of Q frames, and the K places of its map.
 
     Attributes:
-        places: that know how far they are, and which of them are the same.
-        readings: Q of the odometer, None where nobody knows.
+        places: with their metres travelled, and which of them are the same.
+        readings: Q readings of the odometry, metres, None where unknown.
     """
 
     places: Places
@@ -34,8 +34,8 @@ class Matches:
     """The matches of a drive of Q frames.
 
     Attributes:
-        causal: Q, each of what came before.
-        smoothed: by lag, Q each, of at most so many frames after it too.
+        causal: Q matches, each from the frames up to it.
+        smoothed: for each lag, Q matches, each also from up to ``lag`` later frames.
     """
 
     causal: list[Match]
@@ -52,11 +52,11 @@ def match_drive(
     """Match a whole stream of descriptors (N,), None for a missing observation.
 
     Args:
-        channels: that match, whole ones.
-        descriptors: Q.
+        channels: whole channels.
+        descriptors: Q descriptors.
         metres: of the drive.
-        config: how; its lag counts for nothing.
-        lags: of the smoothed matches, or ``WHOLE_DRIVE``.
+        config: of the matching; its lag is not used.
+        lags: lags of the smoothed matches, or ``WHOLE_DRIVE``.
     """
     places = metres.places
     stage = ChannelStage(

@@ -1,4 +1,4 @@
-"""A query against a map: matches, figures, pictures."""
+"""Evaluating a query against a map: its matches are compared with a ground truth."""
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
@@ -29,14 +29,14 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.through_services import match_through_services
-from placefield_tools.evaluate.truth_source import Asked, Sides, TruthSource, ground_of
+from placefield_tools.evaluate.truth_source import Comparison, TruthOptions, TruthSource, find_truth
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
 
 LAGS = (10, 20)
-"""Of the smoothed matches that are judged beside those with the lag in force."""
+"""Lags of the smoothed matches that are evaluated besides the configured lag."""
 
 TruthOf = Callable[[int, int], Truth]
 
@@ -48,17 +48,17 @@ RawFeature = NDArray[np.float32] | None
 
 @dataclass(frozen=True)
 class Judged:
-    """The matches of a query of Q frames, and how right they are.
+    """The matches of a query of Q frames, compared with the ground truth.
 
     Attributes:
-        places: (Q,) int64, the match of each frame, -1 where there is none.
-        scores: (Q,) float64, the higher the more certain.
+        places: (Q,) int64, the matched place of each frame, -1 without a match.
+        scores: (Q,) float64; a higher score is more certain.
         correct: (Q,) bool.
         curve: precision and recall.
-        reliability: of the answers' probabilities, where the method gives them.
-        claims: the matches that are known, likewise.
-        mean_lag: how many frames after it a match looks at, on average.
-        too_fast: of how many frames the vehicle is said to be faster than the map resolves.
+        reliability: of the probabilities, if the method gives them.
+        claims: the known matches, likewise.
+        mean_lag: mean number of later frames that a match uses.
+        too_fast: number of frames where the vehicle seems faster than the map resolves.
     """
 
     places: NDArray[np.int64]
@@ -73,16 +73,16 @@ class Judged:
 
 @dataclass(frozen=True)
 class Query:
-    """Where a query's frames are, and how they are driven.
+    """The source of a query, and the protocol of its drive.
 
     Attributes:
         where: source of the frames.
-        spacing_m: metres between them, by odometry; None: take every frame.
-        protocol: how they are driven.
-        other: source of the other route's frames, which only the protocol ``off-route`` takes.
+        spacing_m: metres between the frames, by odometry; None: every frame.
+        protocol: order of the frames in the drive.
+        other: source of another route, for the protocol ``off-route`` only.
         seed: of the protocol.
-        parts: of both sources.
-        every: n of a protocol that takes every n-th frame; None: its default.
+        parts: selects topics and frames of both sources.
+        every: n of a protocol with every n-th frame; None: its default.
     """
 
     where: str
@@ -94,10 +94,10 @@ class Query:
     every: int | None = None
 
     def open(self) -> Source:
-        """Open the frames, in the order in which they are driven.
+        """Open the frames, in the order of the drive.
 
         Raises:
-            SourceError: a source cannot be read, or is live and is to be driven again.
+            SourceError: a source cannot be read, or is live and the protocol reorders frames.
         """
         opened = partial(open_source, spacing_m=self.spacing_m, parts=self.parts)
         if self.protocol == "aligned":
@@ -109,45 +109,45 @@ class Query:
             return ResampledTraverse(query, self.protocol, other=other, seed=self.seed, every=every)
 
     def numbered(self, drive: Resampling) -> Resampling:
-        """Return the drive by the numbers that its frames have in the query's source.
+        """Return the drive with the frame numbers of the query's source.
 
-        Spaced frames have those of their own order.
+        Distance-sampled frames are numbered in their own order.
         """
         if self.spacing_m is not None:
             return drive
         return replace(drive, frames=self.parts.start + self.parts.stride * drive.frames)
 
-    def frames_in_source(self, taken: int) -> int:
-        """Return how many frames its source has, of which so many are taken."""
+    def frames_in_source(self, selected: int) -> int:
+        """Return the number of frames of the source, of which ``selected`` are used."""
         start, stride = self.parts.start, self.parts.stride
         whole = replace(self.parts, start=0, stop=None, stride=1)
         if self.spacing_m is not None or whole == self.parts:
-            return taken
+            return selected
         with open_source(self.where, parts=whole) as source:
-            last = start + stride * (taken - 1)
+            last = start + stride * (selected - 1)
             return max(source.count or 0, last + 1)
 
     def matching(self, config: MatchingConfig) -> MatchingConfig:
-        """Return how to match the driven frames: the protocol ``reverse`` turns the way round."""
+        """Return the matching settings; the protocol ``reverse`` inverts the direction."""
         turned = config.reverse != (self.protocol == "reverse")
         return config.model_copy(update={"reverse": turned})
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A query that was matched and judged, and what it was matched against.
+    """A query, its map, and the evaluated matches.
 
     Attributes:
         placemap: the map.
         query: the drive.
         raws: raw feature of each frame.
-        lag: in force, frames.
-        results: of each rule's causal matches; empty where nobody knows what is right.
-        smoothed: of each rule's smoothed matches, by lag, ascending, the last one ``WHOLE_DRIVE``;
-            empty where services have matched.
-        ground: by what that is right.
-        known: how many causal matches are known, of each rule that tells.
-        missing: how many frames the query promised and has not.
+        lag: the configured lag, frames.
+        results: causal matches of each rule; empty without a ground truth.
+        smoothed: smoothed matches of each rule, by ascending lag, the last one ``WHOLE_DRIVE``;
+            only the configured lag if services matched.
+        ground: the ground truth and its source.
+        known: number of known causal matches, of each rule that reports them.
+        missing: number of missing frames of the query.
     """
 
     placemap: Map
@@ -162,26 +162,26 @@ class Evaluation:
 
 
 def drive_in(source: Source, count: int) -> tuple[Resampling, int]:
-    """Return how a query's source drives, and how many frames the query has in its own order.
+    """Return the drive of a query's source, and the number of the query's frames.
 
     Args:
-        source: of ``Query.open``.
-        count: of the frames that it gave.
+        source: opened by ``Query.open``.
+        count: number of frames that it gave.
     """
     if isinstance(source, ResampledTraverse):
-        return source.drive, source.undriven_count
+        return source.drive, source.query_count
     return aligned(count), count
 
 
 def describe_query(
     source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
-    """Describe the images of a query's frames, see ``describe_located_query``."""
-    descriptions, readings, _ = describe_located_query(source, describe)
+    """Describe the images of a query's frames, see ``describe_query_with_poses``."""
+    descriptions, readings, _ = describe_query_with_poses(source, describe)
     return descriptions, readings
 
 
-def describe_located_query(
+def describe_query_with_poses(
     source: Source, describe: Callable[[NDArray[np.uint8]], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
     """Describe the images of a query's frames.
@@ -190,7 +190,7 @@ def describe_located_query(
         The description of each frame, None for one that cannot be read, its odometry and its pose.
 
     Raises:
-        SourceError: it is live or has no frame that can be read.
+        SourceError: the source is live, or no frame can be read.
     """
     if source.live:
         raise SourceError("a camera cannot be evaluated; record it and give the recording")
@@ -208,7 +208,7 @@ def describe_located_query(
         each = list(map_in_order(describe_frame, frames))
     described = [description for description, _, _ in each]
     for _, reason in sorted(unreadable.items()):
-        CONSOLE.print(f"{reason}; matched as a frame not seen", soft_wrap=True)
+        CONSOLE.print(f"{reason}; matched as a missing observation", soft_wrap=True)
     if all(description is None for description in described):
         raise SourceError("the query has no frame that can be read")
     return described, [reading for _, reading, _ in each], [pose for _, _, pose in each]
@@ -221,7 +221,7 @@ def match_here(
     config: MatchingConfig,
     lags: Collection[int] = (),
 ) -> Matches:
-    """Match a query's frames in this process, and smooth with these lags; see ``match_drive``."""
+    """Match a query's frames in this process, see ``match_drive``."""
     images = DescriptorStage(placemap.model).new_stream()
     descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
     metres = Metres(placemap.places, readings)
@@ -229,7 +229,7 @@ def match_here(
 
 
 def judge(matches: Sequence[Match], truth: Truth) -> Judged:
-    """Compare matches with the truth, in the frames that it judges."""
+    """Compare matches with the ground truth, in the frames that have one."""
     places = np.array([match.place for match in matches], np.int64)
     scores = np.array([match.score for match in matches], np.float64)
     correct = truth.correct(places)
@@ -253,7 +253,7 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
 
 
 def judge_smoothed(matches: Sequence[SmoothedMatch], truth: Truth) -> Judged:
-    """Compare smoothed matches with the truth, frame by frame."""
+    """Compare smoothed matches with the ground truth, in the frames that have one."""
     judged = judge([smoothed.match for smoothed in matches], truth)
     return replace(judged, mean_lag=float(np.mean([smoothed.lag for smoothed in matches])))
 
@@ -265,19 +265,19 @@ def evaluate(
     config: Config,
     *,
     services: bool,
-    asked: Asked | None = None,
+    asked: TruthOptions | None = None,
 ) -> Evaluation:
-    """Match a query against a map by every rule that serves, and judge causal and smoothed matches.
+    """Match a query against a map by every rule that fits, and evaluate its matches.
 
     Args:
         map_path: the map.
-        query: to match, by a protocol that leaves the map's places as they are.
-        truth_of: gives the truth for so many query frames, in their own order, and places.
-        config: its matching, fusion and bus.
-        services: whether the frames are matched by the services, as processes on a bus of their
-            own, and not in this process.
-        asked: what else says what is right, see ``ground_of``. Where nobody knows, only the rule
-            that tells which matches are known is run, and nothing is judged.
+        query: the drive.
+        truth_of: gives the truth for these numbers of query frames, in their own order, and places.
+        config: its matching, fusion and bus are used.
+        services: whether services match the frames, as processes on a separate bus, and not this
+            process.
+        asked: the user's options for the truth, see ``find_truth``. Without a ground truth, only
+            the rule that reports known matches runs, and nothing is evaluated.
 
     Raises:
         PlacefieldError: the map, the query or the truth cannot be read, or the services fail.
@@ -290,11 +290,13 @@ def evaluate(
     known: dict[Rule, int] = {}
     with query.open() as source:
         describe = feature_of_model(placemap.model).describe
-        raws, readings, poses = describe_located_query(source, describe)
-        drive, undriven = drive_in(source, len(raws))
-        count, queries = placemap.places.count, query.frames_in_source(undriven)
-        ground = ground_of(
-            Sides(placemap, count, queries, query.numbered(drive), poses, source.origin, readings),
+        raws, readings, poses = describe_query_with_poses(source, describe)
+        drive, in_own_order = drive_in(source, len(raws))
+        count, queries = placemap.places.count, query.frames_in_source(in_own_order)
+        ground = find_truth(
+            Comparison(
+                placemap, count, queries, query.numbered(drive), poses, source.origin, readings
+            ),
             lambda: truth_of(queries, count),
             asked,
         )

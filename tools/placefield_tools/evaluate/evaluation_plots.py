@@ -1,4 +1,4 @@
-"""The pictures of an evaluation."""
+"""The plots of an evaluation."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,15 +18,15 @@ from placefield_tools.plots import (
     plot_precision_recall,
 )
 
-_MOST_CELLS = 1500  # of the distance matrix a side; more cannot be seen
+_MOST_CELLS = 1500  # per side of the distance matrix; more are not visible
 _PAIRS = 6
 
 
 def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
     """Draw precision-recall curves, distance matrix and some pairs into a folder; return the files.
 
-    The matrix and the pairs show the first rule's matches. Where nobody knows which are right,
-    there is the matrix alone.
+    The matrix and the pairs show the first rule's matches. Without a ground truth, only the matrix
+    is drawn.
     """
     folder.mkdir(parents=True, exist_ok=True)
     matrix = folder / "distances.png"
@@ -61,15 +61,15 @@ def _draw_matrix(
 
 
 def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
-    """Distances under the first channel's metric, (Q, K); infinite for frames not seen."""
+    """Return distances under the first channel's metric, (Q, K); infinite without observation."""
     stream = DescriptorStream(placemap.model)
     descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
 
 
 def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:
-    seen = np.array([raw is not None for raw in evaluation.raws])
-    chosen = _chosen(result, seen)
+    observed = np.array([raw is not None for raw in evaluation.raws])
+    chosen = _chosen(result, observed)
     if not chosen:
         return []
     with evaluation.query.open() as source:
@@ -92,9 +92,9 @@ def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path
     return [path]
 
 
-def _chosen(result: Judged, seen: NDArray[np.bool_]) -> list[int]:
+def _chosen(result: Judged, observed: NDArray[np.bool_]) -> list[int]:
     """Choose query frames to show: spread evenly, and the most confident mistake."""
-    answered = np.flatnonzero((result.places >= 0) & seen)
+    answered = np.flatnonzero((result.places >= 0) & observed)
     if not len(answered):
         return []
     spread = answered[np.linspace(0, len(answered) - 1, _PAIRS).astype(int)]

@@ -1,4 +1,4 @@
-"""The figures of an evaluation, for a person and as JSON."""
+"""The figures of an evaluation, as text and as JSON."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -18,11 +18,11 @@ from placefield_tools.evaluate.evaluation import Evaluation, Judged
 def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
     """Return the figures as one JSON object.
 
-    There is no tolerance, in places, where a ground truth was given, or in metres; and where nobody
-    knows what is right, only how many matches are known.
+    The tolerance, in places, is None with a given ground truth, or with a tolerance in metres.
+    Without a ground truth, only the numbers of known matches are returned.
     """
     frames = len(evaluation.raws)
-    told = {
+    common = {
         "frames": frames,
         "unreadable": sum(raw is None for raw in evaluation.raws),
         "missing": evaluation.missing,
@@ -34,14 +34,14 @@ def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
             rule: {"known": {"count": count, "share": count / frames}}
             for rule, count in evaluation.known.items()
         }
-        return {"rules": known, **told}
+        return {"rules": known, **common}
     rules = {
         rule: _curve_figures(result)
         | certainty_figures(result)
         | {"lag": _lag_figures(result, evaluation.smoothed[rule])}
         for rule, result in evaluation.results.items()
     }
-    return {"rules": rules, **told}
+    return {"rules": rules, **common}
 
 
 def _lag_figures(causal: Judged, smoothed: Mapping[int, Judged]) -> dict[str, dict[str, Any]]:
@@ -68,9 +68,9 @@ def _curve_figures(judged: Judged) -> dict[str, Any]:
 
 
 def certainty_figures(judged: Judged) -> dict[str, Any]:
-    """Return how far a method's probabilities can be believed; nothing where it has none.
+    """Return the calibration and the known matches of a method; empty without probabilities.
 
-    With it comes how many frames are told to be too fast. A figure over no match at all is None.
+    The number of frames that are too fast is included. A figure without any match is None.
     """
     if judged.reliability is None or judged.claims is None:
         return {}
@@ -85,7 +85,7 @@ def certainty_figures(judged: Judged) -> dict[str, Any]:
 
 
 def certainty_line(name: str, judged: Judged) -> str | None:
-    """Say the same in a line for a person."""
+    """Return the figures of ``certainty_figures`` in one line of text; None if there are none."""
     if judged.reliability is None or judged.claims is None:
         return None
     known = judged.claims
@@ -96,8 +96,8 @@ def certainty_line(name: str, judged: Judged) -> str | None:
         else "– of them right"
     )
     error = _calibration_error(judged.reliability)
-    told = "–" if error is None else f"{error:.3f}"
-    line = f"{name}: {known.count} known, {right}; expected calibration error {told}"
+    shown = "–" if error is None else f"{error:.3f}"
+    line = f"{name}: {known.count} known, {right}; expected calibration error {shown}"
     if judged.too_fast:
         line += f"; {judged.too_fast} of {counted(len(judged.places), 'frame')}: {FASTER}"
     return line
@@ -117,7 +117,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     table = Table(
         title=f"{evaluation.query.where}: {frames}, {places}",
         caption="recall: of all query frames that are on the route; best match per frame; "
-        "mean lag: frames after it that a match looks at",
+        "mean lag: later frames that a match uses",
     )
     table.add_column("rule", no_wrap=True)
     for column in ("mean lag", "AUC", "recall at 100 % precision", "recall@1"):
@@ -137,7 +137,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
 
 
 def _print_shares(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
-    """Say that nobody knows what is right, and what share of the frames is known."""
+    """Print why there is no verdict, and the fraction of frames that are known."""
     frames = len(evaluation.raws)
     shares = [
         f"{rule}: {count} of {counted(frames, 'frame')} known, which is {count / frames:.3f}"
@@ -149,7 +149,7 @@ def _print_shares(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
 
 
 def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:
-    """Give each rule's causal matches, smoothed ones with the lag in force, and in hindsight."""
+    """Yield each rule's causal matches, and those smoothed by the lag and over the whole drive."""
     names = {evaluation.lag: f"lag {evaluation.lag}", WHOLE_DRIVE: "in hindsight"}
     for rule, causal in evaluation.results.items():
         yield rule, causal

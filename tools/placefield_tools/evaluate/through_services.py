@@ -1,4 +1,4 @@
-"""A query through the services: real processes on a bus of their own."""
+"""Matching a query through the services: real processes on a separate bus."""
 
 import subprocess
 import sys
@@ -54,7 +54,7 @@ def match_through_services(
 
 @contextmanager
 def _host(map_path: Path, config: Config) -> Iterator[None]:
-    """Run ``placefield up``, ready inside the block and gone after it."""
+    """Run ``placefield up``; it is ready inside the block, and stopped after it."""
     command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
     command += ["--endpoint", config.bus.endpoint, "--run", config.run]
     command += ["--rule", config.matching.rule]

@@ -1,4 +1,4 @@
-"""What is right for a query's frames, and by what that is known."""
+"""The ground truth of a query's frames, and its source: a file, poses, or frame numbers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from placefield.maps.geography import Origin
 from placefield.maps.map import Map
 from placefield_tools.common.natural_sort import counted
 
-_ALIKE = 0.25  # of the longer way: by as much, drives that are aligned may differ in length
+_ALIKE = 0.25  # of the longer drive: aligned drives may differ in length by this fraction
 
 _REMEDY = (
     "give --truth FILE, or latitude and longitude on both sides; or say --aligned, if frame i "
@@ -26,14 +26,14 @@ _SAME_FRAME = ", or --same-frame, if the poses of both sides are in the same met
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a person says of what is right, who gives no file of it.
+class TruthOptions:
+    """The user's options for the ground truth, if no file of it is given.
 
     Attributes:
         tolerance: places.
-        metres: how far off a right place is at most, by the poses; None: so many places.
+        metres: largest distance of a right place, by the poses; None: ``tolerance`` is used.
         aligned: query frame i shows place i, whatever poses and counts say.
-        same_frame: the poses of both sides are in one frame, though not on earth.
+        same_frame: the poses of both sides share one coordinate frame, though not georeferenced.
     """
 
     tolerance: int
@@ -43,17 +43,17 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
+class Comparison:
     """A drive of D frames, and the map that it is matched against.
 
     Attributes:
         placemap: the map.
-        references: frames of the reference, of which every so many is a place.
-        queries: frames of the query in its own order.
-        drive: how they are driven.
-        poses: D of the driven frames, None where nobody knows.
-        origin: of these poses, if it is known.
-        readings: D of the odometer, likewise.
+        references: number of frames of the reference.
+        queries: number of frames of the query in its own order.
+        drive: order of the frames.
+        poses: D poses of the drive's frames, None where unknown.
+        origin: georeference of these poses, if known.
+        readings: D readings of the odometry, metres, None where unknown.
     """
 
     placemap: Map
@@ -67,14 +67,14 @@ class Sides:
 
 @dataclass(frozen=True)
 class TruthSource:
-    """What is right, and by what that is known.
+    """A ground truth and its source.
 
     Attributes:
-        truth: of the driven frames; None: nobody knows.
-        by: a file, or a function, that was given; poses of both sides; the numbers of the frames.
-        tolerance: places, where it is in places.
-        metres: where it is in metres.
-        why_none: what is lacking, where nobody knows.
+        truth: of the drive's frames; None if unknown.
+        by: a given file or function, the poses of both sides, or the frame numbers.
+        tolerance: in places, if it is in places.
+        metres: tolerance in metres, if it is in metres.
+        why_none: the reason, if there is no truth.
     """
 
     truth: Truth | None
@@ -85,20 +85,20 @@ class TruthSource:
 
     @property
     def unjudged(self) -> int:
-        """Of how many frames nobody knows what is right."""
+        """Number of frames without a ground truth."""
         judged = None if self.truth is None else self.truth.judged
         return 0 if judged is None else int(np.count_nonzero(~judged))
 
     def figures(self) -> dict[str, Any]:
-        """Return it for a JSON object."""
-        told: dict[str, Any] = {"by": self.by}
+        """Return the source of the truth for a JSON object."""
+        figures: dict[str, Any] = {"by": self.by}
         if self.by == "poses":
-            told |= {"metres": self.metres, "unjudged": self.unjudged}
-        return told | ({"why": self.why_none} if self.truth is None else {})
+            figures |= {"metres": self.metres, "unjudged": self.unjudged}
+        return figures | ({"why": self.why_none} if self.truth is None else {})
 
     @property
     def line(self) -> str:
-        """Say it in a line for a person."""
+        """The source of the truth in one line of text."""
         within = f"{self.tolerance} places" if self.metres is None else f"{self.metres:g} m"
         if self.by == "poses":
             but = f"; {counted(self.unjudged, 'frame')} not judged" if self.unjudged else ""
@@ -112,109 +112,115 @@ class TruthSource:
         )
 
 
-def ground_of(sides: Sides, truth_of: Callable[[], Truth], asked: Asked | None) -> TruthSource:
-    """Say what is right.
+def find_truth(
+    comparison: Comparison, truth_of: Callable[[], Truth], asked: TruthOptions | None
+) -> TruthSource:
+    """Find the ground truth of a drive.
 
-    Poses on earth of both sides decide, or poses in the same frame, if a person says that they are.
-    Where there are none, frames are taken for places by their numbers, if there are as many, and if
-    both ways are as long as far as that is known.
+    It comes from the poses of both sides, if they are georeferenced or share a frame by option.
+    Otherwise frame i is taken to show place i, if there are as many frames as places, and both
+    drives are equally long, as far as that is known.
 
     Args:
-        sides: of the comparison.
-        truth_of: gives the truth by number, or by a file, for the query in its own order.
-        asked: what a person says; None: what ``truth_of`` gives.
+        comparison: of the drive with the map.
+        truth_of: gives the truth by frame number or by a file, for the query in its own order.
+        asked: the user's options; None: ``truth_of`` decides.
 
     Raises:
-        TruthError: ``truth_of`` raises it, or poses are asked for and cannot be compared.
+        TruthError: ``truth_of`` raises it, or the options need poses that cannot be compared.
     """
     if asked is None:
-        return TruthSource(_by_number(sides, truth_of), "given")
+        return TruthSource(_by_number(comparison, truth_of), "given")
     if not asked.aligned:
-        if (query := _in_frame_of_map(sides, asked)) is not None:
-            truth = _by_poses(sides, query, asked)
+        if (query := _in_frame_of_map(comparison, asked)) is not None:
+            truth = _by_poses(comparison, query, asked)
             if truth.judged is not None and truth.judged.any():
                 tolerance = asked.tolerance if asked.metres is None else None
                 return TruthSource(truth, "poses", tolerance, asked.metres)
-        _refuse_without_poses(sides, asked)
-        if why := _unaligned(sides):
-            more = _SAME_FRAME if _have_poses(sides) and not _is_on_earth(sides) else ""
+        _refuse_without_poses(comparison, asked)
+        if why := _unaligned(comparison):
+            more = (
+                _SAME_FRAME if _have_poses(comparison) and not _is_georeferenced(comparison) else ""
+            )
             return TruthSource(None, "none", why_none=f"{why}; {_REMEDY}{more}")
-    return TruthSource(_by_number(sides, truth_of), "aligned", asked.tolerance)
+    return TruthSource(_by_number(comparison, truth_of), "aligned", asked.tolerance)
 
 
-def _by_number(sides: Sides, truth_of: Callable[[], Truth]) -> Truth:
-    truth = truth_of().shared(sides.placemap.places.same)
-    return truth.along(sides.drive.frames, sides.drive.foreign)
+def _by_number(comparison: Comparison, truth_of: Callable[[], Truth]) -> Truth:
+    truth = truth_of().shared(comparison.placemap.places.same)
+    return truth.along(comparison.drive.frames, comparison.drive.foreign)
 
 
-def _by_poses(sides: Sides, query: NDArray[np.float64], asked: Asked) -> Truth:
-    places = sides.placemap.places
-    query[sides.drive.foreign] = np.nan  # the other route's frame is another one
+def _by_poses(comparison: Comparison, query: NDArray[np.float64], asked: TruthOptions) -> Truth:
+    places = comparison.placemap.places
+    query[comparison.drive.foreign] = np.nan  # the other route has another coordinate frame
     truth = pose_truth(
         query, places.poses[:, :2], tolerance=asked.tolerance, metres=asked.metres
     ).shared(places.same)
     if truth.judged is not None:
-        truth.judged[sides.drive.foreign] = truth.judged.any()
+        truth.judged[comparison.drive.foreign] = truth.judged.any()
     return truth
 
 
-def _in_frame_of_map(sides: Sides, asked: Asked) -> NDArray[np.float64] | None:
-    """Return x and y of each driven frame in the map's frame, (D, 2); None where nobody knows."""
-    if not _have_poses(sides):
+def _in_frame_of_map(comparison: Comparison, asked: TruthOptions) -> NDArray[np.float64] | None:
+    """Return x and y of the drive's frames in the map's coordinates, (D, 2); None if unknown."""
+    if not _have_poses(comparison):
         return None
     nowhere = (np.nan, np.nan)
-    there = [nowhere if pose is None else (pose.x, pose.y) for pose in sides.poses]
-    origin = Origin.of_frame(sides.placemap.pose_frame)
-    if origin is None and sides.origin is None and asked.same_frame:
+    there = [nowhere if pose is None else (pose.x, pose.y) for pose in comparison.poses]
+    origin = Origin.of_frame(comparison.placemap.pose_frame)
+    if origin is None and comparison.origin is None and asked.same_frame:
         return np.array(there)
-    if origin is None or sides.origin is None:
+    if origin is None or comparison.origin is None:
         return None
-    if origin == sides.origin:
+    if origin == comparison.origin:
         return np.array(there)
     return np.array(
-        [at if np.isnan(at[0]) else origin.to_local(*sides.origin.to_degrees(*at)) for at in there]
+        [
+            at if np.isnan(at[0]) else origin.to_local(*comparison.origin.to_degrees(*at))
+            for at in there
+        ]
     )
 
 
-def _have_poses(sides: Sides) -> bool:
-    return bool(len(sides.placemap.places.poses)) and any(sides.poses)
+def _have_poses(comparison: Comparison) -> bool:
+    return bool(len(comparison.placemap.places.poses)) and any(comparison.poses)
 
 
-def _is_on_earth(sides: Sides) -> bool:
-    """Return whether the poses of a side are."""
-    return bool(sides.origin or Origin.of_frame(sides.placemap.pose_frame))
+def _is_georeferenced(comparison: Comparison) -> bool:
+    """Return whether the poses of at least one side are georeferenced."""
+    return bool(comparison.origin or Origin.of_frame(comparison.placemap.pose_frame))
 
 
-def _refuse_without_poses(sides: Sides, asked: Asked) -> None:
-    """Refuse what needs poses of both sides, where they are lacking or cannot be compared."""
+def _refuse_without_poses(comparison: Comparison, asked: TruthOptions) -> None:
+    """Refuse options that need poses of both sides, if these are missing or not comparable."""
     flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
     if asked.metres is None and not asked.same_frame:
         return
-    if not _have_poses(sides):
-        side = "query" if len(sides.placemap.places.poses) else "reference"
+    if not _have_poses(comparison):
+        side = "query" if len(comparison.placemap.places.poses) else "reference"
         raise TruthError(f"{flag}: needs poses on both sides, and the {side} has none")
-    if _is_on_earth(sides):
+    if _is_georeferenced(comparison):
         raise TruthError(
-            f"{flag}: the poses of one side are on earth, and the other's in metres of its own: "
+            f"{flag}: only the poses of one side are georeferenced: "
             "give latitude and longitude on both sides"
         )
     raise TruthError(
-        f"{flag}: the poses of both sides are in metres of their own: say --same-frame, if these "
-        "are the same"
+        f"{flag}: the poses of both sides are not georeferenced: say --same-frame, if both are in "
+        "the same metres"
     )
 
 
-def _unaligned(sides: Sides) -> str | None:
-    """Say why frame i is not to be taken for place i; None where nothing is against it."""
-    if sides.queries != sides.references:
-        return (
-            f"the query has {counted(sides.queries, 'frame')}, and the reference {sides.references}"
-        )
-    is_whole = np.array_equal(sides.drive.frames, np.arange(sides.queries))
-    travelled = sides.placemap.places.travelled
+def _unaligned(comparison: Comparison) -> str | None:
+    """Return why frame i does not show place i; None if nothing speaks against it."""
+    if comparison.queries != comparison.references:
+        frames = counted(comparison.queries, "frame")
+        return f"the query has {frames}, and the reference {comparison.references}"
+    is_whole = np.array_equal(comparison.drive.frames, np.arange(comparison.queries))
+    travelled = comparison.placemap.places.travelled
     if not is_whole or not len(travelled):
         return None
-    first, last = sides.readings[0], sides.readings[-1]
+    first, last = comparison.readings[0], comparison.readings[-1]
     if first is None or last is None:
         return None
     way, reference = last - first, float(travelled[-1] - travelled[0])

@@ -1,1 +1,1 @@
-"""Recorded matches for other programs: pose graphs, trajectories, and maps of the earth."""
+"""Exporting recorded matches: pose graphs, trajectories and geographic formats."""

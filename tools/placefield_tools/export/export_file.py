@@ -1,4 +1,4 @@
-"""Recorded matches into another format, by its suffix."""
+"""Exporting recorded matches to a format, by the suffix of the file."""
 
 from pathlib import Path
 
@@ -12,25 +12,25 @@ from placefield_tools.record.records import RecordingError
 
 
 def check_target(path: Path) -> None:
-    """Check that there is such a format, and no file there yet.
+    """Check that the format of a file is known, and that the file does not exist.
 
     Raises:
         ConfigError: there is no such format.
-        RecordingError: the file is there already.
+        RecordingError: the file exists already.
     """
     if path.suffix not in _FORMATS:
-        raise ConfigError(f"{path}: name it {', '.join(_FORMATS)}, as it is to be written")
+        raise ConfigError(f"{path}: unknown suffix; use one of {', '.join(_FORMATS)}")
     if path.exists():
-        raise RecordingError(f"{path}: is there already; remove it, or name another file")
+        raise RecordingError(f"{path}: exists already; remove it, or name another file")
 
 
 def export(traverse: QueryTraverse, path: Path) -> None:
     """Write the traverse to a file whose suffix names a format.
 
     Raises:
-        MapError: the format is for maps on earth, and this one is not.
+        MapError: the format needs a georeferenced map, and this map is none.
         ConfigError: a library is missing.
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     write_whole(path, _FORMATS[path.suffix](traverse))
 

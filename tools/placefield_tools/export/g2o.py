@@ -1,9 +1,9 @@
-"""Loop closures as a pose graph that g2o, GTSAM and others read.
+"""Loop closures as a pose graph for g2o, GTSAM and others.
 
-The vertices are the places of the map that have a pose, held fixed, and the query frames that were
-matched; the edges are between a frame and its place. What the vehicle drove between two frames is
-not known here: those edges are for whoever has the odometry to add. Vertex ids are the places'
-indices, then from the number of places on the frames' sequence numbers.
+The vertices are the places of the map that have a pose, which are fixed, and the matched query
+frames. The edges connect a frame with its place. Edges between frames are not written: add them
+from the odometry. The ID of a place is its index; the ID of a frame is its sequence number plus the
+number of places.
 """
 
 import math
@@ -13,7 +13,7 @@ from placefield.bus.messages import MatchMessage
 from placefield.fusion.uncertainty import pose_variances
 from placefield_tools.export.matched_traverse import QueryTraverse
 
-_PROBABILITY_UNTOLD = 0.5
+_DEFAULT_PROBABILITY = 0.5
 
 
 def to_g2o(traverse: QueryTraverse) -> str:
@@ -38,6 +38,6 @@ def _lines(traverse: QueryTraverse) -> Iterator[str]:
 
 def _information(traverse: QueryTraverse, match: MatchMessage) -> tuple[float, float]:
     """Return the information on x and y, 1/m², and on yaw, 1/rad²."""
-    likely = _PROBABILITY_UNTOLD if match.probability is None else match.probability
-    xy, yaw = pose_variances(traverse.places, match.place, traverse.tolerance, likely)
+    probability = _DEFAULT_PROBABILITY if match.probability is None else match.probability
+    xy, yaw = pose_variances(traverse.places, match.place, traverse.tolerance, probability)
     return 1 / xy, 1 / yaw

@@ -11,12 +11,12 @@ _PROPERTIES = ("stream", "sequence", "stamp_ns", "place", "score", "probability"
 
 
 def to_geojson(traverse: QueryTraverse) -> str:
-    """Write a line along all matches, where there are two, and a point for each.
+    """Write a point for each match, and a line along them if there are two or more.
 
     Raises:
-        MapError: the map is nowhere on earth.
+        MapError: the map is not georeferenced.
     """
-    positions = [[longitude, latitude] for latitude, longitude in traverse.on_earth()]
+    positions = [[longitude, latitude] for latitude, longitude in traverse.geographic_positions()]
     features = [
         _feature("Point", position, as_object(localised.header, localised.match))
         for position, localised in zip(positions, traverse.matches, strict=True)

@@ -13,7 +13,7 @@ def to_gpx(traverse: QueryTraverse) -> str:
     """Write one track of all matches, with their stamps in microseconds.
 
     Raises:
-        MapError: the map is nowhere on earth.
+        MapError: the map is not georeferenced.
     """
     points = [
         GPXTrackPoint(
@@ -23,10 +23,10 @@ def to_gpx(traverse: QueryTraverse) -> str:
             name=f"place {localised.match.place}",
         )
         for (latitude, longitude), localised in zip(
-            traverse.on_earth(), traverse.matches, strict=True
+            traverse.geographic_positions(), traverse.matches, strict=True
         )
     ]
-    # What somebody on the bus called the stream may hold what XML cannot.
+    # The name of a stream comes from the bus, and may hold characters that XML does not allow.
     track = GPXTrack(name=repr(traverse.matches[0].header.stream).strip("'"))
     track.segments.append(GPXTrackSegment(points))
     gpx = GPX()

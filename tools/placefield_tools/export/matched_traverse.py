@@ -1,4 +1,4 @@
-"""The query traverse that is exported: its matches, and where their places are."""
+"""The query traverse to export: its matches, with the poses of their places."""
 
 import logging
 from collections import Counter
@@ -35,10 +35,10 @@ class QueryTraverse:
 
     Attributes:
         matches: in order; at least one.
-        places: (K, 3) float64, x and y in metres and yaw in radians, NaN where nobody knows.
-        pose_frame: name of the frame that these are in.
-        map_path: which map that is.
-        tolerance: a match is right within so many places.
+        places: (K, 3) float64, x and y in metres and yaw in radians, NaN where unknown.
+        pose_frame: name of the poses' coordinate frame.
+        map_path: of the map, used in errors.
+        tolerance: a match is right within this many places.
     """
 
     matches: Sequence[Localised]
@@ -47,11 +47,11 @@ class QueryTraverse:
     map_path: Path
     tolerance: int
 
-    def on_earth(self) -> list[tuple[float, float]]:
+    def geographic_positions(self) -> list[tuple[float, float]]:
         """Return latitude and longitude of each match, degrees.
 
         Raises:
-            MapError: the map is nowhere on earth.
+            MapError: the map is not georeferenced.
         """
         origin = origin_of(self.pose_frame, self.map_path, "export to .tum or .g2o")
         return [origin.to_degrees(x, y) for x, y, _ in (match.pose for match in self.matches)]
@@ -60,19 +60,19 @@ class QueryTraverse:
 def localise(
     records: Sequence[Record], placemap: Map, map_path: Path, *, tolerance: int, unknown: bool
 ) -> QueryTraverse:
-    """Put known matches, or with ``unknown`` all that have a place, at the poses of their places.
+    """Give known matches, or with ``unknown`` all matches of a place, the poses of their places.
 
-    A match at a place whose pose nobody knows is left out; how many are is logged.
+    Matches at places of unknown pose are left out; their number is logged.
 
     Raises:
-        MapError: the map has no poses, or is not the one that was matched against.
-        RecordingError: there is no such match, or none of them is at a pose.
+        MapError: the map has no poses, or is not the map of the recording.
+        RecordingError: there is no such match, or no place of a match has a pose.
     """
     places = placemap.places
     if not len(places.poses):
         raise MapError(
-            f"{map_path}: its places have no poses; build it of frames with poses, as in a "
-            "frames.csv with x and y"
+            f"{map_path}: its places have no poses; build it of frames with poses, for example "
+            "with x and y in a frames.csv"
         )
     matches, nowhere = [], 0
     for record in records:
@@ -87,8 +87,8 @@ def localise(
         pose = places.pose(match.place) if match.place < places.count else None
         if match.place >= places.count or match.pose not in (None, pose):
             raise MapError(
-                f"{map_path}: place {match.place} is not where the recording has it; give the map "
-                "that was matched against"
+                f"{map_path}: place {match.place} has another pose than in the recording; give the "
+                "map that was matched against"
             )
         if pose is None:
             nowhere += 1
@@ -98,20 +98,20 @@ def localise(
         what = f"{nowhere} of {nowhere + len(matches)} matches are at places without a pose"
         if not matches:
             raise RecordingError(f"{map_path}: {what}: there is nothing to export")
-        log.warning("%s: %s: left out", map_path, what)
+        log.warning("%s: %s and are left out", map_path, what)
     if not matches:
-        hint = "" if unknown else "; --all exports those that are not, too"
+        hint = "" if unknown else "; --all exports unknown matches, too"
         raise RecordingError(f"none of the {len(records)} matches is known{hint}")
     return QueryTraverse(matches, places.poses, placemap.pose_frame, map_path, tolerance)
 
 
 def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> list[Record]:
-    """Return the records of the stream whose name begins so; of the only one without a name.
+    """Return the records of the stream whose name begins with ``stream``; None: the only stream.
 
-    Of a frame that has a smoothed match, that one is returned.
+    A frame with a smoothed match is represented by that match.
 
     Raises:
-        RecordingError: there is none, or more than one.
+        RecordingError: there is no such stream, or more than one.
     """
     frames = dict.fromkeys((record.header.stream, record.header.sequence) for record in records)
     counts = Counter(name for name, _ in frames)
@@ -129,7 +129,7 @@ def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> 
 
 
 def _best(records: Sequence[Record]) -> list[Record]:
-    """Return of each frame the smoothed match if there is one, else the one that came at once."""
+    """Return the smoothed match of each frame if there is one, and otherwise the causal match."""
     best: dict[int, Record] = {}
     for record in records:
         if record.header.sequence not in best or isinstance(record.match, SmoothedMessage):

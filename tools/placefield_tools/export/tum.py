@@ -1,4 +1,4 @@
-"""Trajectories as of the TUM RGB-D benchmark: ``stamp tx ty tz qx qy qz qw``, as evo reads them."""
+"""Trajectories in the TUM format, which evo reads: ``stamp tx ty tz qx qy qz qw``."""
 
 import math
 from decimal import Decimal

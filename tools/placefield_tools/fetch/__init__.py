@@ -1,1 +1,1 @@
-"""Maps from another host."""
+"""Fetching maps from another host."""

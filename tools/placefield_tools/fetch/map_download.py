@@ -1,4 +1,4 @@
-"""A map from a host that has it."""
+"""Fetching a map from a host that serves it."""
 
 import threading
 import time
@@ -22,17 +22,17 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class _Server:
-    """One who has the map."""
+    """A host that serves the map."""
 
     identity: str
     offer: Offer
 
 
 class Fetch:
-    """Fetches one map; goes on when the link, or whoever sends it, was away for a while."""
+    """Fetches one map, and continues after an interruption of the link or of the server."""
 
     def __init__(self, bus: Bus, name: str, config: BusConfig, stop: threading.Event) -> None:
-        """Fetch the map of this name, until nothing has come for ``connect_timeout_s``."""
+        """Prepare to fetch the map of this name; give up after ``connect_timeout_s`` of silence."""
         self._bus = bus
         self._name = name
         self._keys = MapKeys(name)
@@ -45,9 +45,9 @@ class Fetch:
         """Fetch the map to a path; return it, opened, and whether it was there already.
 
         Raises:
-            MapError: something else is there; several maps of this name are offered; somebody else
-                fetches it; the disk is full; it is damaged where it is.
-            BusError: nothing has come for too long, or ``stop`` was set.
+            MapError: the path holds something else, hosts offer different maps of this name,
+                another process fetches the map, the disk is full, or the server's map is damaged.
+            BusError: nothing arrived for too long, or ``stop`` was set.
         """
         with receiving(path) as partial:
             while True:
@@ -55,11 +55,11 @@ class Fetch:
                 if (there := opened_if_there(path, server.offer)) is not None:
                     return there, True
                 partial.begin(server.offer)
-                if self._take_all(server, partial, progress):
+                if self._fetch_missing(server, partial, progress):
                     return partial.finish(), False
 
-    def _take_all(self, server: _Server, partial: PartialMap, progress: Progress) -> bool:
-        """Take all that is missing; False once the server does not send what it should."""
+    def _fetch_missing(self, server: _Server, partial: PartialMap, progress: Progress) -> bool:
+        """Fetch all missing chunks; False if the server does not send a chunk."""
         progress(partial.there, server.offer.chunks)
         for chunk in partial.missing():
             data = self._chunk(server, chunk)
@@ -82,7 +82,7 @@ class Fetch:
         return None
 
     def _find_server(self) -> _Server:
-        """Wait for one who has the map."""
+        """Wait for a host that serves the map."""
         while True:
             servers = list(self._servers())
             if len({server.offer.digest for server in servers}) > 1:

@@ -1,1 +1,1 @@
-"""What is in a map."""
+"""Inspecting a map."""

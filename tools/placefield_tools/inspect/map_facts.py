@@ -1,4 +1,4 @@
-"""What a person asks of a map first, in words."""
+"""The main facts about a map, as text."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from placefield_tools.common.natural_sort import counted
 
 
 def map_facts(opened: Map) -> dict[str, str]:
-    """Say what a map was made of, each under a name."""
+    """Return facts about a map by their names."""
     model = opened.model
     made = "standardised" if model.standardise else "not standardised"
     if model.plain:
@@ -18,45 +18,45 @@ def map_facts(opened: Map) -> dict[str, str]:
         "preset": opened.preset or "none",
         "places": f"{opened.places.count}, {_poses(opened)}",
         "travelled": _travelled(opened.places),
-        "driven again": _driven_again(opened.places),
+        "revisited": _revisited(opened.places),
         "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
         "smallest scale": f"{opened.channels[0].smallest} frames",
         "metric": _metric(opened.metric),
-        "search": "coarse look first" if opened.metrics[0].coarse else "exact",
+        "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
         "digest": opened.digest,
     }
 
 
 def _metric(config: MetricConfig) -> str:
-    """Say how metrics were learned."""
+    """Describe how the metrics were learned."""
     return f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
 
 
 def _travelled(places: Places) -> str:
-    """Say how long the way along the places is."""
+    """Describe how far the places are apart."""
     if not len(places.travelled):
-        return "not known"
+        return "unknown"
     metres = float(places.travelled[-1] - places.travelled[0])
     mean = metres / max(places.count - 1, 1)
     return f"{metres:.1f} m, {mean:.2f} m from place to place on average"
 
 
-def _driven_again(places: Places) -> str:
-    """Say how many places show what an earlier one shows."""
+def _revisited(places: Places) -> str:
+    """Describe how many places are the same as earlier places."""
     count = int(np.count_nonzero(places.same != np.arange(places.count)))
     return f"{count} places are the same as earlier ones" if count else "no place"
 
 
 def _poses(opened: Map) -> str:
-    """Say where the poses of places are."""
+    """Describe the poses of the places."""
     if opened.pose_frame is None:
         return "without poses"
     unknown = int(np.isnan(opened.places.poses[:, 0]).sum())
     but = f", {counted(unknown, 'place')} without" if unknown else ""
     origin = Origin.of_frame(opened.pose_frame)
     if origin is None:
-        return f"with poses, in metres of its own{but}"
-    return f"with poses on earth, from {origin.latitude:.6f} {origin.longitude:.6f} on{but}"
+        return f"with poses in metres, not georeferenced{but}"
+    return f"with poses georeferenced at {origin.latitude:.6f} {origin.longitude:.6f}{but}"

@@ -1,4 +1,4 @@
-"""A map in words and as a picture."""
+"""A summary of a map as text, and its segments as an image."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from placefield_tools.plots import ChannelSegments, plot_segments
 
 
 def print_map(opened: Map, path: Path) -> None:
-    """Print what a map was made of and what its channels are."""
+    """Print the facts about a map and a table of its channels."""
     console = Console(markup=False)  # a path may hold brackets
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     facts = {"map": f"{path}, {size / 2**20:.1f} MB", **map_facts(opened)}
@@ -33,7 +33,7 @@ def print_map(opened: Map, path: Path) -> None:
 
 
 def segments_of(opened: Map) -> list[ChannelSegments]:
-    """Return how each channel cut the places, to be drawn."""
+    """Return the segments of each channel in the form of the plots."""
     return [
         ChannelSegments(
             name=f"channel {number}",

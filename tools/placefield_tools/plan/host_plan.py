@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from placefield.errors import MapError
-from placefield.maps.layout import COARSE_FILES, METRIC_FILES
+from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES
 from placefield.maps.manifest import REBUILD, Manifest
 from placefield_tools.plan.placement import Core, Hosts, Limit, Placement, placements
 

@@ -1,1 +1,1 @@
-"""Matches off the bus into a file: JSON lines, CSV, MCAP or Rerun; and back from the first two."""
+"""Recording matches into files (JSON lines, CSV, MCAP or Rerun), and reading the first two."""

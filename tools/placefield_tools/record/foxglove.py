@@ -1,7 +1,7 @@
-"""The JSON messages of an MCAP recording, and their schemas, as Foxglove knows them.
+"""The JSON messages of an MCAP recording, and their schemas, for Foxglove.
 
-The schemas ``foxglove.*`` follow https://docs.foxglove.dev/docs/sdk/schemas; our own keeps to what
-Foxglove can show: a field has one type, and one that a match does not have is left out.
+The schemas ``foxglove.*`` follow https://docs.foxglove.dev/docs/sdk/schemas. Foxglove shows only
+fields of one type, so a value that a match does not have is left out.
 """
 
 import base64
@@ -13,7 +13,7 @@ from placefield.bus.messages import MatchMessage
 from placefield_tools.record.records import as_object
 
 FRAME_ID = "map"
-"""Of all poses and positions: a recording is of one map."""
+"""The coordinate frame of all poses and positions; a recording is of one map."""
 
 Message = dict[str, Any]
 Schema = dict[str, Any]
@@ -85,7 +85,7 @@ COMPRESSED_IMAGE = _object(
 
 
 def match_message(header: Header, match: MatchMessage | None) -> Message:
-    """Return the object of a match, or of the end of a stream."""
+    """Return the message of a match, or of the end of a stream."""
     return {name: value for name, value in as_object(header, match).items() if value is not None}
 
 
@@ -101,7 +101,7 @@ def pose_message(header: Header, x: float, y: float, yaw: float) -> Message:
 
 
 def location_message(header: Header, latitude: float, longitude: float) -> Message:
-    """Return a position on earth, degrees."""
+    """Return a geographic position, degrees."""
     return {
         **_stamped(header),
         "latitude": latitude,
@@ -113,12 +113,12 @@ def location_message(header: Header, latitude: float, longitude: float) -> Messa
 
 
 def image_message(header: Header, jpeg: bytes) -> Message:
-    """Return a picture."""
+    """Return an image."""
     return {**_stamped(header), "data": base64.b64encode(jpeg).decode(), "format": "jpeg"}
 
 
 def log_time(header: Header) -> int:
-    """Return the stamp, nanoseconds; the format knows no time before the epoch."""
+    """Return the stamp, nanoseconds; times before the epoch become 0, the format's lowest."""
     return max(0, header.stamp_ns)
 
 

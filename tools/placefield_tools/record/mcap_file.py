@@ -1,7 +1,7 @@
 """Recordings as MCAP, which Foxglove opens.
 
-The file is written in chunks, of a few dozen matches or of one picture; one that was cut off holds
-all but the last. It has no index then: ``mcap recover`` gives it one.
+The file is written in chunks of a few dozen matches, or of one image. A file that was cut off lacks
+only its last chunk and its index; ``mcap recover`` restores the index.
 """
 
 import json
@@ -32,9 +32,9 @@ _TOPICS = {
 
 @contextmanager
 def record_mcap(path: Path, origin: Origin | None) -> Iterator[Recorder]:
-    """Write every match, the pose of its place unless it is unknown, and that on earth.
+    """Record every match, and for known matches the pose and, with ``origin``, the position.
 
-    Messages are at their frames' stamps.
+    The messages have the stamps of their frames.
     """
     with path.open("xb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES)

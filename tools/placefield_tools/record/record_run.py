@@ -1,4 +1,4 @@
-"""What a run publishes, into a file."""
+"""Recording the matches of a run, and its frames, into a file."""
 
 import threading
 from collections import Counter
@@ -19,7 +19,7 @@ from placefield_tools.record.thumbnails import small_jpeg
 
 _POLL_S = 0.1
 _AT_ONCE = 16
-_LIVE_FRAMES = 4  # that may wait: pictures take longer than matches, which must not wait for them
+_LIVE_FRAMES = 4  # queued at most: images are slow to write, and matches must not wait for them
 
 
 def record(
@@ -31,21 +31,21 @@ def record(
     digest: str | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> Counter[str]:
-    """Record the matches of a run from now on, of all its streams, until ``stop`` is set.
+    """Record the matches of all streams of a run, from now until ``stop`` is set.
 
-    What has come by then is written, too.
+    Messages that were received before ``stop`` are written.
 
     Args:
-        config: its run and bus.
-        into: the recorder; entered once the bus is open.
-        stop: ends it.
-        frames: whether the query frames are recorded, too.
-        digest: of the map that matches have to be of; None: that of the first of each stream.
-        ready: called when nothing that comes is missed any more.
+        config: its run and bus are used.
+        into: the recorder; it is entered when the bus is open.
+        stop: ends the recording.
+        frames: whether to record the query frames, too.
+        digest: digest of the map of the matches; None: that of the first match of each stream.
+        ready: called when the recording has begun.
 
     Returns:
-        How many ``matches``, ``smoothed matches`` and ``frames`` were written, and by the reason
-        what could not be.
+        The numbers of ``matches``, ``smoothed matches`` and ``frames`` that were written, and of
+        those that were not, by reason.
 
     Raises:
         BusError: no router answers.
@@ -57,16 +57,16 @@ def record(
             recording = RecordSession(bus, Keys(config.run), recorder, frames=frames, digest=digest)
             ready()
             while not stop.is_set():
-                recording.take(_POLL_S)
-        while recording.take(0):  # nothing can come any more, so that this ends
+                recording.write_received(_POLL_S)
+        while recording.write_received(0):  # the bus is closed, so the queues become empty
             pass
     return recording.counts
 
 
 class RecordSession:
-    """The matches of a run, and its frames if they are wanted, as they come.
+    """Receives the matches of a run, and its frames if wanted, and writes them to a recorder.
 
-    A picture is written when its frame comes, which is before its match does.
+    The image of a frame is written when the frame arrives, before its match.
     """
 
     def __init__(
@@ -83,20 +83,21 @@ class RecordSession:
         self._frame_counts: Counter[str] = Counter()
         self._follower = StreamFollower(self._frame_counts, lambda header: header.sequence)
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
-        if frames:  # first: a match has its frame, then
+        if frames:  # subscribed first, so that each match has its frame
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
         self._matches = MatchQueue(bus, keys, smoothed=True, digest=digest)
 
     @property
     def counts(self) -> Counter[str]:
-        """What was written; matches and frames that were not, by the reason."""
+        """Numbers of what was written, and of what was not, by reason."""
         too_late = self._frame_counts["dropped_old"]
         lost = {
             "lost matches": self._matches.counts["gaps"],
             "malformed matches": self._matches.counts["malformed"],
             "matches of another map": self._matches.counts["other_map"],
             "matches of a stream that was left": self._matches.counts["stale"],
-            "lost frames": max(0, self._frame_counts["gaps"] - too_late),  # which are gaps, too
+            # gaps also count the frames that came too late
+            "lost frames": max(0, self._frame_counts["gaps"] - too_late),
             "frames too late for a picture": too_late,
             "frames for which there was no room": self._frame_counts["dropped_full"],
             "malformed frames": self._frame_counts["malformed"],
@@ -104,31 +105,31 @@ class RecordSession:
         }
         return self._written + Counter(lost)
 
-    def take(self, timeout: float) -> bool:
-        """Write what has come or comes in time; False if nothing did."""
+    def write_received(self, timeout: float) -> bool:
+        """Write received messages, and wait ``timeout`` seconds for one; False if none came."""
         frames = self._frames.get_batch(0, _AT_ONCE)
         for received in frames:
             self._write_frame(received)
-        has_match = self._take_match(0 if frames else timeout)
-        while has_match and self._take_match(0):
+        has_match = self._write_match(0 if frames else timeout)
+        while has_match and self._write_match(0):
             pass
         return bool(frames) or has_match
 
-    def _take_match(self, timeout: float) -> bool:
+    def _write_match(self, timeout: float) -> bool:
         try:
-            taken = self._matches.get(timeout)
+            received = self._matches.get(timeout)
         except MessageError as error:
             count_refused(self._matches.counts, error)
             self._bus.log_dropped(self._keys.match, error)
             return True
-        if taken is not None:
-            self._recorder.write_match(*taken)
-            kind = "smoothed matches" if isinstance(taken[1], SmoothedMessage) else "matches"
-            self._written[kind] += not taken[0].end
-        return taken is not None
+        if received is not None:
+            self._recorder.write_match(*received)
+            kind = "smoothed matches" if isinstance(received[1], SmoothedMessage) else "matches"
+            self._written[kind] += not received[0].end
+        return received is not None
 
     def _write_frame(self, received: Received) -> None:
-        """Write a picture of a frame, once however often it was sent."""
+        """Write the image of a frame, once even if the frame was sent repeatedly."""
         header = received.header
         turn = self._follower.follow(header)
         if turn is Turn.AFTER_GAP:

@@ -1,4 +1,4 @@
-"""What writes a recording."""
+"""The interface of all recorders."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from placefield.bus.messages import MatchMessage
 
 
 def _no_pictures(header: Header, jpeg: bytes) -> None:
-    raise NotImplementedError("this kind of recording holds no pictures")
+    raise NotImplementedError("this kind of recording holds no images")
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """Writes to one file.
+    """Writes a recording to one file.
 
     Attributes:
-        write_match: takes a match and its header; no match at the end of a stream.
-        write_frame: takes a small picture of a query frame, JPEG, and its header.
+        write_match: called with the header and the match; the match is None at the end of a stream.
+        write_frame: called with the header and a small JPEG image of a query frame.
     """
 
     write_match: Callable[[Header, MatchMessage | None], None]
@@ -25,5 +25,5 @@ class Recorder:
 
     @property
     def has_pictures(self) -> bool:
-        """Whether it writes pictures of frames."""
+        """Whether it records images of frames."""
         return self.write_frame is not _no_pictures

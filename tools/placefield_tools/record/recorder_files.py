@@ -1,4 +1,4 @@
-"""A file to record into, by its suffix, which may be one that another package brings."""
+"""Choice of the recorder by the suffix of the file; other packages may add suffixes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -20,48 +20,48 @@ _RECORDERS: Group = "placefield.recorders"
 def recorder_of(
     path: Path, *, origin: Origin | None = None, frames: bool = False
 ) -> AbstractContextManager[Recorder]:
-    """Return what writes this file inside a ``with`` block; it is not made before.
+    """Return the recorder of a file, for a ``with`` block, which creates the file.
 
     Args:
         path: of the file.
-        origin: of the map's metres, where positions on earth are to be written, too.
-        frames: whether pictures of the query frames are to be written, too.
+        origin: georeference of the map; with it, geographic positions are recorded, too.
+        frames: whether to record images of the query frames, too.
 
     Raises:
-        RecordingError: the file is there already; inside the block, it cannot be written.
-        ConfigError: there is no such kind of recording, it does not hold what it is to hold, or a
+        RecordingError: the file exists already, or (inside the block) cannot be written.
+        ConfigError: there is no such kind of recording, it cannot hold images or positions, or a
             library is missing.
     """
     is_ours = path.suffix in (*_TEXT, *_RICH)
     if not is_ours and not has_plugin(_RECORDERS, path.suffix[1:]):
-        raise ConfigError(f"{path}: name it .jsonl, .csv, .mcap or .rrd, as it is to be written")
+        raise ConfigError(f"{path}: unknown suffix; use .jsonl, .csv, .mcap or .rrd")
     if path.exists():
-        raise RecordingError(f"{path}: is there already; remove it, or name another file")
+        raise RecordingError(f"{path}: exists already; remove it, or name another file")
     if not is_ours:
-        brought = load_plugin(_RECORDERS, path.suffix[1:])
-        return _told(path, _with_pictures(path, brought(path, origin), frames))
+        plugin = load_plugin(_RECORDERS, path.suffix[1:])
+        return _with_known_errors(path, _with_pictures(path, plugin(path, origin), frames))
     if path.suffix in _RICH:
-        return _told(path, _rich(path.suffix)(path, origin))
+        return _with_known_errors(path, _rich(path.suffix)(path, origin))
     if frames or origin is not None:
         flag = "--frames" if frames else "--map"
         raise ConfigError(f"{flag}: only .mcap and .rrd hold that, and {path} is neither")
-    return _told(path, _TEXT[path.suffix](path))
+    return _with_known_errors(path, _TEXT[path.suffix](path))
 
 
 @contextmanager
 def _with_pictures(
     path: Path, into: AbstractContextManager[Recorder], frames: bool
 ) -> Iterator[Recorder]:
-    """Refuse a recorder of another package that holds no pictures, where there are to be some."""
+    """Refuse a recorder of another package that cannot record images, if these are wanted."""
     with into as recorder:
         if frames and not recorder.has_pictures:
-            raise ConfigError(f"--frames: a recording {path.suffix} holds no pictures")
+            raise ConfigError(f"--frames: a recording {path.suffix} holds no images; leave it out")
         yield recorder
 
 
 @contextmanager
-def _told(path: Path, into: AbstractContextManager[Recorder]) -> Iterator[Recorder]:
-    """Write as ``into`` does, until it is with the disk; what that refuses is a known error."""
+def _with_known_errors(path: Path, into: AbstractContextManager[Recorder]) -> Iterator[Recorder]:
+    """Wrap a recorder: sync the file at the end, and turn errors of the disk into known errors."""
     try:
         with into as recorder:
             yield recorder
@@ -71,7 +71,7 @@ def _told(path: Path, into: AbstractContextManager[Recorder]) -> Iterator[Record
             raise
         reason = error.strerror or error
         raise RecordingError(
-            f"{path}: cannot be written any more: {reason}; it ends there"
+            f"{path}: cannot be written any more: {reason}; the recording ends there"
         ) from None
 
 

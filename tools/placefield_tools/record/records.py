@@ -1,4 +1,4 @@
-"""A match as it is recorded: an object for JSON, a row for CSV, and back."""
+"""Recorded matches: to objects for JSON and rows for CSV, and back."""
 
 import csv
 import json
@@ -32,33 +32,33 @@ COLUMNS = (
     "map",
     "forgotten",
 )
-"""Of a CSV file; a smoothed match has a lag."""
+"""The columns of a CSV file; only smoothed matches have a lag."""
 
 
 class RecordingError(PlacefieldError):
-    """A recording of matches cannot be read, or not be made where it was to be."""
+    """A recording of matches cannot be read or written."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A match and the frame that it is of."""
+    """A match and the header of its frame."""
 
     header: Header
     match: MatchMessage
 
 
 def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
-    """Return what stands for a match in JSON; without one it stands for the end of a stream."""
+    """Return the JSON object of a match; without a match, that of the end of a stream."""
     frame = {name: getattr(header, name) for name in _HEADER}
     frame |= {"end": header.end, "smoothed": isinstance(match, SmoothedMessage)}
     return frame | (match.model_dump(exclude={"version"}) if match else {})
 
 
 def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
-    """Return the cells of a match by ``COLUMNS``; what it does not have is empty.
+    """Return the cells of a match by ``COLUMNS``; missing values are empty.
 
-    ``known``, ``too_fast`` and ``forgotten`` are ``true`` or ``false``; in ``missing`` spaces are
-    between the channels.
+    ``known``, ``too_fast`` and ``forgotten`` are ``true`` or ``false``. The channels in ``missing``
+    are separated by spaces.
     """
     row = {name: getattr(header, name) for name in _HEADER}
     row |= match.model_dump(include={"place", "score", "probability", "map"})
@@ -70,15 +70,15 @@ def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
 
 
 def read_records(path: Path) -> list[Record]:
-    """Read the matches of a recording back, in its order; the ends of streams are left out.
+    """Read the matches of a recording, in order; the ends of streams are left out.
 
-    A last line that was cut off, as when the recorder was killed, is left out and logged.
+    An incomplete last line, which a killed recorder leaves, is left out and logged.
 
     Args:
         path: of a ``.jsonl`` or ``.csv`` file.
 
     Raises:
-        RecordingError: it is of another kind, or a line of it holds no match.
+        RecordingError: the file is of another kind, or a line holds no match.
     """
     if path.suffix not in _PARSERS:
         raise RecordingError(f"{path}: give matches as 'placefield record' writes .jsonl or .csv")
@@ -93,7 +93,7 @@ def read_records(path: Path) -> list[Record]:
 
 
 class _WholeLines(Iterator[str]):
-    """The lines of a file that have an end; ``number`` is that of the newest, from 1."""
+    """The complete lines of a file; ``number`` is the number of the newest line, from 1."""
 
     def __init__(self, lines: Iterable[str], path: Path) -> None:
         self._lines, self._path = iter(lines), path
@@ -103,7 +103,7 @@ class _WholeLines(Iterator[str]):
         line = next(self._lines)
         self.number += 1
         if not line.endswith("\n"):
-            log.warning("%s: its last line was cut off and is left out", self._path)
+            log.warning("%s: the last line was cut off and is left out", self._path)
             raise StopIteration
         return line
 
@@ -134,13 +134,13 @@ _PARSERS: dict[str, Callable[[Iterable[str]], Iterator[dict[str, Any]]]] = {
 
 
 def _record(fields: dict[str, Any]) -> Record | None:
-    """Check what was read, of which CSV says all in words; None at the end of a stream."""
+    """Parse and check a match; all values of CSV are text. None at the end of a stream."""
     frame = {name: fields.pop(name) for name in (*_HEADER, "end") if name in fields}
     header = Header.model_validate(frame, strict=False)
     if header.end:
         return None
     fields.pop("smoothed", None)
-    fields.setdefault("map", NO_DIGEST)  # it was not told at first
+    fields.setdefault("map", NO_DIGEST)  # old recordings do not name the map
     kind = SmoothedMessage if "lag" in fields else MatchMessage
     return Record(header, kind.model_validate(fields, strict=False))
 

@@ -1,4 +1,4 @@
-"""Recordings as Rerun writes them. What was cut off is readable but for the last moments."""
+"""Recordings as Rerun writes them. A file that was cut off lacks only its last moments."""
 
 import os
 import threading
@@ -22,9 +22,9 @@ What = TypeVar("What")
 
 @contextmanager
 def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
-    """Write every match as numbers over time, and where its place is unless it is unknown.
+    """Record every match as numbers over time, and the position of every known match.
 
-    There is a timeline of stamps and one of the frames' numbers, besides that of when it came.
+    Besides Rerun's own timeline, there are one of stamps and one of frame numbers.
     """
     stream = rr.RecordingStream("placefield")
 
@@ -68,7 +68,7 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
 
 
 class _Copying:
-    """Copies into a file what Rerun writes, which keeps to itself what the disk refuses."""
+    """Copies Rerun's output into a file through a pipe, because Rerun hides errors of the disk."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -78,12 +78,12 @@ class _Copying:
         self._thread = threading.Thread(target=self._copy, daemon=True)
 
     def begin(self) -> None:
-        """Begin, once Rerun has opened the way in; it ends when Rerun closes that."""
+        """Begin, after Rerun has opened the pipe; the copying ends when Rerun closes it."""
         os.close(self._in)
         self._thread.start()
 
     def after(self, write: Callable[[Header, What], None]) -> Callable[[Header, What], None]:
-        """Return what writes, and raises an ``OSError`` if something could not be copied."""
+        """Return a function that writes, and raises ``OSError`` if the copying has failed."""
 
         def call(header: Header, what: What) -> None:
             write(header, what)
@@ -92,10 +92,10 @@ class _Copying:
         return call
 
     def end(self) -> None:
-        """Wait until all is copied.
+        """Wait until everything is copied.
 
         Raises:
-            OSError: something could not be.
+            OSError: the copying has failed.
         """
         self._thread.join()
         self._check()
@@ -111,5 +111,5 @@ class _Copying:
                     if self._error is None:
                         self._file.write(piece)
                         self._file.flush()
-                except OSError as error:  # Rerun must not wait for ever
+                except OSError as error:  # read on, so that Rerun does not block
                     self._error = error

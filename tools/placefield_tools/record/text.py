@@ -1,4 +1,4 @@
-"""Recordings as text. Each line is with the operating system once it is written."""
+"""Recordings as text. Each line is flushed to the operating system at once."""
 
 import csv
 import json
@@ -16,7 +16,7 @@ _LINE_BY_LINE = 1
 
 @contextmanager
 def record_json_lines(path: Path) -> Iterator[Recorder]:
-    """Write the objects that ``placefield listen --json`` prints."""
+    """Record matches as the objects that ``placefield listen --json`` prints."""
     with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8") as file:
 
         def write(header: Header, match: MatchMessage | None) -> None:
@@ -27,7 +27,7 @@ def record_json_lines(path: Path) -> Iterator[Recorder]:
 
 @contextmanager
 def record_csv(path: Path) -> Iterator[Recorder]:
-    """Write a row for each match, with the names of the columns above."""
+    """Record a row for each match, below a header of the columns' names."""
     with path.open("x", buffering=_LINE_BY_LINE, encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()

@@ -1,4 +1,4 @@
-"""Small pictures of query frames."""
+"""Small images of query frames."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:
     """Return a frame's image as JPEG, at most 640 pixels wide and high.
 
     Raises:
-        FrameError: it cannot be read.
+        FrameError: the image cannot be read.
     """
     pixels = images.pixels_of(image)
     images.check_pixels(pixels)

@@ -1,1 +1,1 @@
-"""A source of frames onto the bus."""
+"""Replaying a source of frames to the bus."""

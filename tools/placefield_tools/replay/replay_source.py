@@ -1,4 +1,4 @@
-"""A source of frames onto the bus."""
+"""Replaying a source of frames to the bus."""
 
 import itertools
 import threading
@@ -21,7 +21,7 @@ _POLL_S = 0.1
 
 @dataclass(frozen=True)
 class Replayed:
-    """What became of a replay.
+    """The result of a replay.
 
     Attributes:
         sent: how many frames.
@@ -43,19 +43,19 @@ def replay(
 ) -> Replayed:
     """Publish the frames of a source.
 
-    A camera is live: what the services cannot follow is dropped. Any other source is lossless: a
-    frame is sent when one before it has been answered, and the end is awaited.
+    A camera is live: frames are dropped if the services cannot keep up. Any other source is
+    lossless: credits limit the frames in flight, and the call returns when all are answered.
 
     Args:
         source: of the frames.
         bus: to publish on.
-        config: its run and bus.
+        config: its run and bus are used.
         stop: ends the stream early.
-        rate: frames per second at most, of a camera the newest; None: as fast as credits allow.
-        loop: begin again at the end, in the same stream.
+        rate: most frames per second; a camera sends its newest. None: as fast as credits allow.
+        loop: restart at the end, in the same stream.
 
     Raises:
-        BusError: a service is missing, another replay is on, or the services stop answering.
+        BusError: a service is missing, another replay is running, or the services stop answering.
         SourceError: the source fails.
     """
     keys = Keys(config.run)
@@ -71,7 +71,7 @@ def replay(
                         break
         except SourceError:
             stream.end(stop)
-            if not stop.is_set():  # else it may have been cut short before its first frame
+            if not stop.is_set():  # a stopped source may fail because it has no frame yet
                 raise
         stream.end(stop)
         return Replayed(stream.sent, stream.unobserved)
@@ -80,7 +80,7 @@ def replay(
 def _paced(
     stream: FrameStream, frames: Iterable[Frame], rate: float, stop: threading.Event
 ) -> Iterator[Frame]:
-    """Hand frames on at a rate of so many per second; no catching up after a wait."""
+    """Yield frames at a rate, frames per second; time lost in a wait is not made up."""
     due = time.monotonic()
     for frame in frames:
         while (wait_s := due - time.monotonic()) > 0 and not stop.is_set():
@@ -91,16 +91,16 @@ def _paced(
 
 
 def _frames(source: Source, loop: bool, stop: threading.Event) -> Iterator[Frame]:
-    """Return the frames, once or until stopped."""
+    """Return the frames, once or repeatedly until stopped."""
     return itertools.chain.from_iterable(
         until(stop, itertools.repeat(source)) if loop else (source,)
     )
 
 
 def _newest(frames: Iterable[Frame], rate: float) -> Iterator[Frame]:
-    """Hand on so many of a camera's frames per second, none late; those between are left out.
+    """Yield a camera's newest frame at a rate, frames per second; the others are left out.
 
-    Odometry that came with one that is left out goes with the next: it is still news.
+    The odometry of a frame that is left out is passed to the next frame.
     """
     due, odometry_m = time.monotonic(), None
     for frame in frames:

@@ -28,8 +28,8 @@ _TIMEOUTS = [
 class Camera(Source):
     """The frames of a camera, (H, W, 3) BGR, stamped when they arrive.
 
-    A camera that gives no more frames is opened again and again, after waits that double up to
-    half a minute, until it is back or the source is stopped. The reconnects are counted in the log.
+    If the camera gives no more frames, it is opened again until it is back or the source is
+    stopped. The waits between attempts double up to 30 s. The log counts the reconnects.
     """
 
     live = True
@@ -47,12 +47,12 @@ class Camera(Source):
 
         Args:
             where: its number on this machine, or a URL (``rtsp://…``, ``http://…``).
-            start: the first frame.
-            stride: from one frame to the next.
-            stop: ends the frames, also while the camera is away; None: only closing does.
+            start: index of the first frame.
+            stride: step from one frame to the next.
+            stop: ends the frames, also while the camera is away; None: only ``close`` ends them.
 
         Raises:
-            SourceError: it cannot be opened.
+            SourceError: the camera cannot be opened.
         """
         self._where = where
         self._name = f"camera:{where}" if isinstance(where, int) else without_secrets(where)
@@ -64,11 +64,12 @@ class Camera(Source):
         self._capture = _open(where)
         if not self._capture.isOpened():
             raise SourceError(
-                f"{self._name}: cannot be opened; is it plugged in, free, and yours to read?"
+                f"{self._name}: cannot be opened; check that it is connected and free, "
+                "and that you may read it"
             )
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the source is stopped; a damaged one is left out."""
+        """Yield frames until the source is stopped; damaged frames are left out."""
         numbers = itertools.takewhile(lambda _: not self._is_over(), itertools.count())
         wait_s = _FIRST_WAIT_S
         while True:
@@ -81,17 +82,17 @@ class Camera(Source):
             self._capture.release()
             if self._is_over():
                 return
-            log.warning("%s: gives no more frames; opened again in %g s", self._name, wait_s)
+            log.warning("%s: gives no more frames; reconnecting in %g s", self._name, wait_s)
             if self._stop.wait(wait_s):
                 return
             wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
             self._capture = _open(self._where)
             if self._capture.isOpened():
                 self._returns += 1
-                log.warning("%s: opened again; reconnects so far: %d", self._name, self._returns)
+                log.warning("%s: is back; reconnects so far: %d", self._name, self._returns)
 
     def close(self) -> None:
-        """Give the camera back; its frames end."""
+        """Release the camera; its frames end."""
         self._is_closed = True
         self._capture.release()
 

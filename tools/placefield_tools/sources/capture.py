@@ -1,4 +1,4 @@
-"""What reading a video and reading a camera have in common: OpenCV's capture."""
+"""OpenCV's video capture, which both videos and cameras are read with."""
 
 import os
 from collections.abc import Iterator
@@ -9,13 +9,13 @@ import numpy as np
 from cv2.utils import logging
 from numpy.typing import NDArray
 
-# FFmpeg, which OpenCV asks for this once, warns whenever a stream ends; what fails, we say.
+# FFmpeg warns whenever a stream ends; our own errors report failures. OpenCV reads this once.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off stderr while an error of ours says the same in one line."""
+    """Suppress OpenCV's warnings on stderr, where our own error says the same in one line."""
     level = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
         yield
@@ -26,9 +26,9 @@ def quiet_opencv() -> Iterator[None]:
 def grab_every(
     capture: cv2.VideoCapture, numbers: Iterator[int], start: int, stride: int
 ) -> Iterator[int]:
-    """Grab all frames until none comes; yield the number of each ``stride``-th from ``start``.
+    """Grab all frames to the end, and yield the number of each ``stride``-th from ``start`` on.
 
-    What is yielded is still to be taken with ``retrieve``; the others are never converted.
+    The caller converts a yielded frame with ``retrieve``; the other frames are never converted.
     """
     for number in numbers:
         if not capture.grab():

@@ -1,4 +1,4 @@
-"""How many frames of a video did not come, by what its container says and by their stamps."""
+"""The number of missing frames of a video, by its container's count and by the stamps."""
 
 from pathlib import Path
 
@@ -9,16 +9,17 @@ _ROUNDING_NS = 1_500_000  # containers keep milliseconds
 
 
 class Completeness:
-    """Notes the frames of a video that come, and says how many have not.
+    """Counts the frames that a video gives, and computes how many are missing.
 
-    AVI, and MP4 and its kin, count their frames. Of other containers the count is an estimate, by
-    how long they last, sound and all; there a gap tells in frames that else come evenly, and an end
-    that comes more than a second, and a tenth, too early. Matroska says how long its file is, and
-    its end is early only where the file's is.
+    AVI, and MP4 and its relatives, store the number of frames. In other containers, the number is
+    estimated from the duration, which may be that of the sound. There, missing frames show as gaps
+    between evenly spaced stamps, or as an end that is early by more than a second and by more than
+    a tenth of the video. Matroska stores the length of its file, so its end counts as early only if
+    the file is too short.
     """
 
     def __init__(self, path: Path, total: int, rate: float) -> None:
-        """Take the file, and the container's count and frames per second."""
+        """Begin with the file, the container's number of frames, and its frames per second."""
         with path.open("rb") as file:
             head = file.read(12)
         self._is_counted = head[4:8] == b"ftyp" or (head[:4], head[8:]) == (b"RIFF", b"AVI ")
@@ -29,7 +30,7 @@ class Completeness:
         self._steps = self._even = self._skipped = 0
 
     def note(self, stamp_ns: int) -> None:
-        """Note the next frame that came."""
+        """Note the stamp of the next frame."""
         if self._stamp_ns is not None:
             step_ns, even_ns = stamp_ns - self._stamp_ns, 1e9 / self._rate
             turns = max(1, round(step_ns / even_ns))
@@ -39,7 +40,7 @@ class Completeness:
         self._stamp_ns = stamp_ns
 
     def missing(self, given: int) -> int:
-        """Return how many did not come, of whom ``given`` came or kept their turn."""
+        """Return how many frames are missing, after ``given`` frames, readable or not."""
         behind = max(0, self.total - given)
         if self._is_counted:
             return behind

@@ -1,4 +1,4 @@
-"""Video of which each message of a recording holds one frame."""
+"""Compressed video in a recording, with one frame per message."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ _CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc", "vp9": "vp9", "av1": 
 
 
 class VideoDecoder:
-    """Decodes the frames of one topic, which have to come in their order, and all of them."""
+    """Decodes the frames of one topic, which must come in order and without gaps."""
 
     def __init__(self) -> None:
         """Prepare for a video.
@@ -29,14 +29,14 @@ class VideoDecoder:
         self._codec: Any = None
 
     def update(self, form: str, data: bytes) -> NDArray[np.uint8] | None:
-        """Return the picture (H, W, 3) BGR of the next message; None before the first key frame.
+        """Return the image (H, W, 3) BGR of the next message; None before the first key frame.
 
         Args:
             form: h264, h265, vp9 or av1.
             data: the frame.
 
         Raises:
-            FrameError: it does not decode, or nobody decodes the format.
+            FrameError: the frame does not decode, or the format is not supported.
         """
         try:
             if self._codec is None:
@@ -44,7 +44,7 @@ class VideoDecoder:
                 if name is None:
                     raise FrameError(f"video of {form!r}; give one of {', '.join(_CODECS)}")
                 self._codec = self._av.CodecContext.create(name, "r")
-                self._codec.thread_count = 1  # several would hold frames back
+                self._codec.thread_count = 1  # several threads would delay frames
             frames = self._codec.decode(self._av.Packet(data))
         except self._av.FFmpegError as error:
             raise FrameError(f"video of {form} does not decode ({error!s:.100})") from None

@@ -1,4 +1,4 @@
-"""Whether a recording ends before its end, as when the recorder was killed or the disk was full."""
+"""A check for recordings that are cut off, for example by a killed recorder or a full disk."""
 
 from pathlib import Path
 from typing import BinaryIO
@@ -11,7 +11,7 @@ _SQLITE_HEADER = 100  # bytes
 def is_cut_off(path: Path) -> bool:
     """Return whether a file of a recording, or one in its folder, is cut off.
 
-    It is of those that cannot be read: that another file is whole is not asked.
+    Only a recording that cannot be read is checked.
     """
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     return any(_file_is_cut_off(file) for file in files)
@@ -37,7 +37,7 @@ def _mcap(file: BinaryIO, size: int) -> bool:
 
 
 def _bag(file: BinaryIO, size: int) -> bool:
-    """Follow the records to the end; each is a header and data, behind their lengths."""
+    """Follow the records to the end; each is a header and data, both preceded by a length."""
     if size < len(_BAG_MAGIC):
         return True
     if file.read(len(_BAG_MAGIC)) != _BAG_MAGIC:

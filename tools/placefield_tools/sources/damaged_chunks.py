@@ -1,4 +1,4 @@
-"""An MCAP file chunk by chunk: messages of those that are whole, and how many the others held."""
+"""Reading a damaged MCAP file chunk by chunk."""
 
 from collections.abc import Collection, Iterator
 from functools import partial
@@ -13,14 +13,14 @@ from placefield_tools.sources.mcap_messages import read_message
 from placefield_tools.sources.mcap_summary import MAX_CHUNK_BYTES, read_summary
 from placefield_tools.sources.recorded_images import Read
 
-_RECORD_HEAD = 9  # bytes: what it is, and its length
+_RECORD_HEAD = 9  # bytes: opcode and length
 
 
 def messages_by_chunk(path: Path, topic: str) -> Iterator[Read]:
-    """Yield what reads a message, for each of a topic; that of a damaged chunk raises ValueError.
+    """Yield a reader of each message of a topic; in a damaged chunk, the reader raises ValueError.
 
-    Chunks are in the order of their first messages, as a recorder that writes one after the other
-    has them. How many messages a damaged one held is told by its message index, if that is whole.
+    Chunks are in the order of their first messages. The number of messages of a damaged chunk is
+    known from its message index, if that is intact.
 
     Raises:
         SourceError: see ``read_summary``.
@@ -37,7 +37,7 @@ def messages_by_chunk(path: Path, topic: str) -> Iterator[Read]:
         for chunk in chunks:
             try:
                 messages = _messages_of(file, chunk, channels)
-            except Exception:  # whatever decompression and parsing stumble over
+            except Exception:  # decompression and parsing raise errors of any kind
                 yield from [_lost] * _count_of(file, chunk, channels)
                 continue
             for message in messages:
@@ -59,7 +59,7 @@ def _messages_of(file: BinaryIO, chunk: ChunkIndex, channels: Collection[int]) -
 
 
 def _count_of(file: BinaryIO, chunk: ChunkIndex, channels: Collection[int]) -> int:
-    """Return how many messages of these channels a chunk holds, by its index; 0 if it is gone."""
+    """Return how many messages of these channels a chunk holds, by its index; 0 without one."""
     count = 0
     for number in set(channels) & set(chunk.message_index_offsets):
         file.seek(chunk.message_index_offsets[number] + _RECORD_HEAD)

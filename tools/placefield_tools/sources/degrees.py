@@ -1,4 +1,4 @@
-"""Positions in degrees to metres, from the first of them."""
+"""Conversion of positions in degrees to metres from the first position."""
 
 import math
 
@@ -9,30 +9,32 @@ from placefield.maps.geography import Origin
 
 
 def is_fix(latitude: float, longitude: float) -> bool:
-    """Return whether degrees are a position: 0, 0 is none, but how receivers say they have no fix.
+    """Return whether degrees are a position.
 
-    Nor is NaN.
+    NaN is none, and neither is 0, 0, which receivers give without a fix.
     """
     finite = math.isfinite(latitude) and math.isfinite(longitude)
     return finite and not latitude == longitude == 0
 
 
-def laid_out(degrees: NDArray[np.float64]) -> tuple[Origin, NDArray[np.float64]]:
-    """Lay positions out on the plane that touches the earth at the first.
+def to_local_metres(degrees: NDArray[np.float64]) -> tuple[Origin, NDArray[np.float64]]:
+    """Convert positions to metres on the tangent plane at the first position.
 
     Args:
         degrees: (N, 2) latitude and longitude; N is 1 or more.
 
     Returns:
-        The origin, to the digits that a map's ``pose_frame`` holds, and (N, 2) metres.
+        The origin, with the precision of a map's ``pose_frame``, and (N, 2) metres east and north.
 
     Raises:
-        ValueError: a position is nowhere on earth.
+        ValueError: a latitude is beyond ±90 degrees, or a longitude beyond ±180.
     """
     wrong = np.flatnonzero((np.abs(degrees) > (90, 180)).any(axis=1))
     if len(wrong):
         latitude, longitude = degrees[wrong[0]]
-        raise ValueError(f"latitude {latitude:g}, longitude {longitude:g} is nowhere on earth")
+        raise ValueError(
+            f"latitude {latitude:g}, longitude {longitude:g}: beyond 90 or 180 degrees"
+        )
     latitude, longitude = np.round(degrees[0], 9)
     origin = Origin(float(latitude), float(longitude))
     return origin, np.array([origin.to_local(*position) for position in degrees])

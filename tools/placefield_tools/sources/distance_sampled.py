@@ -1,11 +1,11 @@
-"""A source's frames at equal distances along the way, by odometry."""
+"""A source whose frames are sampled at equal distances, by odometry."""
 
 import logging
 from collections.abc import Iterator
 
 from placefield.errors import SourceError
+from placefield.features.distance_sampler import DistanceSampler
 from placefield.features.frames import Frame
-from placefield.features.spacing import Spacing
 from placefield.maps.trajectory import MAX_GAP_NS
 from placefield_tools.sources.source import Derived, Source
 from placefield_tools.sources.with_poses import WithPoses
@@ -14,10 +14,10 @@ log = logging.getLogger(__name__)
 
 
 class DistanceSampled(Derived):
-    """The frames of a source that a ``Spacing`` takes.
+    """The frames of a source that a ``DistanceSampler`` selects.
 
-    Frames before the first pose of a trajectory are left out, which is logged: nobody knows how far
-    apart they are.
+    Frames before the first pose of a trajectory are left out, because their distances are unknown.
+    That is logged.
     """
 
     count = None
@@ -27,28 +27,28 @@ class DistanceSampled(Derived):
         self._metres = metres
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; raise SourceError at one that has no odometry.
+        """Yield the frames; raise SourceError at a frame without odometry.
 
-        Of a live source it is left out: with no news, the vehicle is no farther for all we know.
+        In a live source, a frame without odometry is left out: the vehicle has not reported a move.
         """
-        spacing = Spacing(self._metres)
-        early, begun = 0, not isinstance(self._source, WithPoses)
+        sampler = DistanceSampler(self._metres)
+        left_out, begun = 0, not isinstance(self._source, WithPoses)
         for frame in self._source:
             if frame.odometry_m is None:
                 if self.live:
                     continue
                 if not begun:
-                    early += 1
+                    left_out += 1
                     continue
                 raise SourceError(
-                    f"{frame.name}: has no odometry to space frames by; "
+                    f"{frame.name}: has no odometry to sample by distance; "
                     f"leave --spacing out, or {self._remedy()}"
                 )
             begun = True
-            if early:
-                log.warning("%d frames before the first pose: left out of the spaced ones", early)
-                early = 0
-            if spacing.takes(frame.odometry_m):
+            if left_out:
+                log.warning("%d frames before the first pose: left out by --spacing", left_out)
+                left_out = 0
+            if sampler.is_due(frame.odometry_m):
                 yield frame
 
     def _remedy(self) -> str:

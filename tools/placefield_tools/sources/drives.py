@@ -1,4 +1,4 @@
-"""Which of several sources are parts of one drive."""
+"""Grouping of sources that are parts of one drive."""
 
 import logging
 import re
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield_tools.sources.one_drive import goes_on
-from placefield_tools.sources.opening import Parts, holds_recordings, open_source
 from placefield_tools.sources.source import Source
+from placefield_tools.sources.source_factory import Parts, holds_recordings, open_source
 
 _NUMBERED = re.compile(r"(.*?)([0-9]{1,9})(\.[A-Za-z][A-Za-z0-9]*)?")
 
@@ -18,17 +18,18 @@ Drive = tuple[str, ...]
 
 
 def drives_of(references: Sequence[str], parts: Parts, one_drive: bool | None) -> list[Drive]:
-    """Group sources by drive: a source that begins where another ends goes on with its drive.
+    """Group sources by drive: a source that begins where another ends continues its drive.
 
-    That some do is logged. The first source's drive is the first.
+    Groups of several sources are logged. The drive of the first source comes first.
 
     Args:
         references: the sources.
-        parts: of recordings.
-        one_drive: whether all are parts of one drive, or each is a drive; None: by their stamps.
+        parts: the selected topics and frames of recordings.
+        one_drive: True if all sources are parts of one drive, False if each is a drive; None
+            decides by their stamps.
 
     Raises:
-        SourceError: one that is there cannot be read.
+        SourceError: a source exists and cannot be read.
     """
     if one_drive is False or len(references) == 1:
         return [(reference,) for reference in references]
@@ -49,8 +50,8 @@ def drives_of(references: Sequence[str], parts: Parts, one_drive: bool | None) -
     for drive in drives:
         if len(drive) > 1:
             log.warning(
-                "%s: go on one after the other, and are taken for one drive "
-                "(--traverses: each for a traverse of the route)",
+                "%s: continue each other, and are treated as one drive "
+                "(--traverses: treat each as a traverse of the route)",
                 ", ".join(Path(references[number]).name for number in drive),
             )
     return [tuple(references[number] for number in drive) for drive in drives]
@@ -66,7 +67,7 @@ def _goes_on(
 
 
 def numbered_on(before: str, after: str) -> bool:
-    """Return whether names are of one series, as drive_0.bag and drive_1.bag are."""
+    """Return whether two names are consecutive in a series, as drive_0.bag and drive_1.bag."""
     one, other = (_NUMBERED.fullmatch(Path(name).name) for name in (before, after))
     if one is None or other is None:
         return False
@@ -78,7 +79,7 @@ def _start(source: Source | None) -> int:
 
 
 def _opened(reference: str, parts: Parts) -> Source | None:
-    """Open what says when it was recorded; a video does not, and a camera is none."""
+    """Open a source that knows when it was recorded; None for a video or a camera."""
     path = Path(reference)
     if holds_recordings(path):
         return open_source(reference, parts=Parts(parts.topic, "none"))

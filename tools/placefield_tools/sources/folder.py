@@ -20,16 +20,16 @@ log = logging.getLogger(__name__)
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
 LISTING = "frames.csv"
 NOMINAL_RATE = 10
-"""Frames per second that a folder without stamps is said to have been taken at."""
+"""Nominal frames per second of a folder without stamps."""
 
 
 class Folder(Source):
-    """The images of one folder, not of its sub-folders, as they lie on the disk.
+    """The images of one folder, without its sub-folders, still encoded.
 
-    Without a ``frames.csv`` these are all files with an image's suffix, in the order of their EXIF
-    times (see ``geotags``), or else in natural order (frame2 before frame10), as if taken at
-    ``NOMINAL_RATE``. With one, they are the files that it lists (see ``frames_csv``). Hidden files
-    do not count: some systems put one beside each image.
+    With a ``frames.csv``, the frames are the files that it lists (see ``frames_csv``). Without one,
+    they are all files with the suffix of an image, in the order of their EXIF times (see
+    ``geotags``), or else in natural sort order (frame2 before frame10) at ``NOMINAL_RATE``. Hidden
+    files do not count, because some systems put one beside each image.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class Folder(Source):
         self.span = _span(listing.frames)
         self._chosen = range(start, len(self._frames), stride)
         if not self._chosen:
-            raise SourceError(f"--start {start}: {path} holds {len(self._frames)} frames only")
+            raise SourceError(f"--start {start}: {path} holds only {len(self._frames)} frames")
         self.count = len(self._chosen)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames, each read when its turn comes; their bytes are not looked at."""
+        """Yield the frames; each file is read when its frame is due, and not decoded."""
         for index in until(self._stop, self._chosen):
             listed = self._frames[index]
             image = self._read(listed.file)
@@ -84,13 +84,13 @@ def _listing(folder: Path) -> Listing:
         return listing
     if not files:
         raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
-    for file in files:  # none may be passed over: all behind it would be another place
+    for file in files:  # no file may be skipped, because that would shift all later places
         check_file(folder / file)
     return list_photographs(folder, files, _nominal_stamp_ns)
 
 
 def _span(frames: Sequence[Listed]) -> Span | None:
-    """Return when the frames were taken; None of stamps that are made up."""
+    """Return from when to when the frames were taken; None if the stamps are nominal."""
     if all(frame.stamp_ns == _nominal_stamp_ns(at) for at, frame in enumerate(frames)):
         return None
     return Span(frames[0].stamp_ns, frames[-1].stamp_ns)

@@ -1,11 +1,11 @@
-"""A folder's ``frames.csv``: which files are the frames, when and where each was taken.
+"""The ``frames.csv`` of a folder: which files are the frames, and when and where they were taken.
 
 The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres travelled since any
 fixed start, 0 or more), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude``
 (degrees, together), and with these ``yaw`` (radians, counterclockwise from x or from the east). The
-rows are in the order in which the frames were taken. A frame whose pose is not known leaves all the
-pose's cells empty; 0, 0 degrees, as receivers say without a fix, is none either. Where there is no
-yaw, the vehicle looks where it drives.
+rows are in the order in which the frames were taken. All cells of an unknown pose are empty; 0, 0
+degrees, which receivers give without a fix, is an unknown pose, too. Without a yaw, the direction
+of travel is used.
 """
 
 import csv
@@ -35,8 +35,9 @@ Row = dict[str, str]
 def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
     """Read a ``frames.csv``; without a stamp column, frame i's stamp is ``default_stamp_ns(i)``.
 
-    Raises SourceError, naming the line, where a row or the header is malformed, a stamp or the
-    odometry goes back, or a listed file is missing.
+    Raises:
+        SourceError: the header or a row is malformed, a stamp or the odometry descends, or a listed
+            file is missing; the error names the line.
     """
     header, rows = _rows(path)
     in_degrees = _DEGREES[0] in header
@@ -71,7 +72,7 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
-    """Return the columns, and (line number, cells by column) of each row that is not empty."""
+    """Return the columns, and for each row that is not empty its line number and cells."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as lines:
             reader = csv.reader(lines, strict=True)
@@ -82,7 +83,9 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
     _check_header(path, header)
     for line, row in table[1:]:
         if len(row) != len(header):
-            raise SourceError(f"{path}, line {line}: {len(row)} cells, the header {len(header)}")
+            raise SourceError(
+                f"{path}, line {line}: has {len(row)} cells, and the header has {len(header)}"
+            )
     return header, [(line, dict(zip(header, row, strict=True))) for line, row in table[1:]]
 
 
@@ -117,7 +120,7 @@ def _listed(row: Row, default_stamp_ns: int) -> Listed:
 
 
 def _place(row: Row, columns: tuple[str, str]) -> tuple[Position | None, float]:
-    """Return the position and the yaw, which is 0 where there is none."""
+    """Return the position, None if unknown, and the yaw, 0 if unknown."""
     if not any(row.get(column) for column in (*columns, "yaw")):
         return None, 0.0
     position = _number(row, columns[0]), _number(row, columns[1])
@@ -130,5 +133,5 @@ def _number(row: Row, column: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{column} is {row[column]!r}, no finite number")
+        raise ValueError(f"{column} is {row[column]!r}, which is no finite number")
     return number

@@ -1,4 +1,4 @@
-"""When and where photographs were taken, by what their camera wrote into them (EXIF)."""
+"""Times and positions of photographs, from their EXIF data."""
 
 import logging
 import math
@@ -19,7 +19,7 @@ from placefield_tools.sources.listing import (
     Position,
     with_positions,
 )
-from placefield_tools.sources.name_order import tell_of_copies, tell_of_wrap
+from placefield_tools.sources.name_order import warn_of_copies, warn_of_wrap
 
 log = logging.getLogger(__name__)
 
@@ -30,10 +30,10 @@ _LOOKED_AT = 8
 
 
 class Geotag(NamedTuple):
-    """When and where; what the camera did not write, or not so that it can be read, is None.
+    """Time and position of a photograph; None if it is missing or cannot be read.
 
     Attributes:
-        stamp_ns: DateTimeOriginal with its fraction and offset; UTC where it has none.
+        stamp_ns: DateTimeOriginal with its fraction and offset; UTC if there is no offset.
         degrees: latitude and longitude.
     """
 
@@ -42,46 +42,47 @@ class Geotag(NamedTuple):
 
 
 def read_geotag(path: Path) -> Geotag:
-    """Read a photograph's tags, and not its pixels."""
+    """Read the tags of a photograph, without its pixels."""
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
             if image.format == "PNG" and "exif" not in image.info:
-                return Geotag()  # Pillow would read the pixels to look behind them
+                return Geotag()  # Pillow would read all pixels to search behind them
             exif = image.getexif()
             when, where = exif.get_ifd(ExifTags.IFD.Exif), exif.get_ifd(ExifTags.IFD.GPSInfo)
-    except Exception:  # Pillow raises whatever comes up; a damaged image is told of when it is read
+    except Exception:  # Pillow raises errors of any kind; a damaged image is reported when read
         return Geotag()
     return Geotag(_stamp_ns(when), _degrees(where))
 
 
 def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: DefaultStamp) -> Listing:
-    """List files with the stamps and poses that their tags hold, in the order of the stamps.
+    """List photographs with the stamps and poses of their tags, in the order of the stamps.
 
-    These decide where nearly all files have one, equal ones leaving the order of the names; that
-    the two differ is logged. A file without one comes right after the file before it in the order
-    of the names, at its time. Else frame i's stamp is ``default_stamp_ns(i)``, and what the names
-    say against their order is logged. The yaws are the direction of travel.
+    If nearly all files have a stamp, the stamps give the order, and equal stamps keep the order of
+    the names. It is logged if the two orders differ. A file without a stamp gets that of the file
+    before it by name, and follows it. Otherwise the names give the order, and frame i's stamp is
+    ``default_stamp_ns(i)``; signs that this order is wrong are logged. The yaw is the direction of
+    travel.
 
     Args:
         folder: of the files.
-        files: in the order of their names.
-        default_stamp_ns: of a frame by its number.
+        files: names, in natural sort order.
+        default_stamp_ns: gives the nominal stamp of a frame by its number.
     """
-    tell_of_copies(folder, files)
+    warn_of_copies(folder, files)
     tags = _tags(folder, files)
     times = [tag.stamp_ns for tag in tags]
-    if len(set(times)) == 1:  # one time for all says nothing of their order
+    if len(set(times)) == 1:  # equal times of all files give no order
         times = [None] * len(times)
     known = len(times) - times.count(None)
     if known == 0 or known < _NEARLY_ALL * len(times):
         if known:
             log.warning(
-                "%s: %d of %d photographs say when they were taken: the names are their order",
+                "%s: only %d of %d photographs have a time: the order is that of the names",
                 folder,
                 known,
                 len(times),
             )
-        tell_of_wrap(folder, files)
+        warn_of_wrap(folder, files)
         frames = [Listed(file, default_stamp_ns(at)) for at, file in enumerate(files)]
         listing = with_positions(frames, [tag.degrees for tag in tags], in_degrees=True)
         return replace(listing, stamped=False)
@@ -90,8 +91,8 @@ def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: Defau
     if order != list(range(len(files))):
         first = next(at for at, number in enumerate(order) if at != number)
         log.warning(
-            "%s: the names are not in the order in which the photographs were taken (frame %d is "
-            "%s, and not %s): the times count; a frames.csv would overrule them",
+            "%s: the names are not in the order of the photographs' times (frame %d is %s, not "
+            "%s): the times are used; to overrule them, write a frames.csv",
             folder,
             first,
             files[order[first]],
@@ -102,7 +103,7 @@ def list_photographs(folder: Path, files: Sequence[str], default_stamp_ns: Defau
 
 
 def _tags(folder: Path, files: Sequence[str]) -> list[Geotag]:
-    """Read the tags of all files, where some of a few have any: a camera tags all, or none."""
+    """Read the tags of all files if a sample has any: a camera tags all photographs, or none."""
     few = {len(files) * part // _LOOKED_AT for part in range(_LOOKED_AT)} | {len(files) - 1}
     if all(_tag(folder / files[at]) == Geotag() for at in few):
         return [Geotag()] * len(files)
@@ -110,7 +111,7 @@ def _tags(folder: Path, files: Sequence[str]) -> list[Geotag]:
 
 
 def _filled(times: Sequence[int | None]) -> list[int]:
-    """Give what has no time that of the one before it, and the first ones that of the first."""
+    """Replace a missing time by the one before it, or at the start by the first known one."""
     last = next(time for time in times if time is not None)
     filled = []
     for time in times:
@@ -125,7 +126,7 @@ def _tag(path: Path) -> Geotag:
 
 def _stamp_ns(tags: dict[int, Any]) -> int | None:
     base = ExifTags.Base
-    offset = str(tags.get(base.OffsetTimeOriginal, "")).strip("\0 :")  # blanks say: unknown
+    offset = str(tags.get(base.OffsetTimeOriginal, "")).strip("\0 :")  # blanks mean unknown
     fraction = str(tags.get(base.SubsecTimeOriginal, "")).strip("\0 ")
     try:
         when = datetime.strptime(
@@ -149,7 +150,7 @@ def _degrees(tags: dict[int, Any]) -> Position | None:
 
 
 def _angle(value: Any, side: Any, sides: str, most: float) -> float | None:
-    """Return degrees, of degrees, minutes and seconds on one of two sides."""
+    """Return signed degrees from degrees, minutes and seconds, and the side (N, S, E or W)."""
     try:
         degrees, minutes, seconds = map(float, value)
         sign = (1, -1)[list(sides).index(side)]

@@ -1,4 +1,4 @@
-"""What is known of a folder's frames before their images are read."""
+"""The frames of a folder before their images are read."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,10 +8,10 @@ import numpy as np
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import directions
-from placefield_tools.sources.degrees import laid_out
+from placefield_tools.sources.degrees import to_local_metres
 
 DefaultStamp = Callable[[int], int]
-"""Gives the stamp, in ns, of the frame of a number, where no other is known."""
+"""Gives the nominal stamp of a frame, nanoseconds, by the frame's number."""
 
 Position = tuple[float, float]
 
@@ -28,12 +28,12 @@ class Listed:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The frames of a folder in their order.
+    """The frames of a folder.
 
     Attributes:
-        frames: in that order.
-        origin: of their poses, if that is known.
-        stamped: whether their stamps are their own.
+        frames: in the order of the drive.
+        origin: georeference of their poses, if known.
+        stamped: whether the stamps are measured, and not nominal.
     """
 
     frames: list[Listed]
@@ -48,18 +48,18 @@ def with_positions(
     *,
     in_degrees: bool,
 ) -> Listing:
-    """Give frames the poses at their positions; those of None stay without.
+    """Return the listing of frames with poses at their positions.
 
-    Where all are known, the metres along them are the odometry of frames that have no other.
+    If all positions are known, the metres along them are the odometry of frames without one.
 
     Args:
         frames: K frames.
-        positions: of each: x and y, or latitude and longitude, where known.
-        yaws: of each, in radians; None: where the vehicle drives, for it looks there.
-        in_degrees: the positions are latitudes and longitudes; the first becomes the origin.
+        positions: K positions, x and y or latitude and longitude; None where unknown.
+        yaws: K yaws in radians; None: the direction of travel is used.
+        in_degrees: whether the positions are latitudes and longitudes; the first is the origin.
 
     Raises:
-        ValueError: a position is nowhere on earth.
+        ValueError: a latitude is beyond ±90 degrees, or a longitude beyond ±180.
     """
     known = [number for number, position in enumerate(positions) if position is not None]
     if not known:
@@ -67,15 +67,15 @@ def with_positions(
     places = np.array([position for position in positions if position is not None])
     origin = None
     if in_degrees:
-        origin, places = laid_out(places)
-    turned = directions(places) if yaws is None else np.array(yaws)[known]
+        origin, places = to_local_metres(places)
+    headings = directions(places) if yaws is None else np.array(yaws)[known]
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     metres = np.concatenate([[0.0], np.cumsum(steps)])
-    located = list(frames)
-    for number, (x, y), yaw in zip(known, places.tolist(), turned.tolist(), strict=True):
+    posed = list(frames)
+    for number, (x, y), yaw in zip(known, places.tolist(), headings.tolist(), strict=True):
         frame = frames[number]
         travelled_m = frame.odometry_m
         if len(known) == len(frames) and travelled_m is None:
             travelled_m = float(metres[number])
-        located[number] = replace(frame, pose=Pose(x, y, yaw), odometry_m=travelled_m)
-    return Listing(located, origin)
+        posed[number] = replace(frame, pose=Pose(x, y, yaw), odometry_m=travelled_m)
+    return Listing(posed, origin)

@@ -1,4 +1,4 @@
-"""Whether a Matroska file, which MKV and WebM are, ends before its end (RFC 8794 and 9559)."""
+"""A check for Matroska files (MKV and WebM) that are cut off (RFC 8794 and 9559)."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ _EBML = b"\x1a\x45\xdf\xa3"
 
 
 def is_matroska(head: bytes) -> bool:
-    """Return whether a file begins as Matroska does."""
+    """Return whether the first bytes of a file are those of Matroska."""
     return head.startswith(_EBML)
 
 
 def ends_too_early(path: Path) -> bool:
-    """Return whether the file is shorter than its segment, which holds all frames, says.
+    """Return whether the file is shorter than the stated length of its segment of frames.
 
-    One that was written as a stream does not say so, and never ends too early.
+    A file that was written as a stream states no length, and never ends too early.
     """
     segment = _end_of_element(path, 0)
     end = None if segment is None else _end_of_element(path, segment)
@@ -21,10 +21,10 @@ def ends_too_early(path: Path) -> bool:
 
 
 def _end_of_element(path: Path, at: int) -> int | None:
-    """Return where the element that begins there ends; None where it does not say."""
+    """Return the end of the element that begins at an offset; None if it states no length."""
     with path.open("rb") as file:
         file.seek(at)
-        head = file.read(12)  # 4 bytes of a name and 8 of a length, at most
+        head = file.read(12)  # at most 4 bytes of an ID and 8 bytes of a length
     name = _width(head[:1])
     width = _width(head[name : name + 1])
     digits = head[name : name + width]
@@ -34,5 +34,5 @@ def _end_of_element(path: Path, at: int) -> int | None:
 
 
 def _width(first: bytes) -> int:
-    """Return how many bytes a number is wide, by the zeros that its first byte begins with."""
+    """Return the width of a number in bytes, by the leading zeros of its first byte."""
     return 9 - first[0].bit_length() if first else 9

@@ -1,4 +1,4 @@
-"""Messages of an MCAP file, of whatever encoding: each is parsed when it is wanted."""
+"""Parsing of single messages of an MCAP file, in any encoding."""
 
 import json
 from types import SimpleNamespace
@@ -14,15 +14,17 @@ _NS = 1_000_000_000
 
 
 def kind_of(schema: Schema | None) -> str:
-    """Return the type of a channel's messages, those of ROS by their full name."""
+    """Return the type of a channel's messages, with the full name for ROS."""
     return full_name(schema.name) if schema else ""
 
 
 def read_message(schema: Schema | None, channel: Channel, message: Message) -> tuple[int, Any]:
-    """Return the stamp of a message in ns, the recorder's where it has none, and its fields.
+    """Return the stamp of a message, nanoseconds, and its fields.
+
+    A message without a stamp gets the recorder's.
 
     Raises:
-        SourceError: it is of an encoding that is not read.
+        SourceError: its encoding is not supported.
     """
     fields = _fields(schema, channel, message)
     return stamp_ns_of(fields) or message.log_time, fields
@@ -44,13 +46,13 @@ def _fields(schema: Schema | None, channel: Channel, message: Message) -> Any:
             return parse(message.data)
         case encoding:
             raise SourceError(
-                f"{channel.topic}: its messages are of encoding {encoding!r}; "
-                "give cdr, ros1, json or protobuf"
+                f"{channel.topic}: the encoding {encoding!r} of its messages is not supported; "
+                "record cdr, ros1, json or protobuf"
             )
 
 
 def stamp_ns_of(fields: Any) -> int:
-    """Return the stamp as ROS has it in the header, or as Foxglove does in each encoding."""
+    """Return the stamp of a message, nanoseconds, in the form of ROS or of Foxglove."""
     header = getattr(fields, "header", None)
     stamp = fields.timestamp if header is None else header.stamp
     if hasattr(stamp, "ToNanoseconds"):

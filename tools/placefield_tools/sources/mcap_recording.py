@@ -1,4 +1,4 @@
-"""An MCAP recording of ROS's or Foxglove's messages as a source of frames."""
+"""An MCAP recording of ROS or Foxglove messages as a source of frames."""
 
 import logging
 import threading
@@ -39,7 +39,7 @@ class _McapRecording(Recording):
                 message = read()
             except PlacefieldError:
                 raise
-            except Exception:  # parsers raise whatever comes up
+            except Exception:  # parsers raise errors of any kind
                 left_out += 1
                 continue
             yield message
@@ -69,13 +69,13 @@ def open_mcap_recording(
     Args:
         path: of the file.
         topic: of images; None: the only one.
-        start: the first frame.
-        stride: from one frame to the next.
+        start: index of the first frame.
+        stride: step from one frame to the next.
         stop: ends the frames.
 
     Raises:
-        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
-        ConfigError: the images are video, and what decodes it is not installed.
+        SourceError: the file cannot be read, has no such topic, or ends before ``start``.
+        ConfigError: the images are video, and PyAV is not installed.
     """
     with known_errors(path):
         topics, span = _contents(path)
@@ -87,10 +87,10 @@ def open_mcap_recording(
 
 
 def lists_topics(path: Path) -> bool:
-    """Return whether an MCAP file lists its topics; one whose writer left that out has to be read.
+    """Return whether the summary of an MCAP file lists its topics, which a writer may leave out.
 
     Raises:
-        SourceError: it cannot be read.
+        SourceError: the file cannot be read.
     """
     with known_errors(path):
         summary = read_summary(path)
@@ -98,10 +98,10 @@ def lists_topics(path: Path) -> bool:
 
 
 def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:
-    """Return the topics that hold messages, of other kinds too, and when they were recorded."""
+    """Return all topics that hold messages, and from when to when they were recorded."""
     summary = read_summary(path)
     if summary is None or summary.statistics is None:
-        raise SourceError(f"{path}: does not say what it holds; 'mcap recover' mends such files")
+        raise SourceError(f"{path}: has no summary of its content; repair it with 'mcap recover'")
     counts = summary.statistics.channel_message_counts
     topics: dict[str, _Topic] = {}
     for number, channel in summary.channels.items():
@@ -113,8 +113,8 @@ def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:
 
 
 def _messages(path: Path, topic: str) -> Iterator[Read]:
-    """Yield what reads a message, for each of a topic; behind damage, chunk by chunk."""
-    taken = 0
+    """Yield a reader of each message of a topic; after damage, chunk by chunk."""
+    yielded = 0
     with path.open("rb") as file:
         messages = make_reader(file, validate_crcs=True).iter_messages([topic])
         while True:
@@ -122,8 +122,8 @@ def _messages(path: Path, topic: str) -> Iterator[Read]:
                 schema, channel, message = next(messages)
             except StopIteration:
                 return
-            except Exception:  # of many kinds, where the file is damaged
+            except Exception:  # a damaged file raises errors of any kind
                 break
-            taken += 1
+            yielded += 1
             yield partial(read_message, schema, channel, message)
-    yield from islice(messages_by_chunk(path, topic), taken, None)
+    yield from islice(messages_by_chunk(path, topic), yielded, None)

@@ -1,4 +1,4 @@
-"""What an MCAP file says of itself, before a message of it is read."""
+"""The summary of an MCAP file, which is read before any message."""
 
 from pathlib import Path
 
@@ -9,17 +9,17 @@ from placefield.errors import SourceError
 from placefield_tools.sources.source import Span
 
 MAX_CHUNK_BYTES = 256 * 2**20
-"""Readers decompress a whole chunk at once; recorders write chunks of a few MB."""
+"""The largest chunk that is read: readers decompress a whole chunk at once."""
 
 
 def read_summary(path: Path) -> Summary | None:
-    """Read the summary of an MCAP file; None where it has none.
+    """Read the summary of an MCAP file; None if it has none.
 
-    That chunks keep to ``MAX_CHUNK_BYTES`` is the summary's word: a file without one, or with a
-    false one, can take any amount of memory to read.
+    The sizes of the chunks are checked as the summary states them. A file without a summary, or
+    with a false one, can need any amount of memory to read.
 
     Raises:
-        SourceError: a chunk takes more memory than this.
+        SourceError: a chunk is larger than ``MAX_CHUNK_BYTES``.
     """
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -27,8 +27,8 @@ def read_summary(path: Path) -> Summary | None:
     largest = max((chunk.uncompressed_size for chunk in chunks), default=0)
     if largest > MAX_CHUNK_BYTES:
         raise SourceError(
-            f"{path}: a chunk of it takes {largest / 2**20:.0f} MiB of memory, more than the "
-            f"{MAX_CHUNK_BYTES // 2**20} allowed; record in smaller chunks"
+            f"{path}: has a chunk of {largest / 2**20:.0f} MiB, and at most "
+            f"{MAX_CHUNK_BYTES // 2**20} MiB are allowed; record in smaller chunks"
         )
     return summary
 

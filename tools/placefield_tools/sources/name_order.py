@@ -1,4 +1,4 @@
-"""What names of files say against being the order of a drive."""
+"""Signs that the names of files are not in the order of the drive."""
 
 import logging
 import re
@@ -11,18 +11,18 @@ log = logging.getLogger(__name__)
 
 _COPY = re.compile(r"(.+?)(?: ?\([0-9]+\)|( -|_|-)? ?copy(?: ?\(?[0-9]+\)?)?)", re.IGNORECASE)
 _COUNTED = re.compile(r"(.*?)([0-9]{3,})", re.DOTALL)
-_DIGITS = 4  # of a camera's counter; what is before them may be the number of a group
-_NEAR, _FAR = 10, 50  # steps: of the counter's ends, and of the gap between the two parts
+_DIGITS = 4  # of a camera's counter; the digits before may be the number of a group
+_NEAR, _FAR = 10, 50  # steps: from the counter's ends, and of the gap between the two parts
 
 
-def tell_of_copies(folder: Path, files: Sequence[str]) -> None:
-    """Log that files are named as copies of others, which are then places that come twice."""
+def warn_of_copies(folder: Path, files: Sequence[str]) -> None:
+    """Log files that are named as copies of others: a copied place would come twice."""
     stems = {Path(file).stem for file in files}
     copies = [file for file in files if _original(file) in stems]
     if copies:
         log.warning(
-            "%s: %d of %d files are named as copies of others, as %r, and come right after them; "
-            "remove those that are copies",
+            "%s: %d of %d files are named like copies of others, for example %r, and follow them; "
+            "remove the copies",
             folder,
             len(copies),
             len(files),
@@ -30,20 +30,20 @@ def tell_of_copies(folder: Path, files: Sequence[str]) -> None:
         )
 
 
-def tell_of_wrap(folder: Path, files: Sequence[str]) -> None:
-    """Log that a camera's counter seems to have gone back to its start in the middle of a drive.
+def warn_of_wrap(folder: Path, files: Sequence[str]) -> None:
+    """Log that a camera's counter seems to have wrapped in the middle of a drive.
 
     Args:
         folder: of the files.
-        files: in the order of their names.
+        files: names, in natural sort order.
     """
     stems = {Path(file).stem for file in files}
     files = [file for file in files if _original(file) not in stems]
     at = wrap_in(files)
     if at is not None:
         log.warning(
-            "%s: the camera's counter seems to begin at %s and to begin again after %s, but %s is "
-            "taken for the first; give the order in a frames.csv, or rename the files",
+            "%s: the camera's counter seems to begin at %s and to wrap after %s, but %s is used as "
+            "the first frame; give the order in a frames.csv, or rename the files",
             folder,
             files[at],
             files[-1],
@@ -52,13 +52,13 @@ def tell_of_wrap(folder: Path, files: Sequence[str]) -> None:
 
 
 def wrap_in(files: Sequence[str]) -> int | None:
-    """Return where the drive begins, if a counter of fixed digits has wrapped; None if it has not.
+    """Return the index of the drive's first file, if a counter of fixed width has wrapped.
 
-    It has where the names differ in that number alone, both ends of what it counts to are there,
-    and there is one wide gap between.
+    That is assumed if the names differ only in the counter, the lowest and the highest numbers are
+    both used, and there is one wide gap between. None: the counter has not wrapped.
 
     Args:
-        files: in the order of their names.
+        files: names, in natural sort order.
     """
     counted = [
         (each[1], each[2]) for file in files if (each := _COUNTED.fullmatch(Path(file).stem))

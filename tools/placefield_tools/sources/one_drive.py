@@ -1,4 +1,4 @@
-"""One drive in several sources, as a recorder leaves it that begins another file now and then."""
+"""One drive in several sources, as a recorder that splits its files writes it."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -14,27 +14,30 @@ log = logging.getLogger(__name__)
 
 _SECOND = 1_000_000_000
 _GAP_NS, _NUMBERED_GAP_NS = 5 * _SECOND, 60 * _SECOND
-"""The longest that a recorder takes from one file to the next, and of files that it numbers."""
+"""The longest pause between two files of one drive; the second is for numbered files."""
 
 _OVERLAP_NS = _SECOND // 10
-_STEPS = 3  # usual ones, of frames that are taken seldom
+_STEPS = 3  # mean steps between frames, if frames are rare
 
 
 class OneDrive(Source):
-    """The frames of parts, one part after the other, and numbered throughout.
+    """The frames of several parts in sequence, numbered throughout.
 
-    Odometry that counts from the start of each part goes on from the end of the part before. Poses
-    in degrees are those of the first part's plane.
+    If the odometry restarts in a part, it continues from the end of the part before. Georeferenced
+    poses are converted to the tangent plane of the first part.
     """
 
     def __init__(self, parts: Sequence[Source], name: str, *, start: int, stride: int) -> None:
-        """Take the parts, which give all their frames.
+        """Join the parts, which are opened without start and stride.
 
         Args:
-            parts: in the order of the drive, one or more.
-            name: of the drive, for a person.
-            start: the first frame.
-            stride: from one frame to the next.
+            parts: one or more, in the order of the drive.
+            name: of the drive, used in messages.
+            start: index of the first frame.
+            stride: step from one frame to the next.
+
+        Raises:
+            SourceError: the drive ends before ``start``.
         """
         self._parts = parts
         self._start, self._stride = start, stride
@@ -47,10 +50,10 @@ class OneDrive(Source):
         if len(counts) == len(parts):
             self.count = len(range(start, sum(counts), stride))
             if not self.count:
-                raise SourceError(f"--start {start}: {name} holds {sum(counts)} frames only")
+                raise SourceError(f"--start {start}: {name} holds only {sum(counts)} frames")
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; raise SourceError where a part fails."""
+        """Yield the frames; raise SourceError if a part fails."""
         first = 0
         offset_m, last_m = 0.0, 0.0
         for part in self._parts:
@@ -80,7 +83,7 @@ class OneDrive(Source):
         return replace(frame, pose=frame.pose._replace(x=x, y=y))
 
     def close(self) -> None:
-        """Give back what the parts hold."""
+        """Close the parts."""
         for part in self._parts:
             part.close()
 
@@ -89,9 +92,9 @@ def goes_on(before: Source, after: Source, *, numbered: bool = False) -> bool:
     """Return whether a source begins where another ends, as parts of one drive do.
 
     Args:
-        before: a source.
-        after: another one.
-        numbered: whether their names are numbered on, which takes a longer pause.
+        before: the earlier source.
+        after: the later source.
+        numbered: whether their names are consecutive, which allows a longer pause.
     """
     if before.span is None or after.span is None or after.span.first_ns <= before.span.first_ns:
         return False
@@ -103,10 +106,10 @@ def goes_on(before: Source, after: Source, *, numbered: bool = False) -> bool:
 
 
 def in_order_of_time(name: str, parts: Sequence[Source]) -> list[int]:
-    """Return the numbers of parts of one drive in order of time; a long pause is logged.
+    """Return the numbers of the parts of one drive in order of time; long pauses are logged.
 
     Raises:
-        SourceError: two were recorded at the same time.
+        SourceError: two parts were recorded at the same time.
     """
     spans = [part.span or Span(0, 0) for part in parts]
     order = sorted(range(len(parts)), key=lambda number: (spans[number], number))
@@ -114,12 +117,12 @@ def in_order_of_time(name: str, parts: Sequence[Source]) -> list[int]:
         gap_ns = spans[after].first_ns - spans[before].last_ns
         if gap_ns < -_OVERLAP_NS:
             raise SourceError(
-                f"{name}: parts {before + 1} and {after + 1} were recorded at the same time, and "
-                "are not one drive; give them one by one"
+                f"{name}: parts {before + 1} and {after + 1} were recorded at the same time, so "
+                "they are not one drive; give them one by one"
             )
         if not goes_on(parts[before], parts[after]):
             log.warning(
-                "%s: %s pass between parts %d and %d of what is read as one drive",
+                "%s: there are %s between parts %d and %d of what is read as one drive",
                 name,
                 counted(round(gap_ns / _SECOND), "second"),
                 before + 1,

@@ -1,4 +1,4 @@
-"""Poses in three dimensions to poses on the ground, by the axes that they are in."""
+"""Projection of poses in three dimensions onto the ground, by their axes."""
 
 import logging
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from placefield.maps.trajectory import PoseAxes
 
-_AS_LONG = 0.3  # of the longest way along an axis: no road climbs so
-_AS_FLAT = 3.0  # times what is flattest
+_AS_LONG = 0.3  # of the longest extent along a ground axis: no road is as steep
+_AS_FLAT = 3.0  # times the shortest extent
 
 log = logging.getLogger(__name__)
 
@@ -20,23 +20,23 @@ def ground_poses(
     axes: PoseAxes,
     remedy: str,
 ) -> NDArray[np.float64]:
-    """Lay poses out on the ground: x and y in metres, and the yaw of the forward axis in radians.
+    """Project poses onto the ground: x and y in metres, and the yaw of the forward axis in radians.
 
-    Where they move upwards more than a vehicle does, it is logged that the axes may be others.
+    A vertical motion that no vehicle makes is logged: the axes are probably others.
 
     Args:
-        name: of where they are from, for a person.
+        name: of their origin, used in messages.
         positions: (N, 3) x, y and z, metres.
-        forwards: (N, 3) where the forward axis points, of any length.
-        axes: that both are in.
-        remedy: what to do if the axes are others.
+        forwards: (N, 3) direction of the forward axis, of any length.
+        axes: of positions and directions.
+        remedy: what to do if the axes are others, used in the message.
 
     Returns:
         (N, 3) float64.
     """
     if axes == "z-forward":
         positions, forwards = _as_vehicle(positions), _as_vehicle(forwards)
-    _tell_of_axes(name, positions, axes, remedy)
+    _warn_of_axes(name, positions, axes, remedy)
     return np.column_stack([positions[:, :2], np.arctan2(forwards[:, 1], forwards[:, 0])])
 
 
@@ -46,11 +46,11 @@ def _as_vehicle(camera: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def forwards_of(quaternions: NDArray[np.float64], axes: PoseAxes) -> NDArray[np.float64]:
-    """Return where quaternions turn the forward axis.
+    """Return the direction of the forward axis after rotation by quaternions.
 
     Args:
         quaternions: (N, 4) x, y, z and w, of any length.
-        axes: that they turn.
+        axes: the axes that they rotate.
 
     Returns:
         (N, 3) float64, of any length.
@@ -66,12 +66,12 @@ def forwards_of(quaternions: NDArray[np.float64], axes: PoseAxes) -> NDArray[np.
     )
 
 
-def _tell_of_axes(name: str, positions: NDArray[np.float64], axes: PoseAxes, remedy: str) -> None:
+def _warn_of_axes(name: str, positions: NDArray[np.float64], axes: PoseAxes, remedy: str) -> None:
     forward, left, up = np.ptp(positions, axis=0)
     if up > _AS_LONG * max(forward, left) and up > _AS_FLAT * min(forward, left):
         log.warning(
-            "%s: moves %.3g m upwards, and %.3g m by %.3g m on the ground, if its axes are %s; if "
-            "they are not, %s",
+            "%s: moves %.3g m vertically, and %.3g m by %.3g m on the ground, if its axes are %s; "
+            "if they are others, %s",
             name,
             up,
             forward,

@@ -1,10 +1,10 @@
 """Files of poses beside a source of frames: a TUM trajectory, or KITTI's ground truth.
 
-TUM: a line is ``stamp tx ty tz qx qy qz qw``, seconds, metres and a quaternion; x and y are the
-ground and the yaw is the vehicle's forward axis x (REP 103), or they are a camera's, which looks
-along z and has x on its right, if somebody says so. KITTI: a line is a 3 × 4 matrix, row by row, of
-the left camera in the first frame's, likewise; each frame has its line. A line that starts with #
-is a remark, and commas will do for spaces.
+TUM: a line is ``stamp tx ty tz qx qy qz qw``, in seconds and metres, with a quaternion. By default,
+the axes are the vehicle's, with x forward (REP 103); they may also be a camera's, with z forward
+and x right. KITTI: a line is a 3 × 4 matrix, row by row: the pose of the left camera in the axes of
+its first frame, by default with z forward. Each frame has one line. A line that starts with # is a
+comment, and commas may replace spaces.
 """
 
 import math
@@ -30,17 +30,17 @@ _OTHER_AXES: dict[PoseAxes, str] = {
 _NUMBERED_NS = 1_000_000_000
 
 LARGEST = 1e12
-"""No metres, seconds or part of a rotation are as many."""
+"""Every valid number of metres or seconds, and every part of a rotation, is smaller."""
 
 
 @dataclass(frozen=True)
 class PoseFile:
-    """The poses of a file, by the time, or by the number of the frame where ``numbered``.
+    """The poses of a file, by time, or if ``numbered`` by the number of the frame.
 
     Attributes:
         trajectory: of the poses.
-        numbered: whether line i is of frame i.
-        poses: (N, 3) float64, x, y and yaw, a row for each line.
+        numbered: whether line i belongs to frame i.
+        poses: (N, 3) float64, x, y and yaw, a row per line.
     """
 
     trajectory: Trajectory
@@ -48,7 +48,7 @@ class PoseFile:
     poses: NDArray[np.float64]
 
     def key(self, index: int, stamp_ns: int) -> int:
-        """Return where in the trajectory a frame is."""
+        """Return the instant of a frame in the trajectory, nanoseconds."""
         return index * _NUMBERED_NS if self.numbered else stamp_ns
 
     def by_number(self) -> Self:
@@ -57,10 +57,10 @@ class PoseFile:
 
 
 def read_pose_file(path: Path, axes: PoseAxes | None = None) -> PoseFile:
-    """Read the poses of a file; without axes, TUM's are the vehicle's and KITTI's the camera's.
+    """Read a file of poses; the default axes are the vehicle's for TUM and the camera's for KITTI.
 
     Raises:
-        SourceError: it cannot be read, or a line, which is named, is neither of both formats.
+        SourceError: the file cannot be read, or a line has neither format; the line is named.
     """
     lines = _lines(path)
     columns = len(lines[0][1])
@@ -101,7 +101,7 @@ def _kitti_poses(path: Path, table: NDArray[np.float64], axes: PoseAxes) -> NDAr
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Return (line number, cells) of each line that is not empty and no remark."""
+    """Return (line number, cells) of each line that is neither empty nor a comment."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -118,10 +118,10 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
 
 def _numbers(cells: list[str], count: int) -> list[float]:
     if len(cells) != count:
-        raise ValueError(f"{len(cells)} numbers, the first line {count}")
+        raise ValueError(f"has {len(cells)} numbers, and the first line has {count}")
     numbers = [float(cell) for cell in cells]
     if not all(map(math.isfinite, numbers)):
         raise ValueError("a number is not finite")
     if max(map(abs, numbers)) >= LARGEST:
-        raise ValueError(f"a number is {max(numbers, key=abs):g}, beyond all metres and seconds")
+        raise ValueError(f"the number {max(numbers, key=abs):g} is too large")
     return numbers

@@ -1,4 +1,4 @@
-"""Protobuf messages of a recording, which says itself what their fields are."""
+"""Parsing of Protobuf messages by the schema that the recording holds."""
 
 from functools import lru_cache
 from typing import Any

@@ -1,4 +1,4 @@
-"""Images as the messages of recordings hold them, of ROS or Foxglove, in any encoding."""
+"""Images in the messages of recordings, of ROS or Foxglove, in any encoding."""
 
 import base64
 import logging
@@ -25,14 +25,14 @@ _RAW = ("foxglove.RawImage", "foxglove_msgs/msg/RawImage")
 _VIDEO = ("foxglove.CompressedVideo", "foxglove_msgs/msg/CompressedVideo")
 
 IMAGES = (*ROS_IMAGES, *_COMPRESSED, *_RAW, *_VIDEO)
-"""The types of messages that are images; those of Foxglove in its own encodings, and in ROS's."""
+"""The types of messages that are images; those of Foxglove in its own encodings and in ROS's."""
 
 Read = Callable[[], tuple[int, Any]]
 """Reads the stamp of a message, in ns, and its fields."""
 
 
 def check_decoder(path: Path, kind: str) -> None:
-    """Refuse a recording of video where nothing decodes it.
+    """Refuse a recording of compressed video if it cannot be decoded.
 
     Raises:
         ConfigError: PyAV is not installed.
@@ -45,12 +45,12 @@ def check_decoder(path: Path, kind: str) -> None:
 
 
 def images_of(name: str, kind: str, messages: Iterator[Read]) -> Iterator[Callable[[], Stamped]]:
-    """Yield what decodes an image, for each message of a topic.
+    """Yield a decoder of the image of each message of a topic.
 
     Args:
-        name: of the topic, for a person.
-        kind: of the messages, one of ``IMAGES``.
-        messages: in their order.
+        name: of the topic, used in messages.
+        kind: type of the messages, one of ``IMAGES``.
+        messages: readers of the messages, in order.
     """
     if kind in _VIDEO:
         return _video(name, messages)
@@ -67,7 +67,7 @@ def _image(kind: str, read: Read) -> Stamped:
 
 
 def _video(name: str, messages: Iterator[Read]) -> Iterator[Callable[[], Stamped]]:
-    """Yield the pictures of a video, from its first key frame on; each takes those before it."""
+    """Yield the images of a video from its first key frame on; each is decoded after the others."""
     decoder = VideoDecoder()
     left_out = 0
     has_begun = False
@@ -84,10 +84,10 @@ def _video(name: str, messages: Iterator[Read]) -> Iterator[Callable[[], Stamped
             failed = picture or failed
             continue
         if not has_begun and left_out:
-            log.warning("%s: begins with %s of no picture", name, counted(left_out, "message"))
+            log.warning("%s: begins with %s without an image", name, counted(left_out, "message"))
         has_begun = True
         if picture is None:
-            picture = FrameError("no picture in this message of a video")
+            picture = FrameError("this message of a video holds no image")
         yield partial(_stamped, stamp_ns, picture)
     if not has_begun:
         raise SourceError(f"{name}: {failed}")
@@ -105,7 +105,7 @@ def _foxglove_image_of(kind: str, message: Any) -> bytes | NDArray[np.uint8]:
 
 
 def _data_of(message: Any) -> bytes:
-    """Return the data of a message, which JSON holds as base64."""
+    """Return the data of a message; JSON holds them as base64."""
     data = message.data
     if isinstance(data, str):
         return base64.b64decode(data, validate=True)

@@ -1,4 +1,4 @@
-"""Poses and positions in a recording, of ROS or Foxglove."""
+"""Poses and positions in the messages of recordings, of ROS or Foxglove."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -10,7 +10,7 @@ from placefield.errors import SourceError
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import Trajectory, directions
 from placefield.ros.ros_messages import ODOMETRY, POSE
-from placefield_tools.sources.degrees import is_fix, laid_out
+from placefield_tools.sources.degrees import is_fix, to_local_metres
 from placefield_tools.sources.pose_axes import forwards_of, ground_poses
 from placefield_tools.sources.pose_files import LARGEST
 from placefield_tools.sources.recording import Recording, known_errors
@@ -28,32 +28,32 @@ _Row = tuple[float, ...]
 
 
 class RecordedTrajectory(NamedTuple):
-    """A trajectory, where on earth it is, if that is known, and from when to when it was told."""
+    """A trajectory, its georeference if known, and the stamps of the first and last message."""
 
     trajectory: Trajectory
     origin: Origin | None
     span_ns: tuple[int, int]
 
 
-def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> RecordedTrajectory:
-    """Make a trajectory of messages of one of the types known here, each behind its stamp in ns.
+def trajectory_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> RecordedTrajectory:
+    """Return the trajectory of messages of one known type, given as pairs of stamp and message.
 
-    Of fixes the first is the origin, and the yaw is the direction of travel. A message with a
-    number that is not finite or absurdly large, or of a receiver that has no fix (which says so, or
-    0, 0), is left out; how many is logged.
+    With GPS fixes, the first fix is the origin, and the yaw is the direction of travel. Messages
+    with a number that is not finite or absurdly large, and messages without a fix (by their status,
+    or 0, 0), are left out; their number is logged.
 
     Raises:
-        SourceError: none is left.
+        SourceError: no message is left.
     """
     rows = [(stamp_ns, *_READ[kind](message)) for stamp_ns, message in messages]
     valid = [row for row in rows if (np.abs(row[1:]) < LARGEST).all()]
     if not valid:
         raise SourceError(
-            f"{name}: none of {len(rows)} messages says where; "
-            "name another topic with --odometry-topic, or none"
+            f"{name}: none of {len(rows)} messages has a position; "
+            "choose another topic with --odometry-topic, or none"
         )
     if len(valid) < len(rows):
-        log.warning("%s: %d of %d messages say where", name, len(valid), len(rows))
+        log.warning("%s: %d of %d messages have a position", name, len(valid), len(rows))
     span_ns = int(min(row[0] for row in rows)), int(max(row[0] for row in rows))
     valid.sort(key=lambda row: row[0])
     stamps = np.array([row[0] for row in valid], np.int64)
@@ -62,7 +62,7 @@ def way_of(name: str, kind: str, messages: Iterable[tuple[int, Any]]) -> Recorde
         forwards = forwards_of(values[:, 3:], "x-forward")
         poses = ground_poses(name, values[:, :3], forwards, "x-forward", _RECORDED_AXES)
         return RecordedTrajectory(Trajectory.of(stamps, poses), None, span_ns)
-    origin, positions = laid_out(values)
+    origin, positions = to_local_metres(values)
     poses = np.column_stack([positions, directions(positions)])
     return RecordedTrajectory(Trajectory.of(stamps, poses), origin, span_ns)
 
@@ -92,19 +92,19 @@ _OF_FOXGLOVE: dict[str, Callable[[Any], _Row]] = {
 _READ = _OF_ROS | _OF_FOXGLOVE
 
 ROS_POSES, FOXGLOVE_POSES = tuple(_OF_ROS), tuple(_OF_FOXGLOVE)
-"""The types of messages that tell where the vehicle is."""
+"""The types of messages that hold poses or positions of the vehicle."""
 
 
 def with_poses(source: Source, recordings: Sequence[Recording], asked: str | None) -> Source:
-    """Give the frames of recordings of one drive the poses of their topic of them, if one is meant.
+    """Add the poses of the recordings' odometry topic to the frames, if a topic is selected.
 
     Args:
         source: of the frames.
-        recordings: that they are of, in the order of the drive.
+        recordings: the recordings of the drive, in order.
         asked: ``--odometry-topic``, see ``pose_topic``.
 
     Raises:
-        SourceError: there is no such topic, or it does not say where.
+        SourceError: there is no such topic, or none of its messages has a position.
     """
     path = recordings[0].path
     types = {topic: kind for each in recordings for topic, kind in each.types.items()}
@@ -113,8 +113,10 @@ def with_poses(source: Source, recordings: Sequence[Recording], asked: str | Non
     if topic is None:
         return source
     name = f"{path.name}:{topic}"
-    way = way_of(name, types[topic], _messages(recordings, topic))
-    return WithPoses(source, way.trajectory, name, origin=way.origin, span_ns=way.span_ns)
+    recorded = trajectory_of(name, types[topic], _messages(recordings, topic))
+    return WithPoses(
+        source, recorded.trajectory, name, origin=recorded.origin, span_ns=recorded.span_ns
+    )
 
 
 def _messages(recordings: Sequence[Recording], topic: str) -> Iterator[tuple[int, Any]]:

@@ -1,4 +1,4 @@
-"""What recordings have in common, whoever wrote them."""
+"""The common base of recordings as sources of frames."""
 
 import logging
 import threading
@@ -29,16 +29,16 @@ _MENDED_BY = {
 }
 
 Stamped = tuple[int, bytes | NDArray[np.uint8] | FrameError]
-"""A stamp in nanoseconds, and an image or why there is none."""
+"""A stamp in nanoseconds, and an image or the reason why there is none."""
 
 
 class Recording(Source):
-    """The images of one topic, by their own stamps, or the recorder's where they have none.
+    """The images of one topic; an image without a stamp gets the recorder's.
 
     Attributes:
         path: of the recording.
         types: its topics, and the types of their messages.
-        poses: the types that tell where the vehicle is, as its writer calls them.
+        poses: the types of messages that hold poses, by their names in this kind of recording.
     """
 
     poses: tuple[str, ...]
@@ -55,29 +55,33 @@ class Recording(Source):
         stride: int,
         stop: threading.Event | None,
     ) -> None:
-        """Take a recording of these topics, whose ``topic`` holds ``total`` images."""
+        """Initialise a recording whose ``topic`` holds ``total`` images.
+
+        Raises:
+            SourceError: the topic ends before ``start``.
+        """
         self._stop = stop
         self._total = total
         self._start, self._stride = start, stride
         self.count = len(range(start, total, stride))
         if not self.count:
-            raise SourceError(f"--start {start}: {path}: {topic} holds {total} frames only")
+            raise SourceError(f"--start {start}: {path}: {topic} holds only {total} frames")
         self.types, self.span = types, span
         self.path = path
         self._topic = topic
 
     @abstractmethod
     def _images(self) -> Iterator[Callable[[], Stamped]]:
-        """Yield what decodes an image, for each of the topic."""
+        """Yield a decoder of each image of the topic."""
 
     @abstractmethod
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Yield the messages of a topic, each behind its stamp in ns."""
+        """Yield the stamp, nanoseconds, and the message, for each message of a topic."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; those before ``start`` and between are not decoded.
+        """Yield the frames; frames that are not selected are not decoded.
 
-        A message that cannot be parsed keeps its turn, with its ``fault``, and has the stamp of the
+        A message that cannot be parsed becomes a frame with a ``fault``, with the stamp of the
         frame before.
         """
         index, stamp_ns = -1, 0
@@ -97,7 +101,7 @@ class Recording(Source):
         self.not_given["missing"] = missing
         if missing:
             log.warning(
-                "%s: says that it holds %d images on %s, and %d of them are not there",
+                "%s: should hold %d images on %s, and %d of them are missing",
                 self.path,
                 self._total,
                 self._topic,
@@ -110,15 +114,15 @@ def _decoded(decode: Callable[[], Stamped], before_ns: int) -> Stamped:
         return decode()
     except PlacefieldError:
         raise
-    except Exception as error:  # parsers raise whatever comes up
+    except Exception as error:  # parsers raise errors of any kind
         return before_ns, FrameError(f"the message cannot be parsed ({_short(error)})")
 
 
 @contextmanager
 def known_errors(path: Path) -> Iterator[None]:
-    """Make one line of whatever a reader stumbles over in a damaged recording.
+    """Turn any error of a reader of a damaged recording into a ``SourceError`` of one line.
 
-    Readers of recordings raise what comes up: struct.error, KeyError, AssertionError, …
+    Such readers raise errors of any kind: struct.error, KeyError, AssertionError, …
     """
     try:
         yield
@@ -133,7 +137,7 @@ def known_errors(path: Path) -> Iterator[None]:
 
 
 def _remedy(path: Path) -> str:
-    """Return what gets out of a damaged recording what is whole, by the form of its files."""
+    """Return a hint to the command that repairs a damaged recording, by its files' suffixes."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     mended_by = [_MENDED_BY[suffix] for file in files if (suffix := file.suffix) in _MENDED_BY]
     return f"; if it is damaged, try {mended_by[0]}" if mended_by else ""

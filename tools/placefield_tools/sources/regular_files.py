@@ -1,4 +1,4 @@
-"""Files of a folder that somebody else may have filled."""
+"""Checks of files in an untrusted folder."""
 
 import os
 from pathlib import Path, PurePosixPath
@@ -7,10 +7,10 @@ from placefield.errors import SourceError
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no regular file, or a link to none: opening a pipe would wait for ever.
+    """Refuse a path that is no regular file: opening a pipe would block for ever.
 
     Raises:
-        SourceError: it is none.
+        SourceError: it is no regular file, or a broken link.
     """
     if path.is_file():
         return
@@ -20,10 +20,10 @@ def check_file(path: Path) -> None:
 
 
 def check_inside(name: str) -> None:
-    """Refuse a name of a file that leads out of the folder which the name is for.
+    """Refuse the name of a file that leads out of its folder.
 
     Raises:
-        ValueError: it does.
+        ValueError: the name is absolute or contains ``..``.
     """
     if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
         raise ValueError(f"the file {name!r} is not in the folder; put it there")

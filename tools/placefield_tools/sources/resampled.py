@@ -1,4 +1,4 @@
-"""A source's frames in the order in which another drive would have taken them."""
+"""Resampled traverses: a source's frames in the order of a simulated drive."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,30 +15,30 @@ from placefield.features.images import decode
 from placefield_tools.sources.source import Source
 
 SENSOR_NOISE = 2.0
-"""Deviation of the noise of a frame that is taken again, grey levels: a camera in fair light."""
+"""Standard deviation of the noise of a repeated frame, grey levels: a camera in fair light."""
 
 JPEG_QUALITY = 90
-"""Of a frame that is taken again."""
+"""JPEG quality of a repeated frame."""
 
-_NOMINAL_NS = 100_000_000  # from frame to frame, where the query's stamps do not tell
+_NOMINAL_NS = 100_000_000  # from frame to frame, if the query's stamps do not ascend
 
 
 class ResampledTraverse(Source):
-    """The frames of a query, and of another route, as a drive takes them.
+    """The frames of a query, and of another route, in the order of a simulated drive.
 
-    They are numbered anew, and stamped evenly at the query's mean rate, so that time goes on where
-    the drive turns back or jumps. All frames are held in memory, encoded.
+    The frames are renumbered, and stamped evenly at the query's mean rate, so that time also
+    ascends where the drive turns back or jumps. All frames are held in memory, encoded.
 
-    Their odometry is the drive's own, or else counts the metres that the frames' odometry is apart
-    from one to the next, forth or back. Where the vehicle is carried elsewhere it counts none.
+    The odometry is the drive's own, if it has one. Otherwise it adds up the distances between
+    consecutive frames, forwards or backwards. A jump to another position counts no distance.
 
-    A frame that is repeated, since the vehicle stands still, is not the same picture twice: it is
-    decoded, gets Gaussian noise of a deviation of ``SENSOR_NOISE`` in every pixel and colour, and
-    becomes a JPEG of quality ``JPEG_QUALITY``. The same seed gives the same noise.
+    A frame is repeated while the vehicle is stationary. A repeated frame gets Gaussian noise of
+    deviation ``SENSOR_NOISE`` in every pixel and colour, and becomes a JPEG of quality
+    ``JPEG_QUALITY``. The same seed gives the same noise.
 
     Attributes:
-        drive: how they are taken.
-        undriven_count: how many frames the query has in its own order.
+        drive: the simulated drive.
+        query_count: number of frames of the query in its own order.
     """
 
     def __init__(
@@ -50,9 +50,9 @@ class ResampledTraverse(Source):
         seed: int,
         every: int = DEFAULT_EVERY,
     ) -> None:
-        """Read the query, and the other route's frames where there are any.
+        """Read all frames of the query, and of the other route if there is one.
 
-        See ``drive_of`` for seed and every.
+        See ``drive_of`` for protocol, seed and every.
 
         Raises:
             SourceError: a source is live, or fails.
@@ -62,9 +62,9 @@ class ResampledTraverse(Source):
         self._other = [] if other is None else _held(other)
         self.origin = query.origin
         self.not_given = query.not_given + (Counter() if other is None else other.not_given)
-        self.undriven_count = len(self._query)
+        self.query_count = len(self._query)
         self.drive: Resampling = drive_of(
-            protocol, self.undriven_count, foreign_count=len(self._other), seed=seed, every=every
+            protocol, self.query_count, foreign_count=len(self._other), seed=seed, every=every
         )
         self._seed = seed
         self.count: int = len(self.drive.frames)
@@ -79,12 +79,12 @@ class ResampledTraverse(Source):
         ):
             frame = (self._other if foreign else self._query)[number]
             stamp_ns = round(index * self._step_ns)
-            image = _taken_again(frame.image, [self._seed, index]) if repeated else frame.image
+            image = _with_noise(frame.image, [self._seed, index]) if repeated else frame.image
             odometry_m = self._odometry[index]
             yield replace(frame, index=index, stamp_ns=stamp_ns, image=image, odometry_m=odometry_m)
 
     def _readings(self) -> list[float | None]:
-        """Return the odometer's reading at each frame, metres; None where nobody knows."""
+        """Return the odometry at each frame, metres; None where unknown."""
         drive = self.drive
         if drive.odometry is not None:
             return [*drive.odometry.tolist()]
@@ -105,12 +105,12 @@ class ResampledTraverse(Source):
 
 def _held(source: Source) -> list[Frame]:
     if source.live:
-        raise SourceError("a camera cannot be driven again; record it and give the recording")
+        raise SourceError("a camera cannot be resampled; record it and give the recording")
     return [replace(frame, image=_encoded(frame.image)) for frame in source]
 
 
-def _taken_again(image: bytes | NDArray[np.uint8], seed: list[int]) -> bytes:
-    """Return an image as the camera would take it once more; what is no image stays as it is."""
+def _with_noise(image: bytes | NDArray[np.uint8], seed: list[int]) -> bytes:
+    """Return an image with sensor noise; data that are no image are returned unchanged."""
     encoded = _encoded(image)
     try:
         pixels = decode(encoded)
@@ -127,5 +127,5 @@ def _mean_step_ns(frames: list[Frame]) -> float:
 
 
 def _encoded(image: bytes | NDArray[np.uint8]) -> bytes:
-    """Encode pixels as PNG, which loses nothing."""
+    """Encode pixels as PNG, which is lossless."""
     return image if isinstance(image, bytes) else cv2.imencode(".png", image)[1].tobytes()

@@ -1,4 +1,4 @@
-"""A recording of ROS, 1 or 2, as a source of frames, with no ROS installed."""
+"""A recording of ROS 1 or ROS 2 as a source of frames, without a ROS installation."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ from placefield_tools.sources.ros_types import parser_of
 from placefield_tools.sources.source import Span
 from placefield_tools.sources.topics import image_topic
 
-_DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # how rosbags knows MCAP to define messages
+_DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # schema encodings in MCAP that rosbags reads
 
 
 class _RosRecording(Recording):
@@ -47,20 +47,20 @@ def open_ros_recording(
     stride: int,
     stop: threading.Event | None,
 ) -> Recording:
-    """Open a bag of ROS 1, a bag's folder of ROS 2, or one of its files (MCAP, SQLite).
+    """Open a bag of ROS 1, a bag folder of ROS 2, or a file of such a folder (MCAP, SQLite).
 
-    How much memory it takes is checked of MCAP's chunks alone (see ``read_summary``); of a bag of
-    ROS 1, and of messages and files that ROS 2 compressed, nothing says so beforehand.
+    The memory that reading needs is checked only for chunks of MCAP, see ``read_summary``. Bags of
+    ROS 1, and compressed messages and files of ROS 2, do not state it.
 
     Args:
         path: of the recording.
         topic: of images; None: the only one.
-        start: the first frame.
-        stride: from one frame to the next.
+        start: index of the first frame.
+        stride: step from one frame to the next.
         stop: ends the frames.
 
     Raises:
-        SourceError: it cannot be read, holds no such topic, or ends before ``start``.
+        SourceError: the recording cannot be read, has no such topic, or ends before ``start``.
     """
     with known_errors(path):
         _check_files(path)
@@ -78,7 +78,7 @@ def open_ros_recording(
 
 
 def _check_files(path: Path) -> None:
-    """Refuse files that would be read in part, or take too much memory."""
+    """Refuse files that would be read only in part, or need too much memory."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         _check_no_log(file)
         if file.suffix.lower() == ".mcap":
@@ -86,37 +86,37 @@ def _check_files(path: Path) -> None:
 
 
 def _check_listed(folder: Path) -> None:
-    """Refuse a bag's folder that does not hold the very files that its metadata list.
+    """Refuse a bag folder whose files are not exactly those in its metadata.
 
     Raises:
-        SourceError: one is missing, or there is another one of messages.
+        SourceError: a listed file is missing, or a file of messages is not listed.
     """
     if not folder.is_dir():
         return
     metadata = folder / "metadata.yaml"
-    told = YAML(typ="safe").load(metadata.read_text())["rosbag2_bagfile_information"]
-    names = [Path(name).name for name in told["relative_file_paths"]]
+    bag = YAML(typ="safe").load(metadata.read_text())["rosbag2_bagfile_information"]
+    names = [Path(name).name for name in bag["relative_file_paths"]]
     if missing := [name for name in names if not (folder / name).is_file()]:
         raise SourceError(
-            f"{metadata}: lists {', '.join(missing)}, not there: bring it back, or leave it out "
-            f"with: ros2 bag reindex {folder}"
+            f"{metadata}: lists {', '.join(missing)}, which is missing: restore it, or leave it "
+            f"out with: ros2 bag reindex {folder}"
         )
     listed = {name.removesuffix(".zstd") for name in names}
     held = (file.name for file in folder.iterdir() if file.suffix.lower() in (".db3", ".mcap"))
     if unlisted := [name for name in in_natural_order(held) if name not in listed]:
         raise SourceError(
             f"{metadata}: does not list {', '.join(unlisted)}, whose messages would be lost: "
-            f"remove what is not of this drive, or run: ros2 bag reindex {folder}"
+            f"remove files of other drives, or run: ros2 bag reindex {folder}"
         )
 
 
 def mixed_files(path: Path) -> list[Path]:
-    """Return the MCAP files of a bag's folder, if other messages than ROS's are among theirs.
+    """Return the MCAP files of a bag folder, if they hold other messages than ROS's, too.
 
-    rosbags would refuse them all; one by one, each is an MCAP recording.
+    rosbags refuses such a folder; its files are read as single MCAP recordings.
 
     Raises:
-        SourceError: one of its files is missing, or cannot be read.
+        SourceError: a file is missing, or cannot be read.
     """
     if not path.is_dir():
         return []
@@ -135,12 +135,12 @@ def _holds_others(file: Path) -> bool:
 
 
 def _check_no_log(file: Path) -> None:
-    """Refuse a database beside which a log lies, as when its recorder was killed."""
+    """Refuse a database with a write-ahead log, which a killed recorder leaves."""
     log = file.with_name(f"{file.name}-wal")
     if file.suffix.lower() == ".db3" and log.is_file() and log.stat().st_size:
         raise SourceError(
-            f"{log}: holds messages that are not in {file.name} yet: stop the recorder, or bring "
-            f"them in with: sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+            f"{log}: holds messages that are not in {file.name} yet: stop the recorder, or add "
+            f"them with: sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
         )
 
 
@@ -149,7 +149,7 @@ def _reader(path: Path) -> Reader1 | Reader2:
 
 
 def _messages(reader: Reader1 | Reader2, topic: str) -> Iterator[Read]:
-    """Yield what reads a message, for each of a topic."""
+    """Yield a reader of each message of a topic."""
     is_ros1 = isinstance(reader, Reader1)
     connections = [each for each in reader.connections if each.topic == topic]
     for connection, recorded_ns, data in reader.messages(connections):

@@ -1,13 +1,13 @@
-"""Stamps that a person writes in seconds."""
+"""Parsing of stamps that are written in seconds."""
 
 from decimal import Decimal
 
 
 def nanoseconds(seconds: str) -> int:
-    """Return a stamp in ns, by way of Decimal: as float, an epoch's ns would be rounded.
+    """Return a stamp in nanoseconds, exactly (by Decimal, because a float would round it).
 
     Raises:
-        ValueError: it is no number of seconds that a stamp can be.
+        ValueError: the text is no valid number of seconds.
     """
     try:
         exact = Decimal(seconds) * 1_000_000_000

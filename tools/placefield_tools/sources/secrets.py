@@ -1,4 +1,4 @@
-"""What of a source's name may be shown and logged."""
+"""Removal of passwords from the names of sources, before they are shown or logged."""
 
 import re
 
@@ -6,14 +6,14 @@ _URL = re.compile(r"([a-z][a-z0-9+.-]+:/+)(.*)", re.IGNORECASE | re.DOTALL)
 
 
 def without_secrets(where: str) -> str:
-    """Return a URL without user, password and query; what is no URL comes as it is.
+    """Return a URL without user, password and query; other text is returned unchanged.
 
-    A password may hold what ends a login elsewhere, as a slash: people type it as it is. So where
-    that leaves a doubt, more is left out than need be.
+    A password may hold characters that should be escaped, such as a slash. If it is unclear where
+    the password ends, more of the URL is removed than necessary.
     """
     url = _URL.fullmatch(where)
     if url is None:
         return where
     scheme, rest = url.groups()
-    plain, _, query = rest.partition("?")
-    return f"{scheme}…" if "@" in query else scheme + plain.rpartition("@")[2]
+    address, _, query = rest.partition("?")
+    return f"{scheme}…" if "@" in query else scheme + address.rpartition("@")[2]

@@ -1,4 +1,4 @@
-"""What every source of frames offers."""
+"""The interface of all sources of frames."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 class Span(NamedTuple):
-    """From when to when something was recorded, nanoseconds, both included."""
+    """The time of a recording: first and last stamp, nanoseconds."""
 
     first_ns: int
     last_ns: int
@@ -25,20 +25,17 @@ class Span(NamedTuple):
 class Source(ABC):
     """A stream of frames: iterate over it inside a ``with``.
 
-    ``live`` tells a source that runs on whether or not its frames are taken. ``count`` is how many
-    frames it gives, None where that is unknown; a video's container may be wrong about it, so there
-    it is an estimate. ``origin`` is where on earth the poses' frame lies, None where that is
-    unknown. ``stamped`` tells whether the frames' stamps are their own; where nobody knows when
-    they were taken, they are as if of a steady rate. ``span`` is from when to when it was recorded,
-    None where nobody wrote that down.
+    A frame that cannot be read is yielded with a ``fault``. The ``index`` of a frame counts all of
+    the source, including those that start, stride and spacing leave out. A source that is not live
+    can be iterated again, and gives the same frames.
 
-    A frame that cannot be read is given all the same, with its ``fault``. ``not_given`` counts the
-    others, when it has been iterated to its end: those ``missing``, which it has promised and not
-    found, and those ``left out``, which have no place.
-
-    A frame's ``index`` counts all the source's frames, those before ``start`` and those that stride
-    and spacing leave out too. A source that is not live can be iterated again, with the same
-    frames.
+    Attributes:
+        live: whether the source runs on, like a camera, even if its frames are not read.
+        count: number of frames, None if unknown; an estimate for a video, because its container may
+            be wrong.
+        origin: georeference of the poses, None if unknown.
+        stamped: whether the stamps are measured; if not, they are nominal, at a constant rate.
+        span: time of the recording, None if unknown.
     """
 
     live: bool = False
@@ -49,15 +46,18 @@ class Source(ABC):
 
     @cached_property
     def not_given(self) -> Counter[str]:
-        """How many frames it has not given, by what is the matter with them."""
+        """Numbers of frames that were not yielded, after a complete iteration.
+
+        ``missing`` frames were announced and not found; ``left out`` ones have no pose.
+        """
         return Counter()
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames in order; raise SourceError where the source fails on the way."""
+        """Yield the frames in order; raise SourceError if the source fails."""
 
-    def close(self) -> None:  # noqa: B027 - only a source that holds a device has to
-        """Give back what the source holds."""
+    def close(self) -> None:  # noqa: B027 - only a source that holds a device needs it
+        """Release what the source holds."""
 
     def __enter__(self) -> Self:
         return self
@@ -72,10 +72,10 @@ class Source(ABC):
 
 
 class Derived(Source):
-    """Root of sources that change, or leave out, frames of another."""
+    """Base class of sources that change or leave out frames of another source."""
 
     def __init__(self, source: Source) -> None:
-        """Take the other, which is given back with this one."""
+        """Wrap another source, which is closed with this one."""
         self._source = source
         self.live = source.live
         self.origin = source.origin
@@ -84,15 +84,15 @@ class Derived(Source):
         self.not_given = source.not_given
 
     def close(self) -> None:
-        """Give back what the source holds."""
+        """Close the other source."""
         self._source.close()
 
 
 class Ended(Derived):
-    """The frames of a source up to one."""
+    """The frames of a source before a last index."""
 
     def __init__(self, source: Source, start: int, stop: int, stride: int) -> None:
-        """Take a source of frames ``start``, ``start + stride``, …; give those before ``stop``."""
+        """Wrap a source of frames ``start``, ``start + stride``, …; yield those before ``stop``."""
         super().__init__(source)
         self._stop = stop
         most = len(range(start, stop, stride))

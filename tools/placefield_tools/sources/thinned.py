@@ -8,13 +8,13 @@ from placefield_tools.sources.source import Derived, Source
 
 
 class Thinned(Derived):
-    """Every n-th frame of a source that is not live, the first one on.
+    """Every n-th frame of a source that is not live, from the first on.
 
-    Unlike a stride, which a source has itself, it counts what the source gives: of a source that is
-    spaced, the spaced frames.
+    A stride counts all frames of a source. This class counts the frames that the source yields, for
+    example after distance sampling.
 
     Attributes:
-        unthinned_count: how many frames the source has.
+        unthinned_count: number of frames of the source.
     """
 
     def __init__(self, source: Source, every: int, unthinned_count: int) -> None:
@@ -24,5 +24,5 @@ class Thinned(Derived):
         self.count: int = len(range(0, unthinned_count, every))
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; raise SourceError where the source fails on the way."""
+        """Yield the frames; raise SourceError if the source fails."""
         return islice(iter(self._source), 0, None, self._every)

@@ -1,4 +1,4 @@
-"""Which of a recording's topics is meant."""
+"""Selection of a recording's topics."""
 
 import logging
 from collections.abc import Collection, Mapping
@@ -7,14 +7,14 @@ from placefield.errors import SourceError
 
 log = logging.getLogger(__name__)
 
-_MOST = 12  # topics that a line names
+_MOST = 12  # topics that an error names
 
 Types = Mapping[str, str]
 """A recording's topics and the types of their messages."""
 
 
 def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | None) -> str:
-    """Return the topic of images that is asked for, else the only one.
+    """Return the topic of images: the one asked for, or the only one.
 
     Args:
         name: of the recording.
@@ -23,7 +23,7 @@ def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | No
         asked: ``--topic``.
 
     Raises:
-        SourceError: there is none, or none of that name; several, and none is asked for.
+        SourceError: there is no such topic, or there are several and none is asked for.
     """
     found = _of_kind(types, kinds)
     if asked is None and len(found) == 1:
@@ -34,17 +34,17 @@ def image_topic(name: str, types: Types, kinds: Collection[str], asked: str | No
         every = [f"{topic} ({kind})" for topic, kind in sorted(types.items())]
         more = f" and {len(every) - _MOST} more" if len(every) > _MOST else ""
         raise SourceError(
-            f"{name}: no topic of images of ROS or Foxglove; "
+            f"{name}: has no topic of images of ROS or Foxglove; "
             f"it holds {', '.join(every[:_MOST]) or 'nothing'}{more}"
         )
-    wrong = "" if asked is None else f"--topic {asked}: there are no images; "
+    wrong = "" if asked is None else f"--topic {asked}: has no images; "
     raise SourceError(f"{name}: {wrong}choose with --topic one of {', '.join(found)}")
 
 
 def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | None) -> str | None:
-    """Return the topic of poses that is asked for, else the only one; None if not one is meant.
+    """Return the topic of poses: the one asked for, or the only one; None if there is no such one.
 
-    That none is taken where there are several is logged.
+    If there are several and none is asked for, no poses are used, which is logged.
 
     Args:
         name: of the recording.
@@ -53,12 +53,12 @@ def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | Non
         asked: ``--odometry-topic``; ``none`` means none.
 
     Raises:
-        SourceError: there is none of that name.
+        SourceError: there is no topic of poses of that name.
     """
     found = _of_kind(types, kinds)
     if asked is None and len(found) > 1:
         log.warning(
-            "%s: no poses are taken: choose with --odometry-topic one of %s, or none",
+            "%s: no poses are used: choose with --odometry-topic one of %s, or none",
             name,
             ", ".join(found),
         )
@@ -69,7 +69,7 @@ def pose_topic(name: str, types: Types, kinds: Collection[str], asked: str | Non
     if asked in found:
         return asked
     raise SourceError(
-        f"{name}: --odometry-topic {asked}: there are no poses; "
+        f"{name}: --odometry-topic {asked}: has no poses; "
         f"it holds poses in {', '.join(found) or 'no topic'}"
     )
 

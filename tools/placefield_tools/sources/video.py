@@ -20,7 +20,7 @@ from placefield_tools.sources.source import Source, until
 log = logging.getLogger(__name__)
 
 _MOST_DAMAGED = 1000
-"""Frames in a row that are tried in vain before the rest is given up."""
+"""Consecutive frames that fail to decode before the rest of the video is given up."""
 
 # FFmpeg would play a text file as an animation.
 _TEXT = cv2.VideoWriter.fourcc(*"ansi")
@@ -29,7 +29,7 @@ _TEXT = cv2.VideoWriter.fourcc(*"ansi")
 class Video(Source):
     """The frames of a video, decoded by FFmpeg to (H, W, 3) BGR, stamped by its container.
 
-    They are turned as the container says, like images as their EXIF does.
+    They are rotated as the container says, like images by their EXIF data.
     """
 
     def __init__(
@@ -49,9 +49,9 @@ class Video(Source):
         self.count = len(range(start, total, stride)) or None
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames, read from the first on: seeking is not exact in every container.
+        """Yield the frames; all are read from the first on, because seeking is often inexact.
 
-        A frame in the middle that does not decode keeps its turn, with its ``fault``.
+        A frame in the middle that does not decode is yielded with a ``fault``.
         """
         index = None
         with self._capture() as capture:
@@ -67,15 +67,15 @@ class Video(Source):
             return
         if not given:
             raise SourceError(
-                f"{self._path}: no frame decodes; OpenCV has no decoder for its codec, {codec}, or "
-                f"it is damaged: convert it: ffmpeg -i {self._path.name} -c:v libx264 NEW.mp4"
+                f"{self._path}: no frame decodes: OpenCV has no decoder for its codec, {codec}, or "
+                f"it is damaged; convert it: ffmpeg -i {self._path.name} -c:v libx264 NEW.mp4"
             )
         if given <= self._start:
             raise SourceError(f"--start {self._start}: {self._path} ends before this frame")
         self.not_given["missing"] = missing = expected.missing(given)
         if missing:
             log.warning(
-                "%s: %d frames came and %d did not: it is damaged, cut off or trimmed",
+                "%s: %d frames were read and %d are missing: it is damaged, cut off or trimmed",
                 self._path,
                 given,
                 missing,
@@ -86,9 +86,9 @@ class Video(Source):
         return Completeness(self._path, total, capture.get(cv2.CAP_PROP_FPS))
 
     def _grabbed(self, capture: cv2.VideoCapture) -> Iterator[tuple[int, int, bool]]:
-        """Grab all frames up to the last that is there; yield number, stamp, and if it is there.
+        """Grab all frames up to the last that decodes; yield number, stamp, and whether it decodes.
 
-        Those that are not lie evenly between those that are.
+        The stamps of frames that do not decode are interpolated.
         """
         in_vain = before_ns = 0
         for number in until(self._stop, count()):
@@ -124,5 +124,5 @@ class Video(Source):
 
 
 def _name(fourcc: int) -> str:
-    """Return the name of a codec by its four characters; those that cannot be printed are dots."""
+    """Return the four characters of a codec; characters that cannot be printed become dots."""
     return "".join(chr(byte) if 32 < byte < 127 else "." for byte in fourcc.to_bytes(4, "little"))

@@ -1,4 +1,4 @@
-"""A source's frames with the poses of a trajectory that was recorded beside them."""
+"""A source whose frames get poses from a recorded trajectory."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -16,15 +16,14 @@ log = logging.getLogger(__name__)
 
 
 class WithPoses(Derived):
-    """The frames from a trajectory's first message to its last, each with its pose.
+    """The frames between the first and the last message of a trajectory, each with its pose.
 
-    A recorder's topics do not begin at one instant, and a SLAM's trajectory begins where it finds
-    its way: what lies before and after has no place and is left out, which is logged, so that
-    ``count`` is the most there are. A frame in a gap of the trajectory keeps its turn and has no
-    pose, and so does one that was taken while a receiver had no fix.
+    Frames before and after the trajectory are left out, which is logged: the topics of a recording
+    do not begin at the same instant, and SLAM starts late. ``count`` is therefore an upper bound. A
+    frame in a gap of the trajectory, or without a fix of the receiver, is kept and has no pose.
 
-    The metres along the poses are the frame's odometry, if it has no other: they are the longer,
-    the more the poses jitter.
+    A frame without odometry gets the metres along the poses, which jitter of the poses makes too
+    long.
     """
 
     def __init__(
@@ -37,15 +36,15 @@ class WithPoses(Derived):
         origin: Origin | None = None,
         span_ns: tuple[int, int] | None = None,
     ) -> None:
-        """Take the source and the trajectory.
+        """Join a source and a trajectory.
 
         Args:
             source: of the frames.
-            trajectory: where they were taken.
-            name: of the trajectory, for a person.
-            key: the instant of a frame in the trajectory.
-            origin: of the trajectory.
-            span_ns: stamps of the first and the last message, where some have no pose.
+            trajectory: of the vehicle.
+            name: of the trajectory, used in messages.
+            key: gives the instant of a frame in the trajectory, nanoseconds.
+            origin: georeference of the trajectory.
+            span_ns: stamps of the first and the last message, if some messages have no pose.
         """
         super().__init__(source)
         self.count = source.count
@@ -56,19 +55,19 @@ class WithPoses(Derived):
         self._span_ns = span_ns
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames; raise SourceError where the trajectory covers none."""
+        """Yield the frames; raise SourceError if the trajectory covers none."""
         left_out = given = 0
         for frame in self._source:
             key = self._key(frame)
             if self._covers(key):
                 given += 1
-                yield self._located(frame, key)
+                yield self._with_pose(frame, key)
             else:
                 left_out += 1
         if not given:
             raise SourceError(
-                f"{self._name}: none of the {left_out} frames was taken between its first pose and "
-                "its last; do their stamps come from one clock?"
+                f"{self._name}: none of the {left_out} frames was taken between its first and its "
+                "last pose; check that both stamps come from one clock"
             )
         self.not_given["left out"] = left_out
         if left_out:
@@ -83,7 +82,7 @@ class WithPoses(Derived):
         within = self._span_ns is not None and self._span_ns[0] <= key <= self._span_ns[1]
         return within or self._trajectory.covers(key)
 
-    def _located(self, frame: Frame, key: int) -> Frame:
+    def _with_pose(self, frame: Frame, key: int) -> Frame:
         x, y, yaw, metres = map(float, self._trajectory.at(np.array([key]))[0])
         if np.isnan(x):
             return replace(frame, pose=None)

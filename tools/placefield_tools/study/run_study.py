@@ -17,7 +17,7 @@ from placefield.maps.traverse import Traverse
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.drive_matching import Metres
 from placefield_tools.evaluate.evaluation import Query, drive_in
-from placefield_tools.evaluate.truth_source import Asked, Sides, ground_of
+from placefield_tools.evaluate.truth_source import Comparison, TruthOptions, find_truth
 from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.thinned import Thinned
@@ -50,7 +50,7 @@ def run_study(
     config: Config,
     *,
     tolerance: int | None,
-    asked: Asked | None = None,
+    asked: TruthOptions | None = None,
 ) -> Study:
     """Run every method on the same frames, showing progress.
 
@@ -60,7 +60,7 @@ def run_study(
         truth_of: gives the truth of the query in its own order.
         config: of our map, its matching and all that is random.
         tolerance: shown in the report; None if a ground truth or metres were given.
-        asked: the other options of the ground truth, see ``ground_of``.
+        asked: the other options of the ground truth, see ``find_truth``.
 
     Raises:
         PlacefieldError: the sources or the truth cannot be read, or do not make our map, or there
@@ -89,7 +89,7 @@ def prepare(
     config: Config,
     *,
     words: bool = True,
-    asked: Asked | None = None,
+    asked: TruthOptions | None = None,
 ) -> Trial:
     """Describe all frames, build our map, and drive the query; see ``run_study``.
 
@@ -114,8 +114,8 @@ def prepare(
     CONSOLE.print("building our map")
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
-    ground = ground_of(
-        Sides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
+    ground = find_truth(
+        Comparison(placemap, references, whole_drive, drive, poses, opened.origin, readings),
         lambda: truth_of(whole_drive, references, drive.every),
         asked,
     )

@@ -14,7 +14,7 @@ from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.features.network import Network
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
-from placefield.maps.metrics import identity_metric
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.presets import PRESETS

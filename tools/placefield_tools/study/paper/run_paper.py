@@ -11,7 +11,7 @@ from placefield.errors import MapError
 from placefield.maps.map import Map, MapChannel
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.evaluation import Judged, Query, judge
-from placefield_tools.evaluate.truth_source import Asked
+from placefield_tools.evaluate.truth_source import TruthOptions
 from placefield_tools.study.matching import with_scales
 from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
 from placefield_tools.study.paper.channel_count_runs import count_channels
@@ -33,7 +33,7 @@ def run_paper_study(
     features: Sequence[str] = FEATURES,
     *,
     tolerance: int | None,
-    asked: Asked | None = None,
+    asked: TruthOptions | None = None,
 ) -> PaperStudy:
     """Run the paper's experiments, showing progress.
 
@@ -44,7 +44,7 @@ def run_paper_study(
         config: by the preset ``paper``; its kind of feature counts for nothing.
         features: kinds of those to run them on, at least one.
         tolerance: shown in the report; None if a ground truth or metres were given.
-        asked: the other options of the ground truth, see ``ground_of``.
+        asked: the other options of the ground truth, see ``find_truth``.
 
     Raises:
         PlacefieldError: the sources or the truth cannot be read, or do not make a map of AMS, or

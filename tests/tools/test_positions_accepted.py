@@ -13,7 +13,7 @@ from placefield.maps.map import Map
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.inspect.map_facts import map_facts
 from placefield_tools.sources import NO_PARTS, Parts
-from placefield_tools.sources.recorded_poses import way_of
+from placefield_tools.sources.recorded_poses import trajectory_of
 
 CASES = Path(
     os.environ.get("PLACEFIELD_CASES") or Path(__file__).resolve().parents[3] / "shared" / "cases"
@@ -79,7 +79,7 @@ def test_a_location_that_is_none_is_no_pose_and_moves_no_origin(
         (at * 10**9, SimpleNamespace(latitude=latitude, longitude=longitude))
         for at, (latitude, longitude) in enumerate(degrees)
     ]
-    way = way_of("a.mcap:/fix", "foxglove.LocationFix", fixes)
+    way = trajectory_of("a.mcap:/fix", "foxglove.LocationFix", fixes)
     assert way.origin == Origin(50.0, 8.0)
     assert way.trajectory.stamps.tolist() == [10**9, 3 * 10**9]
     assert way.span_ns == (0, 4 * 10**9)
@@ -89,7 +89,7 @@ def test_poses_of_visual_slam_in_a_recording_are_told_of(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     ahead = [(at * 10**8, a_pose(0.01, 0.02, at / 2)) for at in range(20)]
-    way_of("a.mcap:/slam", "geometry_msgs/msg/PoseStamped", ahead)
+    trajectory_of("a.mcap:/slam", "geometry_msgs/msg/PoseStamped", ahead)
     assert "9.5 m upwards" in caplog.text
     assert "--pose-axes z-forward" in caplog.text
 
@@ -97,5 +97,5 @@ def test_poses_of_visual_slam_in_a_recording_are_told_of(
 @pytest.mark.filterwarnings("error")
 def test_a_pose_beyond_all_metres_is_none() -> None:
     said = [(0, a_pose(1e300, 0, 0)), (10**9, a_pose(1, 2, 0)), (2 * 10**9, a_pose(0, -1e200, 0))]
-    way = way_of("a.mcap:/slam", "geometry_msgs/msg/PoseStamped", said)
+    way = trajectory_of("a.mcap:/slam", "geometry_msgs/msg/PoseStamped", said)
     assert way.trajectory.states[:, :2].tolist() == [[1, 2]]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from placefield.maps.map import Map
 
-# The arrays of each folder, by their file: dtype and axes. An axis of one letter has one length in
-# all files of a folder; K places, P poses, T metres travelled, N descriptor, M projected and D
-# raw dimensions.
+# For each folder: its files, with the dtype and the axes of their arrays. An axis of one letter has
+# the same length in all files of a folder: K places, P poses, T metres travelled, N descriptor
+# dimensions, M projected dimensions, D raw dimensions.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),

@@ -1,4 +1,4 @@
-"""Guess what kind of source a person means."""
+"""Opening a source of any kind: the kind is recognised by the text that a user gives."""
 
 import logging
 import re
@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from placefield.errors import ConfigError, SourceError
+from placefield.features.distance_sampler import check_spacing
 from placefield.features.frames import Frame
-from placefield.features.spacing import check_spacing
 from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
-from placefield_tools.sources.lined import Lined
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
+from placefield_tools.sources.pose_line_check import PoseLineCheck
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.video import Video
@@ -34,27 +34,28 @@ _DEVICE = re.compile(r"(?:camera:|/dev/video)(\d+)", re.ASCII)
 _URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*):")
-"""Of a source that another package brings."""
+"""The scheme of a source from another package."""
 
 _RECORDINGS = (".bag", ".db3", ".mcap")
 _UNFINISHED = (".active", ".part", ".partial", ".tmp")
-"""Of files that a recorder or a download has not finished."""
+"""Suffixes of files that a recorder or a download has not finished."""
 
 _BAG_FOLDER = "metadata.yaml"
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Which parts of a recording are meant, and what lies beside a source.
+    """The selected topics and frames of a source, and a file of poses beside it.
 
     Attributes:
-        topic: of images in a recording; None: the only one.
-        odometry_topic: of poses in a recording, ``none`` for none; None: the only one, if it is.
-        poses: a file of the frames' poses; None: those that the source has itself.
-        pose_axes: of that file; None: those of its form.
-        start: the first frame.
-        stop: the frame before which it ends; None: at its end.
-        stride: from one frame to the next.
+        topic: topic of the images of a recording; None: the only one.
+        odometry_topic: topic of the poses of a recording, ``none`` for no poses; None: the only
+            one, if there is exactly one.
+        poses: a file of the frames' poses; None: the source's own poses.
+        pose_axes: axes of that file; None: the usual axes of its format.
+        start: index of the first frame.
+        stop: index after the last frame; None: the end of the source.
+        stride: step from one frame to the next.
     """
 
     topic: str | None = None
@@ -79,23 +80,25 @@ def open_source(
 ) -> Source:
     """Open a folder of images, a video file, a recording, or a camera.
 
-    Several sources are one drive in several parts, and so is a folder of recordings: they are read
-    one after the other, in the order of their stamps where all have some, else in that given.
+    Several sources, or a folder of recordings, are the parts of one drive. They are read in
+    sequence, in the order of their stamps if all have some, and otherwise in the given order.
 
-    A recording is a bag of ROS or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or of
-    the network ``rtsp://…`` or ``http://…``. ``NAME:…`` is a source that another package brings by
-    the entry point ``NAME`` of ``placefield.sources``.
+    A recording is a ROS bag or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or on the
+    network ``rtsp://…`` or ``http://…``. ``NAME:…`` is a source of another package, with the entry
+    point ``NAME`` in ``placefield.sources``.
 
-    The source gives the frames that ``parts`` says, and of these, if asked to, only one every
-    ``spacing_m`` metres (see ``DistanceSampled``). The odometry of a camera's frames is what
-    ``metres`` tells, None where that is no news. ``stop`` ends the frames; a camera that is away is
-    waited for until then.
+    Args:
+        where: the source, or the parts of one drive.
+        spacing_m: metres between frames, by odometry (see ``DistanceSampled``); None: every frame.
+        metres: gives the odometry of a camera's frames, None if there is no new reading.
+        parts: selects topics and frames.
+        stop: ends the frames, also while a camera is away.
 
     Raises:
-        SourceError: nothing of the kind is there, it cannot be read, or ``spacing_m`` or ``parts``
-            does not fit. A video tells only when it is read that it ends before ``start``: its
+        SourceError: there is no such source, it cannot be read, or ``spacing_m`` or ``parts`` does
+            not fit. That a video ends before ``start`` is found only when it is read, because its
             container's count may be wrong.
-        ConfigError: what reads it is not installed.
+        ConfigError: a library that reads the source is not installed.
     """
     start, stride = parts.start, parts.stride
     if start < 0:
@@ -118,9 +121,9 @@ def open_source(
         shown = without_secrets(where if isinstance(where, str) else name_of(where))
         raise SourceError(f"{shown}: cannot be read ({error.strerror})") from error
     if parts.poses is None and parts.pose_axes is not None:
-        raise SourceError(f"--pose-axes {parts.pose_axes}: are of a file; give it with --poses")
+        raise SourceError(f"--pose-axes {parts.pose_axes}: needs a file of poses; give --poses")
     if parts.poses is not None:
-        source = _located(source, where, parts.poses, parts.pose_axes, start, stride)
+        source = _with_pose_file(source, where, parts)
     if parts.stop is not None:
         source = Ended(source, start, parts.stop, stride)
     if source.live and metres is not None:
@@ -138,7 +141,7 @@ def _open(
         return _open_recordings(where, recordings, start, stride, parts, stop)
     if parts.topic is not None or parts.odometry_topic is not None:
         shown = without_secrets(where)
-        raise SourceError(f"{shown}: has no topics: leave --topic and --odometry-topic out")
+        raise SourceError(f"{shown}: has no topics; leave out --topic and --odometry-topic")
     if device := _DEVICE.fullmatch(where):
         return Camera(int(device[1]), start=start, stride=stride, stop=stop)
     if _URL.fullmatch(where):
@@ -159,7 +162,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def name_of(parts: Sequence[str]) -> str:
-    """Return the name of a source, or of one drive in several: of the first and the last."""
+    """Return the name of a source, or of a drive in several parts: the first and the last."""
     return parts[0] if len(parts) == 1 else f"{parts[0]} to {parts[-1]}"
 
 
@@ -169,7 +172,7 @@ def holds_recordings(path: Path) -> bool:
 
 
 def _recordings_in(path: Path) -> list[Path]:
-    """Return the recordings in a folder that holds no images, and is no bag itself."""
+    """Return the recordings in a folder without images; a bag's own folder is none."""
     if not path.is_dir():
         return []
     files = [file for file in path.iterdir() if not file.name.startswith(".")]
@@ -190,7 +193,7 @@ def _open_parts(
     opened = [_open(where, 0, 1, parts, stop) for where in wheres]
     for where, source in zip(wheres, opened, strict=True):
         if source.live:
-            raise SourceError(f"{without_secrets(where)}: a camera is no part of a drive")
+            raise SourceError(f"{without_secrets(where)}: a camera cannot be a part of a drive")
     if all(source.span is not None for source in opened):
         opened = [opened[number] for number in in_order_of_time(name, opened)]
     return OneDrive(opened, name, start=start, stride=stride)
@@ -204,7 +207,7 @@ def _open_recordings(
     parts: Parts,
     stop: threading.Event | None,
 ) -> Source:
-    """Open a recording, or several of one drive; their poses are one way."""
+    """Open the recordings of one drive, whose poses form one trajectory."""
     try:
         from placefield_tools.sources.recorded_poses import with_poses
         from placefield_tools.sources.ros_recording import mixed_files
@@ -243,11 +246,11 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
     if path.is_dir():
         return Folder(path, start=start, stride=stride, stop=stop)
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        raise SourceError(f"{shown}: this would be one image; give the folder that it lies in")
+        raise SourceError(f"{shown}: is a single image; give the folder of images")
     if path.suffix.lower() in _UNFINISHED:
         raise SourceError(
-            f"{shown}: is still being written, or was cut off while it was; stop the recorder, or "
-            "repair it (rosbag reindex, ros2 bag reindex, mcap recover), and give it its own name"
+            f"{shown}: is being written, or was cut off; stop the recorder, or repair the file "
+            "(rosbag reindex, ros2 bag reindex, mcap recover), and remove this suffix"
         )
     if path.is_file():
         return Video(path, start=start, stride=stride, stop=stop)
@@ -257,15 +260,15 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
     )
 
 
-def _located(
-    source: Source, where: str, poses: Path, axes: PoseAxes | None, start: int, stride: int
-) -> Source:
-    """Join frames and poses by their stamps, or by their numbers where either have none."""
+def _with_pose_file(source: Source, where: str, parts: Parts) -> Source:
+    """Join frames and poses by stamp, or by number if the frames or the poses have no stamps."""
+    poses, start, stride = parts.poses, parts.start, parts.stride
+    assert poses is not None
     if source.live:
-        raise SourceError(f"--poses {poses}: a camera's frames are not there yet; leave it out")
-    file = read_pose_file(poses, axes)
+        raise SourceError(f"--poses {poses}: a camera has no recorded poses; leave it out")
+    file = read_pose_file(poses, parts.pose_axes)
     total = len(file.poses)
-    is_counted = not isinstance(source, Video)  # whose count is an estimate
+    is_counted = not isinstance(source, Video)  # a video's count is an estimate
     if file.numbered and is_counted and source.count != len(range(start, total, stride)):
         raise SourceError(
             f"--poses {poses}: has {total} lines; {where} has another number of frames"
@@ -276,11 +279,11 @@ def _located(
                 f"--poses {poses}: has {total} lines; {where} has another number of frames, and no "
                 "stamps to join them by: give it a frames.csv with the column stamp"
             )
-        log.warning("%s: the frames have no stamps: line i is taken for frame i", poses)
+        log.warning("%s: the frames have no stamps: line i is used for frame i", poses)
         file = file.by_number()
 
     if file.numbered:
-        source = Lined(source, str(poses), total, stride)
+        source = PoseLineCheck(source, str(poses), total, stride)
 
     def key(frame: Frame) -> int:
         return file.key(frame.index, frame.stamp_ns)

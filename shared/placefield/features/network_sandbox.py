@@ -1,4 +1,4 @@
-"""A network tried in a process of its own: one that is made to do harm ends that, and no other."""
+"""A trial of a network in a sandbox: a separate process with limits on memory and time."""
 
 import json
 import os
@@ -23,26 +23,28 @@ _tried: set[bytes] = set()
 
 
 def try_network(name: str, network: Network) -> None:
-    """Load a network and run it on a blank frame and on noise, in a process of its own, but once.
+    """Load a network and run it on a blank frame and on noise, in a separate process.
+
+    A network is tried once per process; later calls return at once.
 
     Args:
-        name: of the network, for a message.
+        name: of the network, used in messages.
         network: to try.
 
     Raises:
-        ConfigError: it is refused, as by ``NetworkFeature``; or it ends its process, or takes more
-            than 30 s or 4 GiB.
+        ConfigError: ``NetworkFeature`` refuses the network, or the network crashes its process or
+            needs more than 30 s or 4 GiB.
     """
     if network.digest in _tried:
         return
     check_onnx(name, network.onnx)
-    told = json.dumps([name, network.input.model_dump(mode="json")]).encode() + b"\n"
-    # this process may have been told where its modules are in ways of its own
+    description = json.dumps([name, network.input.model_dump(mode="json")]).encode() + b"\n"
+    # the search path of this process may have been changed since its start
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     try:
         ended = subprocess.run(
             [sys.executable, "-P", "-m", __name__],
-            input=told + network.onnx.tobytes(),
+            input=description + network.onnx.tobytes(),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             timeout=_WITHIN_S,
@@ -50,14 +52,14 @@ def try_network(name: str, network: Network) -> None:
         )
     except subprocess.TimeoutExpired:
         raise ConfigError(
-            f"{name}: the network has not described two frames within {_WITHIN_S} s; take another"
+            f"{name}: the network did not describe two frames within {_WITHIN_S} s; use another one"
         ) from None
     if ended.returncode == _REFUSED:
         raise ConfigError(ended.stdout.decode())
     if ended.returncode:
         raise ConfigError(
-            f"{name}: the network ends the process that runs it ({_reason(ended.returncode)}); "
-            "take another"
+            f"{name}: the network crashes the process that runs it ({_reason(ended.returncode)}); "
+            "use another one"
         )
     _tried.add(network.digest)
 
@@ -71,11 +73,11 @@ def _main() -> None:
     onnx = np.frombuffer(sys.stdin.buffer.read(), np.uint8)
     network = Network(NetworkInput.model_validate(wanted), onnx)
     cv2.setNumThreads(1)
-    if sys.platform == "linux":  # elsewhere the parent's patience is the only limit
+    if sys.platform == "linux":  # on other systems, the parent's timeout is the only limit
         _limit_this_process(_MEMORY + 4 * network.onnx.nbytes)
     try:
         feature = NetworkFeature(name, network)
-        with suppress(FrameError):  # what a network looks up may depend on what it sees
+        with suppress(FrameError):  # noise may take another path through the network
             feature.describe(np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8))
     except ConfigError as error:
         sys.stdout.buffer.write(str(error).encode())
@@ -87,15 +89,15 @@ def _main() -> None:
 
 
 def _limit_this_process(more: int) -> None:
-    """Let this process take so many bytes more than now, 30 s of a core, and leave no core file."""
+    """Limit this process to 30 s of CPU and ``more`` bytes above its memory now; no core dump."""
     import resource
 
     with open("/proc/self/statm") as pages:
-        taken = int(pages.read().split()[0]) * resource.getpagesize()
-    most = taken + more
+        used = int(pages.read().split()[0]) * resource.getpagesize()
+    most = used + more
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (_WITHIN_S, _WITHIN_S))  # should the parent be gone
+    resource.setrlimit(resource.RLIMIT_CPU, (_WITHIN_S, _WITHIN_S))  # if the parent has died
 
 
 if __name__ == "__main__":

@@ -7,22 +7,22 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from placefield.errors import SourceError
-from placefield.features.spacing import Spacing, check_spacing
+from placefield.features.distance_sampler import DistanceSampler, check_spacing
 
 
-def taken(travelled: NDArray[np.float64], metres: float) -> list[int]:
-    spacing = Spacing(metres)
-    return [index for index, at in enumerate(travelled) if spacing.takes(float(at))]
+def selected(travelled: NDArray[np.float64], metres: float) -> list[int]:
+    spacing = DistanceSampler(metres)
+    return [index for index, at in enumerate(travelled) if spacing.is_due(float(at))]
 
 
 @given(steps=st.lists(st.integers(0, 30)), metres=st.integers(1, 50))
-def test_the_first_frame_at_or_behind_each_multiple_of_the_spacing_is_taken(
+def test_the_first_frame_at_or_behind_each_multiple_of_the_spacing_is_selected(
     steps: list[int], metres: int
 ) -> None:
     travelled = np.cumsum([1_000_000, *steps])  # millimetres: whole numbers round nothing
     multiples = (travelled - travelled[0]) // metres
     expected = np.unique(multiples, return_index=True)[1].tolist()
-    assert taken(travelled / 1000, metres / 1000) == expected
+    assert selected(travelled / 1000, metres / 1000) == expected
 
 
 def test_frames_that_come_late_do_not_make_the_next_ones_later() -> None:
@@ -30,7 +30,7 @@ def test_frames_that_come_late_do_not_make_the_next_ones_later() -> None:
     travelled = 17.2 + step * np.arange(1000)
     late = [
         travelled[index] - travelled[0] - metres * number
-        for number, index in enumerate(taken(travelled, metres))
+        for number, index in enumerate(selected(travelled, metres))
     ]
     assert min(late) > -1e-5
     assert max(late) < step

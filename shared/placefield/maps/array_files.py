@@ -1,4 +1,4 @@
-"""Reading a map's files, whoever wrote them: only such as lie in it, and no more than they hold."""
+"""Safe reading of a map's files: none outside the folder, and no more bytes than a file holds."""
 
 import math
 import mmap
@@ -12,7 +12,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-_MAPPED_FROM = 2**20  # bytes: a smaller file is read, and what becomes of it then is no matter
+_MAPPED_FROM = 2**20  # bytes: a smaller file is copied, so later changes to it do not matter
 
 
 def open_inside(folder: Path, name: str) -> BinaryIO:
@@ -24,7 +24,7 @@ def open_inside(folder: Path, name: str) -> BinaryIO:
     real = Path(os.path.realpath(folder / name, strict=True))
     if not real.is_relative_to(os.path.realpath(folder)):
         raise OSError(f"{folder / name}: a link leads out of the folder")
-    opened = os.open(real, os.O_RDONLY | os.O_NONBLOCK)  # no pipe is waited for
+    opened = os.open(real, os.O_RDONLY | os.O_NONBLOCK)  # so that a pipe does not block
     if not stat.S_ISREG(os.fstat(opened).st_mode):
         os.close(opened)
         raise OSError(f"{folder / name}: no regular file")
@@ -33,13 +33,13 @@ def open_inside(folder: Path, name: str) -> BinaryIO:
 
 @dataclass(frozen=True)
 class ArrayHeader:
-    """What the file of an array says of it.
+    """The header of an array's file.
 
     Attributes:
         shape: of the array.
-        is_turned: whether it lies column by column.
+        is_turned: whether the array is stored column by column.
         dtype: of its numbers.
-        start: where they begin, bytes.
+        start: offset of the first number, bytes.
     """
 
     shape: tuple[int, ...]
@@ -49,13 +49,13 @@ class ArrayHeader:
 
 
 class ArrayFile:
-    """A ``.npy`` file; one that is large is mapped, so that all processes of a host share it.
+    """A ``.npy`` file; a large one is memory-mapped, so that all processes of a host share it.
 
-    The file is closed with its last holder: a map has no end at which somebody could do it.
+    The file is closed when this object is collected, because a map is never closed explicitly.
     """
 
     def __init__(self, file: BinaryIO) -> None:
-        """Take the file as it is now."""
+        """Remember the file's present length and time of change."""
         self._file = file
         self._closing = finalize(self, file.close)
         self._state = self._state_now()
@@ -66,23 +66,23 @@ class ArrayFile:
         return status.st_size, status.st_mtime_ns
 
     def close(self) -> None:
-        """Let go of the file; what is mapped stays."""
+        """Close the file; mapped arrays stay valid."""
         self._closing()
 
     @property
     def length(self) -> int:
-        """Bytes of the file."""
+        """Length of the file, bytes."""
         return self._state[0]
 
     @property
     def is_unchanged(self) -> bool:
-        """Whether nobody has written to the file since; what is mapped has changed with it."""
+        """Whether the file was not written to since; a write changes mapped arrays, too."""
         return self._state_now() == self._state
 
     def header(self) -> ArrayHeader | None:
-        """Return what the file says of its array, which is as many bytes as lie in the file.
+        """Return the header; None if the file is not an array of numbers as ``np.save`` writes it.
 
-        None: the file is none as ``np.save`` writes one of numbers.
+        The array of a valid header has exactly as many bytes as the file holds.
         """
         try:
             shape, is_turned, dtype = _read_header(self._file)
@@ -95,10 +95,10 @@ class ArrayFile:
         )
 
     def array(self, header: ArrayHeader) -> NDArray[Any]:
-        """Return the array of this header, which cannot be written to.
+        """Return the array of this header, read-only.
 
         Raises:
-            OSError: the file is shorter now.
+            OSError: the file has become shorter.
         """
         try:
             values = np.frombuffer(self._content(), header.dtype, offset=header.start)
@@ -119,7 +119,7 @@ def _read_header(file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
         shape, is_turned, dtype = np.lib.format.read_array_header_1_0(file)
     except (
         Exception
-    ) as error:  # the header is parsed as a literal of Python, which fails in all ways
+    ) as error:  # numpy parses the header as a Python literal, which raises errors of any kind
         raise ValueError(f"its header: {error}") from None
     if any(length < 0 for length in shape):
         raise ValueError("a length below 0")

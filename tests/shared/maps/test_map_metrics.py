@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from placefield.maps import metrics
+from placefield.maps import map_metrics
 from placefield.maps.map import MapMetric
-from placefield.maps.metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric
 
 Array = NDArray[np.float32]
 Make = Callable[[Array], MapMetric]
@@ -61,7 +61,7 @@ def test_steps_are_to_each_place_from_those_up_to_six_before_it(
     make: Make, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where there is none before it, of mean length; on a map that is shorter, as one less."""
-    monkeypatch.setattr(metrics, "_BLOCK", 16)
+    monkeypatch.setattr(map_metrics, "_BLOCK", 16)
     metric = make(random_walk(count))
     points = metric.unit * metric.places.astype(np.float64)
     assert metric.steps.dtype == np.float32

@@ -1,4 +1,4 @@
-"""A projection and a reference traverse to a map's metric."""
+"""The metrics of a map: the places under the identity or under a learned projection."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,9 @@ Array = NDArray[np.float32]
 
 
 def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
-    """Make the metric that was not learned, with the places (K, N) of these descriptors.
+    """Return the identity metric with the places of these descriptors (K, N).
 
-    They are to be searched by a coarse look first, or not.
+    With ``coarse``, it gets an index for the coarse search.
     """
     identity = np.eye(descriptors.shape[1], dtype=np.float32)
     places = np.empty(descriptors.shape, np.int16)
@@ -32,7 +32,7 @@ def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
 
 
 def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = False) -> MapMetric:
-    """Make the metric of a learned projection (M, N), likewise."""
+    """Return the metric of a learned projection (M, N), see ``identity_metric``."""
     unit = projected_unit(projection)
     project = QuantizedProjection(projection, unit)
     places = np.empty((len(descriptors), len(projection)), np.int16)

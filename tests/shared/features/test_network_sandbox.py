@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from onnx import GraphProto, ModelProto, NodeProto, TensorProto, helper, numpy_helper
 
 from placefield.errors import ConfigError
-from placefield.features import trying
+from placefield.features import network_sandbox
 from placefield.features.extract import feature_of
 from placefield.features.network import Network, NetworkInput
+from placefield.features.network_sandbox import try_network
 from placefield.features.onnx_file import MOST_NODES, check_onnx
-from placefield.features.trying import try_network
 
 EXTERNAL = TensorProto.EXTERNAL
 
@@ -170,7 +170,7 @@ def test_a_network_of_too_many_nodes_is_refused_before_it_is_loaded(
 def test_a_network_of_too_much_besides_is_refused(junk: bytes) -> None:
     network = network_of(chain(1))
     padded = Network(network.input, np.frombuffer(network.onnx.tobytes() + junk * 10**6, np.uint8))
-    assert "as much besides" in refusal(padded)
+    assert "fields; use a smaller" in refusal(padded)
 
 
 def beyond_the_image(axis: int) -> ModelProto:
@@ -183,7 +183,7 @@ def beyond_the_image(axis: int) -> ModelProto:
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_network_that_ends_the_process_ends_another_one(axis: int) -> None:
-    assert "ends the process that runs it" in refusal(network_of(beyond_the_image(axis)))
+    assert "crashes the process that runs it" in refusal(network_of(beyond_the_image(axis)))
 
 
 def test_a_network_that_wants_much_memory_is_refused() -> None:
@@ -192,7 +192,7 @@ def test_a_network_that_wants_much_memory_is_refused() -> None:
 
 
 def test_a_network_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trying, "_WITHIN_S", 0.01)
+    monkeypatch.setattr(network_sandbox, "_WITHIN_S", 0.01)
     assert "within 0.01 s" in refusal(network_of(chain(2)))
 
 
@@ -204,7 +204,7 @@ def test_a_network_that_is_refused_is_so_each_time_and_one_that_works_is_tried_o
     path = tmp_path / "net.onnx"
     write_network(path)
     feature_of(f"onnx:{path}")
-    monkeypatch.setattr(trying, "_WITHIN_S", 0.0)
+    monkeypatch.setattr(network_sandbox, "_WITHIN_S", 0.0)
     pixels: NDArray[np.uint8] = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     assert feature_of(f"onnx:{path}").describe(pixels).dtype == np.float32
 
@@ -212,5 +212,5 @@ def test_a_network_that_is_refused_is_so_each_time_and_one_that_works_is_tried_o
 def test_what_the_process_says_no_to_is_said_here(tmp_path: Path) -> None:
     path = tmp_path / "net.onnx"
     write_network(path, width=WIDTH - 1)
-    with pytest.raises(ConfigError, match=f"net.onnx: takes CV_32FC1 .* x {WIDTH}, not"):
+    with pytest.raises(ConfigError, match=f"net.onnx: its input is CV_32FC1 .* x {WIDTH}, not"):
         feature_of(f"onnx:{path}")
