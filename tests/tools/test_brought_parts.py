@@ -103,5 +103,5 @@ def test_a_recorder_that_holds_no_pictures_is_not_given_any(
 
 
 def test_a_suffix_that_nobody_brings_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"name it \.jsonl, \.csv, \.mcap or \.rrd"):
+    with pytest.raises(ConfigError, match=r"use \.jsonl, \.csv, \.mcap or \.rrd"):
         recorder_of(tmp_path / "drive.places")
