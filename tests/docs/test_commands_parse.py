@@ -94,6 +94,6 @@ def test_every_command_shows_an_example_that_parses_but_for_benchmarks() -> None
     "line",
     ["up", "upp m.pfmap", "up m.pfmap --rum x", "plan m.pfmap --cores two", "security ini x"],
 )
-def test_what_is_no_command_of_ours_is_told(line: str) -> None:
+def test_what_is_no_command_of_ours_is_reported(line: str) -> None:
     with pytest.raises(Exception, match=r".+"):
         parse(line.split())

@@ -104,7 +104,7 @@ class Stage:
         self.handle(KEYS.feature, about, FeatureMessage(model="m", descriptor=None))
 
     def candidate(self, channel: int, sequence: int) -> Candidate:
-        """Return a candidate that believes in some of the places."""
+        """Return a candidate with belief in some of the places."""
         rng = np.random.default_rng([channel, sequence])
         evidence = rng.dirichlet(np.full(self.places // 3, 0.1)).astype(np.float32)
         places = np.sort(rng.permutation(self.places)[: len(evidence)]).astype(np.int32)

@@ -47,7 +47,7 @@ def test_a_frame_that_was_answered_before_its_descriptor_came_is_answered_once(
     stage.answer((0, 1, 2), header(1))
     stage.announce(header(1))
     assert [sequence for sequence, _ in stage.published] == [0, 1]
-    stage.announce(header(1))  # again, so its source has not heard of the answer
+    stage.announce(header(1))  # again, so its source has not received the answer
     assert [sequence for sequence, _ in stage.published] == [0, 1, 1]
 
 
@@ -97,7 +97,7 @@ def test_a_frame_that_no_channel_answers_is_answered_all_the_same(stage: Stage) 
     assert stage.counts["partial"] == 1
 
 
-def test_frames_that_are_too_fast_are_told_and_counted(stage: Stage) -> None:
+def test_frames_that_are_too_fast_are_reported_and_counted(stage: Stage) -> None:
     for sequence, posterior in enumerate([0.0, 0.75, 0.25, 1.0]):
         written = [stage.written(channel, sequence, too_fast=posterior) for channel in range(3)]
         stage.announce(header(sequence))
@@ -260,7 +260,7 @@ def test_nor_do_they_take_more_than_so_many_bytes(
     assert stage.counts["dropped_full"] > 90
 
 
-def test_a_shard_that_tells_of_more_places_than_there_are_is_of_another_map(stage: Stage) -> None:
+def test_a_shard_that_reports_of_more_places_than_there_are_is_of_another_map(stage: Stage) -> None:
     places = np.arange(stage.places + 1, dtype=np.int32)
     evidence = np.ones(len(places), np.float32)
     written = stage.written(0, 0, places=places, evidence=evidence)

@@ -116,7 +116,7 @@ def test_what_does_not_fit_the_map_is_refused_and_the_stream_goes_on(
     assert matches == recognise(small_map, rule, [*query])
 
 
-def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
+def test_every_way_to_push_a_frame_reports_the_matchers_its_odometry(
     small_map: Map, make_traverse: Callable[..., Traverse], given_odometry: list[float | None]
 ) -> None:
     recognizer = Recognizer(small_map)
@@ -130,7 +130,7 @@ def test_every_way_to_push_a_frame_tells_the_matchers_its_odometry(
     assert given_odometry == [1, 2, 3, 3, 0, None]
 
 
-def test_matchers_are_told_the_metres_travelled_that_the_map_has(
+def test_matchers_are_reported_the_metres_travelled_that_the_map_has(
     make_map: Callable[[Traverse], Map],
     make_traverse: Callable[..., Traverse],
     given_routes: list[RouteCells | None],

@@ -8,7 +8,9 @@ from hosting import placefield
 from placefield_tools.chaos.schedule import schedule
 
 
-def test_chaos_tells_what_became_of_every_frame_and_fault(map_path: Path, query_dir: Path) -> None:
+def test_chaos_reports_what_became_of_every_frame_and_fault(
+    map_path: Path, query_dir: Path
+) -> None:
     flags = ("--faults", "2", "--rate", "30", "--seed", "22", "--json")
     ended = placefield("chaos", map_path, query_dir, *flags)
     assert ended.returncode == 0, ended.stderr

@@ -133,7 +133,7 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
 
 
 @pytest.mark.usefixtures("replayed")
-def test_the_page_tells_how_the_services_are(shown: Shown) -> None:
+def test_the_page_reports_how_the_services_are(shown: Shown) -> None:
     rows = shown.page.get_by_role("region", name="Services").get_by_role("row")
     wait_until(lambda: rows.count() >= 1 + 5, "all services are shown")
     shown.await_text("whole gaps", "0")

@@ -22,7 +22,7 @@ def complaint(ended: "subprocess.CompletedProcess[str]") -> str:
     return line
 
 
-def test_status_tells_how_far_each_service_of_a_whole_run_is(host: Host, query_dir: Path) -> None:
+def test_status_reports_how_far_each_service_of_a_whole_run_is(host: Host, query_dir: Path) -> None:
     host.replay(query_dir)
     ended = placefield("status", "--json", "--endpoint", host.endpoint)
     assert ended.returncode == 0, ended.stderr
@@ -54,8 +54,8 @@ def test_status_names_what_a_run_lacks_and_ends_with_code_1(host: Host) -> None:
     assert "run half" in half.stdout
     assert "0.1of2-ab" in half.stdout
     assert "matches 7" in half.stdout
-    lacking = "featurizer; channel 0, shard 0/2; channel 1"
-    assert complaint(half) == f"placefield: run 'half' lacks {lacking}"
+    missing = "featurizer; channel 0, shard 0/2; channel 1"
+    assert complaint(half) == f"placefield: run 'half' lacks {missing}"
 
 
 def test_status_says_in_words_how_many_frames_were_faster_than_the_map_resolves(

@@ -66,7 +66,7 @@ def is_picture(path: Path) -> bool:
     return cv2.imread(str(path)) is not None
 
 
-def test_it_tells_its_version(placefield: Run) -> None:
+def test_it_reports_its_version(placefield: Run) -> None:
     ended = placefield("--version")
     assert (ended.code, ended.out) == (0, f"placefield {version('placefield')}\n")
 
@@ -179,7 +179,7 @@ def test_spacing_makes_an_uneven_drive_even(
     assert "60 places" in placefield(*build, "--spacing", "0.1").out
 
 
-def test_a_map_that_is_there_is_overwritten_only_if_told_to(
+def test_a_map_that_is_there_is_overwritten_only_if_reported_to(
     placefield: Run, reference_dir: Path, query_dir: Path, tmp_path: Path
 ) -> None:
     target = tmp_path / "route.pfmap"

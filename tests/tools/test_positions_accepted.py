@@ -53,7 +53,7 @@ def test_frames_without_stamps_are_where_the_line_of_their_number_says() -> None
     np.testing.assert_allclose(poses[:, 0], np.arange(60) / 2, atol=1e-9)
 
 
-def test_a_camera_s_axes_are_told_of_and_taken(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_camera_s_axes_are_reported_and_taken(caplog: pytest.LogCaptureFixture) -> None:
     file = CASES / "poses_in_the_camera_frame/orbslam.txt"
     built("poses_by_invented_stamps/frames", Parts(poses=file))
     assert "give --pose-axes z-forward" in caplog.text
@@ -85,7 +85,7 @@ def test_a_location_that_is_none_is_no_pose_and_moves_no_origin(
     assert way.span_ns == (0, 4 * 10**9)
 
 
-def test_poses_of_visual_slam_in_a_recording_are_told_of(
+def test_poses_of_visual_slam_in_a_recording_are_reported(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     ahead = [(at * 10**8, a_pose(0.01, 0.02, at / 2)) for at in range(20)]

@@ -124,17 +124,17 @@ def test_without_the_gate_a_metric_is_learned_of_one_traverse_too() -> None:
     assert all(channel.metric.learned for channel in built.channels)
 
 
-def test_progress_tells_of_every_channels_clustering_and_learning() -> None:
-    told: dict[tuple[int, str], list[float]] = {}
+def test_progress_reports_of_every_channels_clustering_and_learning() -> None:
+    reported: dict[tuple[int, str], list[float]] = {}
 
     def progress(number: int, what: str, share: float) -> None:
-        told.setdefault((number, what), []).append(share)
+        reported.setdefault((number, what), []).append(share)
 
     cut = partial(adaptive_channels, progress=progress)
     config = config_of("lmnn")
     build_map([weathered(seed=1), weathered(seed=2)], config, progress, cut)
-    assert set(told) == {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
-    for shares in told.values():
+    assert set(reported) == {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
+    for shares in reported.values():
         assert len(shares) > 5
         assert shares == sorted(shares)
         assert shares[-1] == 1

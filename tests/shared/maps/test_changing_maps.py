@@ -51,7 +51,7 @@ def test_a_small_file_may_change_while_its_map_is_open(
 
 @pytest.mark.usefixtures("all_mapped")
 @pytest.mark.parametrize("change", [overwrite, truncate, lengthen])
-def test_a_mapped_file_that_is_written_to_is_told_by_its_name(
+def test_a_mapped_file_that_is_written_to_is_reported_by_its_name(
     saved: Path, change: Callable[[Path], None]
 ) -> None:
     opened = open_map(saved)

@@ -51,7 +51,7 @@ def test_a_traverse_of_another_route_is_refused_with_how_much_was_recognised(
     assert "\n" not in str(said.value)
 
 
-def test_of_traverses_too_short_for_telling_it_is_said(
+def test_of_traverses_too_short_for_reporting_it_is_said(
     reference_dir: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     parts = [traverse(reference_dir, "gist", part) for part in (slice(0, 20), slice(30, 50))]

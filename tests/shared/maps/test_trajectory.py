@@ -86,8 +86,8 @@ def test_a_vehicle_looks_where_it_drives_also_while_it_stands() -> None:
     yaws = np.unwrap(directions(circle))
     np.testing.assert_allclose(yaws[:-4], angles[:-4] + np.pi / 2, atol=0.01)
     jitter = np.random.default_rng(0).uniform(-0.02, 0.02, (10, 2))
-    standing = np.concatenate([jitter, [[0, -5], [0, -9]]])
-    np.testing.assert_allclose(directions(standing), -np.pi / 2, atol=0.01)
+    stationary = np.concatenate([jitter, [[0, -5], [0, -9]]])
+    np.testing.assert_allclose(directions(stationary), -np.pi / 2, atol=0.01)
     assert directions(jitter).tolist() == [0] * 10
 
 

@@ -91,7 +91,7 @@ def test_a_frame_just_outside_of_the_poses_is_at_the_first_or_the_last() -> None
 @pytest.mark.parametrize(
     ("stamps", "stamped"), [([1, 1, 1], True), ([0, 1, 0.5], True), ([0, 0.1, 0.2], False)]
 )
-def test_stamps_that_do_not_ascend_or_are_invented_tell_no_pose(
+def test_stamps_that_do_not_ascend_or_are_invented_report_no_pose(
     stamps: list[float], stamped: bool
 ) -> None:
     some = described(stamps, [Pose(0, 0, 0), None, Pose(9, 0, 0)])

@@ -28,7 +28,7 @@ def test_latencies_are_compared_within_a_round() -> None:
     assert found["chain_lost_frames"] == 1
 
 
-def test_computing_time_is_told_by_answered_frame() -> None:
+def test_computing_time_is_reported_by_answered_frame() -> None:
     together, separate = Load(answers(4, 5, 6, 7, 8), 0.02), Load(answers(4, 9, 9), 0.03)
     found = as_object(load_figures(together, separate))
     assert found["cameras_lost_frames"] == 0

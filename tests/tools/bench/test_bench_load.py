@@ -87,7 +87,7 @@ def test_every_play_is_a_live_stream_of_its_own() -> None:
     assert [header.end for header in bus.headers] == [False, False, False, True] * 2
 
 
-def test_cameras_that_get_no_answer_at_all_are_told_so() -> None:
+def test_cameras_that_get_no_answer_at_all_are_reported_so() -> None:
     camera = LiveCamera(cast(Bus, AnsweringBus()), "front")
     with pytest.raises(BusError, match="none of 2 frames"):
         play([camera], [b"frame"], rate=1000, seconds=0.002)

@@ -156,7 +156,7 @@ def test_a_camera_is_no_reference() -> None:
         build_from(["camera:9"], IDENTITY)
 
 
-def test_a_cameras_password_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cameras_password_is_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera.Camera, "__init__", lambda *_, **__: None)
     with pytest.raises(SourceError, match=r"^rtsp://host/s: no map is built from a live camera"):
         build_from(["rtsp://me:secret@host/s"], IDENTITY)

@@ -34,7 +34,7 @@ def test_a_flagged_answer_may_differ_and_no_other() -> None:
     assert (wrong.wrong, wrong.holds) == (1, False)
 
 
-def test_an_answer_that_is_missing_is_told() -> None:
+def test_an_answer_that_is_missing_is_reported() -> None:
     lost = {frame: answered for frame, answered in WHOLE.items() if frame != 7}
     verdict = judge(UNDISTURBED, lost, [], 10)
     assert (verdict.answered, verdict.wrong, verdict.holds) == (9, 0, False)

@@ -1,4 +1,4 @@
-"""A web server on this machine, that knows ranges and versions and misbehaves as it is told."""
+"""A web server on this machine, that knows ranges and versions and misbehaves as it is reported."""
 
 import hashlib
 import threading

@@ -68,7 +68,7 @@ def test_an_entry_that_does_not_fit_together_is_refused() -> None:
             Benchmark.model_validate(entry | changes)
 
 
-def test_an_unknown_name_is_told_with_one_that_is_close() -> None:
+def test_an_unknown_name_is_reported_with_one_that_is_close() -> None:
     with pytest.raises(ConfigError, match="did you mean gardens-point"):
         benchmark("garden-point")
     with pytest.raises(ConfigError, match="'placefield datasets' lists the names"):
@@ -81,10 +81,10 @@ def test_the_list_has_every_name() -> None:
 
 
 @pytest.mark.parametrize("known", ALL, ids=lambda known: known.name)
-def test_showing_one_tells_all_that_is_known(known: Benchmark) -> None:
+def test_showing_one_reports_all_that_is_known(known: Benchmark) -> None:
     shown = run("show", known.name)
-    told = (known.title, known.licence, known.page, known.tolerance, known.truth, known.notes)
-    assert all(text in shown for text in told)
+    reported = (known.title, known.licence, known.page, known.tolerance, known.truth, known.notes)
+    assert all(text in shown for text in reported)
     assert (known.by_hand or f"placefield datasets get {known.name}") in shown
 
 
@@ -103,7 +103,7 @@ def test_the_command_that_runs_one_is_a_command() -> None:
             assert (given["truth"] is not None) == has_file
 
 
-def test_checking_counts_frames_and_tells_all_that_is_wrong(tmp_path: Path) -> None:
+def test_checking_counts_frames_and_reports_all_that_is_wrong(tmp_path: Path) -> None:
     known = benchmark("sfu-mountain")
     for name in ("dry", "jan"):
         (tmp_path / name).mkdir()
@@ -119,9 +119,9 @@ def test_checking_counts_frames_and_tells_all_that_is_wrong(tmp_path: Path) -> N
     (tmp_path / "truth.csv").touch()
     for number in range(385):
         (tmp_path / "jan" / f"{number}.JPG").touch()
-    told = run("check", known.name, str(tmp_path))
-    assert f"{tmp_path}: dry 385, jan 385\n" in told
-    assert f"--truth {tmp_path}/truth.csv" in told
+    reported = run("check", known.name, str(tmp_path))
+    assert f"{tmp_path}: dry 385, jan 385\n" in reported
+    assert f"--truth {tmp_path}/truth.csv" in reported
 
 
 def test_a_film_is_there_or_is_not(tmp_path: Path) -> None:
@@ -145,8 +145,8 @@ def test_getting_one_prints_its_licence_and_how_to_run_it(
         return into / known.name
 
     monkeypatch.setattr("placefield_tools.datasets.getting.get", made)
-    told = run("get", "gardens-point", "--into", str(tmp_path))
-    assert "day_left 200, day_right 200, night_right 200" in told
-    assert benchmark("gardens-point").licence in told
-    assert "gardens-point.sha256" in told
-    assert "placefield study" in told
+    reported = run("get", "gardens-point", "--into", str(tmp_path))
+    assert "day_left 200, day_right 200, night_right 200" in reported
+    assert benchmark("gardens-point").licence in reported
+    assert "gardens-point.sha256" in reported
+    assert "placefield study" in reported

@@ -28,13 +28,13 @@ def part(tmp_path: Path) -> Path:
     return tmp_path / "file.part"
 
 
-def test_a_file_comes_whole_and_its_progress_is_told(web: Any, part: Path) -> None:
+def test_a_file_comes_whole_and_its_progress_is_reported(web: Any, part: Path) -> None:
     web.content["/file"] = BODY
-    told: list[tuple[int, int | None]] = []
-    download(f"{web.url}/file", part, len(BODY), lambda *there: told.append(there))
+    reported: list[tuple[int, int | None]] = []
+    download(f"{web.url}/file", part, len(BODY), lambda *there: reported.append(there))
     assert part.read_bytes() == BODY
-    assert told[-1] == (len(BODY), len(BODY))
-    assert [there for there, _ in told] == sorted(there for there, _ in told)
+    assert reported[-1] == (len(BODY), len(BODY))
+    assert [there for there, _ in reported] == sorted(there for there, _ in reported)
 
 
 def test_a_file_that_is_cut_off_goes_on_and_no_byte_is_sent_twice(web: Any, part: Path) -> None:
@@ -76,11 +76,11 @@ def test_one_that_has_changed_begins_anew(web: Any, part: Path, new: bytes) -> N
     assert part.read_bytes() == new
 
 
-@pytest.mark.parametrize("lacking", ["knows_ranges", "knows_versions"])
+@pytest.mark.parametrize("missing", ["knows_ranges", "knows_versions"])
 def test_a_server_that_knows_less_sends_it_from_the_beginning(
-    web: Any, part: Path, lacking: str
+    web: Any, part: Path, missing: str
 ) -> None:
-    setattr(web, lacking, False)
+    setattr(web, missing, False)
     web.content["/file"] = BODY
     web.cuts = [400_000]
     download(f"{web.url}/file", part, None, ignore)
@@ -97,13 +97,13 @@ def test_a_server_that_always_stops_at_the_same_byte_is_given_up(web: Any, part:
     assert len(web.ranges) == 2
 
 
-def test_what_is_not_there_is_told_with_what_the_server_says(web: Any, part: Path) -> None:
+def test_what_is_not_there_is_reported_with_what_the_server_says(web: Any, part: Path) -> None:
     with pytest.raises(SourceError, match=r"/file: the server answers 404 Not Found; "):
         download(f"{web.url}/file", part, None, ignore)
     assert not part.exists()
 
 
-def test_a_server_that_cannot_be_reached_is_told(
+def test_a_server_that_cannot_be_reached_is_reported(
     part: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
@@ -138,11 +138,11 @@ def test_what_came_before_the_disk_was_full_is_gone_on_with(
     web.content["/file"] = BODY
 
     def full_after(limit: int) -> Callable[[int, int | None], None]:
-        def told(there: int, _: int | None) -> None:
+        def reported(there: int, _: int | None) -> None:
             if there > limit:
                 raise OSError(errno.ENOSPC, "No space left on device")
 
-        return told
+        return reported
 
     with pytest.raises(OSError, match="No space left"):
         download(f"{web.url}/file", part, None, full_after(400_000))

@@ -126,14 +126,14 @@ def test_a_file_that_is_not_what_it_was_the_first_time_is_refused(web: Any, tmp_
 def test_half_a_file_is_not_taken_for_what_it_is_to_be(web: Any, tmp_path: Path) -> None:
     web.content["/walk.zip"] = ARCHIVE
     web.knows_lengths, web.cuts = False, [len(ARCHIVE) // 2]
-    with pytest.raises(SourceError, match=r"(/.*/walk.zip): is damaged .*; remove it") as told:
+    with pytest.raises(SourceError, match=r"(/.*/walk.zip): is damaged .*; remove it") as reported:
         get(benchmark_at(web.url), tmp_path, ignore)
     assert not (tmp_path / "walk.sha256").exists()
-    Path(str(told.value).partition(":")[0]).unlink()
+    Path(str(reported.value).partition(":")[0]).unlink()
     get(benchmark_at(web.url), tmp_path, ignore)
 
 
-def test_a_list_of_sums_that_is_none_is_told(web: Any, tmp_path: Path) -> None:
+def test_a_list_of_sums_that_is_none_is_reported(web: Any, tmp_path: Path) -> None:
     web.content["/walk.zip"] = ARCHIVE
     (tmp_path / "walk.sha256").write_bytes(b"\xff nonsense")
     with pytest.raises(SourceError, match=r"walk.sha256: is not a list of SHA-256 sums"):
@@ -150,7 +150,7 @@ def test_a_matrix_of_right_places_becomes_a_table(web: Any, tmp_path: Path) -> N
     assert (folder / "truth.csv").read_text() == "query,first,last\n0,0,1\n0,4,4\n2,2,4\n"
 
 
-def test_a_matrix_that_is_none_is_told(web: Any, tmp_path: Path) -> None:
+def test_a_matrix_that_is_none_is_reported(web: Any, tmp_path: Path) -> None:
     pickled = io.BytesIO()
     np.savez(pickled, GTsoft=np.array([{}], dtype=object))
     for content in (b"nonsense", pickled.getvalue()):
@@ -159,7 +159,7 @@ def test_a_matrix_that_is_none_is_told(web: Any, tmp_path: Path) -> None:
             get(benchmark_at(web.url, truth_matrix="GT.npz"), tmp_path / content[:1].hex(), ignore)
 
 
-def test_what_is_to_be_got_by_hand_is_told(tmp_path: Path) -> None:
+def test_what_is_to_be_got_by_hand_is_reported(tmp_path: Path) -> None:
     known = benchmark_at("", files=(), files_at=None, by_hand="ask the authors")
     with pytest.raises(SourceError, match=r"walk: ask the authors; put it in .*/walk"):
         get(known, tmp_path, ignore)
@@ -182,7 +182,7 @@ def test_two_at_once_do_not_meet(web: Any, tmp_path: Path) -> None:
     get(benchmark_at(web.url), tmp_path, again)
 
 
-def test_a_full_disk_is_told_and_what_has_come_is_kept(
+def test_a_full_disk_is_reported_and_what_has_come_is_kept(
     web: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     web.content["/walk.zip"] = ARCHIVE

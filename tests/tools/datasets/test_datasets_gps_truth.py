@@ -138,17 +138,17 @@ def test_a_file_of_positions_is_read_line_by_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "line", ["27.5", "27.5,153,0", "27.5;153", "north,east", "27.5,", "153,27.5", "27,181", "inf,0"]
 )
-def test_a_line_that_is_no_position_is_told(tmp_path: Path, line: str) -> None:
+def test_a_line_that_is_no_position_is_reported(tmp_path: Path, line: str) -> None:
     file = tmp_path / "fGPS.txt"
     file.write_text(f"27.5,153\n\n{line}\n27.5,153\n")
-    with pytest.raises(SourceError) as told:
+    with pytest.raises(SourceError) as reported:
         read_positions(file)
-    assert str(told.value) == (
+    assert str(reported.value) == (
         f"{file}:3: {line!r} is not latitude,longitude in degrees; get the file again"
     )
 
 
-def test_a_file_that_has_no_positions_is_told(tmp_path: Path) -> None:
+def test_a_file_that_has_no_positions_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "fGPS.txt"
     with pytest.raises(SourceError, match=r"fGPS.txt: cannot be read: No such file"):
         read_positions(file)
@@ -219,7 +219,7 @@ def run(*arguments: str) -> str:
 def test_the_command_makes_the_truth_of_a_benchmark(
     drives: Path, reference: Positions, query: Positions, metres: float, flags: tuple[str, ...]
 ) -> None:
-    told = run("truth", "st-lucia", str(drives), *flags)
+    reported = run("truth", "st-lucia", str(drives), *flags)
     truth = read_truth(drives / "truth.csv", len(query), len(reference))
     rows = list(zip(truth.query.tolist(), truth.first.tolist(), truth.last.tolist(), strict=True))
     assert_right(pairs(rows), spread(query), spread(reference), metres)
@@ -227,7 +227,7 @@ def test_the_command_makes_the_truth_of_a_benchmark(
     placed = int(truth.on_route.sum())
     assert not truth.on_route[[-1, -2]].any()
     assert 0 < placed < len(query) - 2, "one frame has no fix"
-    table, command = told.splitlines()
+    table, command = reported.splitlines()
     assert table == (
         f"{drives}/truth.csv: {placed} of {len(query)} query frames have a place within {metres} m"
     )
@@ -255,7 +255,7 @@ def test_showing_says_how_to_make_the_truth() -> None:
 
 
 @pytest.mark.parametrize("more", [-4, 7])
-def test_other_numbers_of_lines_and_frames_are_told_and_taken_from_the_first_on(
+def test_other_numbers_of_lines_and_frames_are_reported_and_taken_from_the_first_on(
     tmp_path: Path,
     reference: Positions,
     query: Positions,
@@ -276,12 +276,12 @@ def test_other_numbers_of_lines_and_frames_are_told_and_taken_from_the_first_on(
     assert truth.last.max() == len(reference) + min(more, 0) - 1
 
 
-def test_what_cannot_be_made_is_told(drives: Path, query: Positions) -> None:
+def test_what_cannot_be_made_is_reported(drives: Path, query: Positions) -> None:
     def refused(*arguments: str) -> str:
-        with pytest.raises((SourceError, ConfigError)) as told:
+        with pytest.raises((SourceError, ConfigError)) as reported:
             run("truth", *arguments)
-        assert "\n" not in str(told.value)
-        return str(told.value)
+        assert "\n" not in str(reported.value)
+        return str(reported.value)
 
     assert refused("nordland", str(drives)).startswith("nordland: its ground truth is not made")
     for wrong in ("2", "0m", "-2m", "near"):

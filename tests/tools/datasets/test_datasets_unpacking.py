@@ -1,4 +1,4 @@
-"""Archives of strangers: what they hold lands in the folder, or nothing does."""
+"""Untrusted archives: all of their files land in the folder, or none."""
 
 import io
 import shutil

@@ -93,15 +93,15 @@ def test_same_arguments_give_same_bytes_and_another_seed_another_street(tmp_path
         assert path.read_bytes() != (traverses / "dusk" / path.name).read_bytes()
 
 
-def test_progress_is_told_once_each_frame_is_there(tmp_path):
-    told = []
+def test_progress_is_reported_once_each_frame_is_there(tmp_path):
+    reported = []
 
     def on_frame(number: int) -> None:
         assert (tmp_path / f"{number:05d}.jpg").stat().st_size > 0
-        told.append(number)
+        reported.append(number)
 
     render_traverse(tmp_path, "day", frames=3, on_frame=on_frame)
-    assert told == [0, 1, 2]
+    assert reported == [0, 1, 2]
 
 
 def test_a_traverse_without_frames_is_refused(tmp_path):

@@ -37,7 +37,7 @@ def capture(monkeypatch: pytest.MonkeyPatch) -> type[Capture]:
 
 
 @pytest.mark.usefixtures("capture")
-def test_a_camera_that_gives_a_frame_is_good_and_its_password_not_told() -> None:
+def test_a_camera_that_gives_a_frame_is_good_and_its_password_not_reported() -> None:
     found = of_camera(URL)
     assert found.verdict is Health.GOOD
     assert found.found == "rtsp://host/stream gives frames of (30, 20) pixels"
@@ -54,7 +54,7 @@ def test_a_camera_that_opens_and_gives_no_frame_is_bad(
     assert found.found == "rtsp://host/stream gives no frame"
 
 
-def test_a_camera_that_does_not_open_is_bad_and_its_password_not_told() -> None:
+def test_a_camera_that_does_not_open_is_bad_and_its_password_not_reported() -> None:
     found = of_camera("rtps://me:secret@host/stream")
     assert found.verdict is Health.BAD
     assert "secret" not in found.found

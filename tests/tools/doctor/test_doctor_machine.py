@@ -28,7 +28,7 @@ def test_the_memory_is_what_the_system_says() -> None:
     assert float(found.found.split()[0]) == pytest.approx(available, abs=1.0)
 
 
-def test_a_system_without_shared_memory_is_told_what_to_do(tmp_path: Path) -> None:
+def test_a_system_without_shared_memory_is_reported_what_to_do(tmp_path: Path) -> None:
     assert machine.of_shared_memory(tmp_path / "none").verdict is Health.WARNING
 
 

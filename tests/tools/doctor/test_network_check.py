@@ -24,7 +24,7 @@ def test_a_router_without_services_is_good_and_they_are_missed(endpoint: str) ->
     assert services.found == "no channel, no featurizer, no fuser"
 
 
-def test_where_another_run_has_services_its_name_is_told(endpoint: str) -> None:
+def test_where_another_run_has_services_its_name_is_reported(endpoint: str) -> None:
     with open_router(BusConfig(endpoint=endpoint)) as bus:
         bus.declare_alive(Keys("night").alive("fuser", "ab"))
         _, services = looked_at(endpoint)
@@ -44,7 +44,7 @@ def test_another_program_at_the_port_is_bad(endpoint: str) -> None:
     assert "another program has the port" in found.advice
 
 
-def test_what_is_no_endpoint_is_told_how_to_write_one() -> None:
+def test_what_is_no_endpoint_is_reported_how_to_write_one() -> None:
     assert "tcp/HOST:PORT" in of_endpoint("7557").advice
 
 
@@ -52,7 +52,7 @@ def test_services_that_are_alive_are_good() -> None:
     assert of_services("day", {"featurizer", "channel", "fuser"}, {"day"}).verdict is Health.GOOD
 
 
-def test_the_command_tells_all_as_json_and_fails_on_what_is_bad(
+def test_the_command_reports_all_as_json_and_fails_on_what_is_bad(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = ["doctor", "--json", "--endpoint", endpoint, "--camera", "camera:99"]

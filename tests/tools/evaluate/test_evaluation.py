@@ -128,8 +128,8 @@ def test_a_smoothed_match_looks_at_no_frame_later_than_its_lag(
         smoothed = whole.smoothed[lag]
         assert [each.frame for each in smoothed] == [*range(60)]
         assert all(each.lag <= min(lag, 59 - each.frame) for each in smoothed)
-        told = max(end + 1 - lag, 0)
-        assert cut.smoothed[lag][:told] == smoothed[:told]
+        reported = max(end + 1 - lag, 0)
+        assert cut.smoothed[lag][:reported] == smoothed[:reported]
     assert cut.causal == whole.causal[: end + 1]
 
 
@@ -305,14 +305,14 @@ def test_frames_of_a_query_that_is_cut_keep_their_numbers(
 def test_a_query_that_is_cut_is_judged_by_a_truth_of_all_its_frames(
     map_path: Path, query_dir: Path
 ) -> None:
-    told = []
+    reported = []
 
     def truth_of(queries: int, places: int) -> Truth:
-        told.append((queries, places))
+        reported.append((queries, places))
         return within_3(queries, places)
 
     query = Query(str(query_dir), parts=Parts(start=20, stop=40, stride=3))
     evaluation = evaluate(map_path, query, truth_of, Config(), services=False)
-    assert told == [(60, 60)]
+    assert reported == [(60, 60)]
     assert evaluation.results["filter"].claims is not None
     assert evaluation.results["filter"].claims.precision == 1

@@ -18,7 +18,7 @@ def within_3(queries: int, places: int) -> Truth:
     return Truth.within(queries, places, 3)
 
 
-def test_the_known_are_told_with_how_many_are_right_and_how_much_of_the_route_that_is() -> None:
+def test_the_known_are_reported_with_how_many_are_right_and_how_much_of_the_route_that_is() -> None:
     matches = [Match(0, 9.0, (), 0.8, True), Match(9, 9.0, (), 0.8, True)]
     matches += [Match(2, 1.0, (), 0.8, False), Match(3, 1.0, (), 0.8, False)]
     judged = judge(matches, within_3(4, 20))
@@ -29,7 +29,7 @@ def test_the_known_are_told_with_how_many_are_right_and_how_much_of_the_route_th
     assert certainty_figures(judged)["known"] == {"count": 2, "precision": 0.5, "recall": 0.25}
 
 
-def test_frames_that_are_faster_than_the_map_resolves_are_told_where_there_are_any() -> None:
+def test_frames_that_are_faster_than_the_map_resolves_are_reported_where_there_are_any() -> None:
     matches = [Match(0, 9.0, (), 0.8, True)] * 2 + [Match(2, 1.0, (), 0.1, False, True)]
     judged = judge(matches, within_3(3, 20))
     line = certainty_line("filter", judged)
@@ -39,7 +39,7 @@ def test_frames_that_are_faster_than_the_map_resolves_are_told_where_there_are_a
     assert certainty_figures(judged)["too_fast"] == 1
 
 
-def test_no_share_is_told_of_none() -> None:
+def test_no_share_is_reported_none() -> None:
     unsure = judge([Match(0, 1.0, (), 0.1, False)], within_3(1, 20))
     assert certainty_line("filter", unsure) == (
         "filter: 0 known, – of them right; expected calibration error 0.900"
@@ -61,6 +61,6 @@ def test_one_frame_is_one_frame(
     (tmp_path / "0000.jpg").write_bytes((query_dir / "0000.jpg").read_bytes())
     query = Query(str(tmp_path))
     print_table(evaluate(map_path, query, within_3, Config(), services=False), [])
-    told = capsys.readouterr().out
-    assert "1 frame," in told
-    assert "60 places" in told
+    reported = capsys.readouterr().out
+    assert "1 frame," in reported
+    assert "60 places" in reported

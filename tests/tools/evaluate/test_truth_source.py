@@ -46,7 +46,7 @@ def drive(
     return target
 
 
-def told(*arguments: str | Path) -> dict[str, Any]:
+def reported(*arguments: str | Path) -> dict[str, Any]:
     ended = CliRunner().invoke(app, [str(each) for each in arguments])
     if ended.exception is not None and not isinstance(ended.exception, SystemExit):
         raise ended.exception
@@ -67,7 +67,7 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (("--tolerance", "2"), [*range(20, 60)]),
     ],
 )
-def test_positions_on_earth_of_both_sides_are_the_truth_whatever_the_spacing(
+def test_georeferenced_positions_of_both_sides_are_the_truth_whatever_the_spacing(
     reference_dir: Path,
     query_dir: Path,
     tmp_path: Path,
@@ -78,7 +78,7 @@ def test_positions_on_earth_of_both_sides_are_the_truth_whatever_the_spacing(
         reference_dir, tmp_path / "r", [*range(COUNT)], "latitude,longitude", on_earth
     )
     query = drive(query_dir, tmp_path / "q", numbers, "latitude,longitude", on_earth)
-    figures = told("evaluate", reference, query, *FLAGS, *tolerance)
+    figures = reported("evaluate", reference, query, *FLAGS, *tolerance)
     metres = 5.0 if "5m" in tolerance else None
     assert figures["truth"] == {"by": "poses", "metres": metres, "unjudged": 0}
     assert figures["rules"]["evidence"]["recall_at_1"] > 0.8
@@ -93,22 +93,22 @@ def test_frames_whose_position_nobody_knows_are_not_judged(
     everything = [*range(COUNT)]
     reference = drive(reference_dir, tmp_path / "r", everything, "latitude,longitude", on_earth)
     query = drive(query_dir, tmp_path / "q", everything, "latitude,longitude", on_earth, without=10)
-    figures = told("evaluate", reference, query, *FLAGS)
+    figures = reported("evaluate", reference, query, *FLAGS)
     assert figures["truth"]["unjudged"] == 10
     assert figures["rules"]["evidence"]["recall_at_1"] > 0.8
 
 
 @pytest.mark.parametrize("command", ["evaluate", "study"])
-def test_where_counts_differ_and_nothing_tells_there_is_no_verdict_but_what_is_known(
+def test_where_counts_differ_and_nothing_reports_there_is_no_verdict_but_what_is_known(
     reference_dir: Path, query_dir: Path, tmp_path: Path, command: str
 ) -> None:
     query = drive(query_dir, tmp_path / "q", [*range(50)], "stamp", lambda number: f"{number}")
     arguments = (command, reference_dir, query, *FLAGS)
     if command == "study":
         with pytest.raises(TruthError, match=r"50 frames, and the reference 60; .*--aligned"):
-            told(*arguments)
+            reported(*arguments)
         return
-    figures = told(*arguments)
+    figures = reported(*arguments)
     assert figures["truth"]["by"] == "none"
     assert "the query has 50 frames, and the reference 60" in figures["truth"]["why"]
     assert [*figures["rules"]] == ["filter"]
@@ -118,7 +118,7 @@ def test_where_counts_differ_and_nothing_tells_there_is_no_verdict_but_what_is_k
     said = CliRunner().invoke(app, [str(each) for each in arguments if each != "--json"])
     assert "NO VERDICT" in said.stdout
     assert "recall" not in said.stdout
-    aligned = told(*arguments, "--aligned")
+    aligned = reported(*arguments, "--aligned")
     assert aligned["truth"] == {"by": "aligned"}
     assert aligned["rules"]["evidence"]["recall_at_1"] > 0.8
 
@@ -129,7 +129,7 @@ def test_as_many_frames_on_another_way_are_no_truth(
     everything = [*range(COUNT)]
     reference = drive(reference_dir, tmp_path / "r", everything, "odometry", lambda at: f"{at}")
     query = drive(query_dir, tmp_path / "q", everything, "odometry", lambda at: f"{at / 2}")
-    figures = told("evaluate", reference, query, *FLAGS)
+    figures = reported("evaluate", reference, query, *FLAGS)
     assert "the query is 30 m long, and the reference 59 m" in figures["truth"]["why"]
 
 
@@ -139,10 +139,10 @@ def test_metres_of_one_s_own_are_compared_only_if_somebody_says_that_they_are_th
     reference = drive(reference_dir, tmp_path / "r", [*range(COUNT)], "x,y", in_metres)
     query = drive(query_dir, tmp_path / "q", [*range(0, COUNT, 2)], "x,y", in_metres)
     arguments = ("evaluate", reference, query, *FLAGS)
-    assert told(*arguments)["truth"]["by"] == "none"
+    assert reported(*arguments)["truth"]["by"] == "none"
     with pytest.raises(TruthError, match=r"--tolerance 5m: .*--same-frame"):
-        told(*arguments, "--tolerance", "5m")
-    figures = told(*arguments, "--same-frame", "--tolerance", "5m")
+        reported(*arguments, "--tolerance", "5m")
+    figures = reported(*arguments, "--same-frame", "--tolerance", "5m")
     assert figures["truth"]["by"] == "poses"
     assert figures["rules"]["evidence"]["recall_at_1"] > 0.8
 
@@ -153,18 +153,18 @@ def test_what_needs_poses_on_both_sides_says_which_has_none(
 ) -> None:
     query = drive(query_dir, tmp_path / "q", [*range(COUNT)], "x,y", in_metres)
     with pytest.raises(TruthError, match=f"^{' '.join(flag)}: .* the reference has none$"):
-        told("evaluate", reference_dir, query, *FLAGS, *flag)
+        reported("evaluate", reference_dir, query, *FLAGS, *flag)
 
 
 @pytest.mark.parametrize("flag", [("--tolerance", "5m"), ("--same-frame",)])
-def test_poses_on_earth_and_in_metres_are_not_compared(
+def test_poses_georeferenced_and_in_metres_are_not_compared(
     reference_dir: Path, query_dir: Path, tmp_path: Path, flag: tuple[str, ...]
 ) -> None:
     everything = [*range(COUNT)]
     reference = drive(reference_dir, tmp_path / "r", everything, "latitude,longitude", on_earth)
     query = drive(query_dir, tmp_path / "q", everything, "x,y", in_metres)
     with pytest.raises(TruthError, match="only the poses of one side are georeferenced"):
-        told("evaluate", reference, query, *FLAGS, *flag)
+        reported("evaluate", reference, query, *FLAGS, *flag)
 
 
 @pytest.mark.parametrize(
@@ -182,10 +182,10 @@ def test_two_answers_to_what_is_right_are_refused(
     reference_dir: Path, query_dir: Path, command: str, flags: tuple[str, ...], reason: str
 ) -> None:
     with pytest.raises(ConfigError, match=reason):
-        told(command, reference_dir, query_dir, *flags)
+        reported(command, reference_dir, query_dir, *flags)
 
 
-def test_a_study_goes_by_positions_on_earth_too(
+def test_a_study_goes_by_georeferenced_positions_too(
     reference_dir: Path, query_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "write_report", lambda folder, study: folder)
@@ -193,13 +193,13 @@ def test_a_study_goes_by_positions_on_earth_too(
         reference_dir, tmp_path / "r", [*range(COUNT)], "latitude,longitude", on_earth
     )
     query = drive(query_dir, tmp_path / "q", [*range(0, COUNT, 2)], "latitude,longitude", on_earth)
-    study = told("study", reference, query, *FLAGS, "--tolerance", "5m")
+    study = reported("study", reference, query, *FLAGS, "--tolerance", "5m")
     assert study["truth"] == {"by": "poses", "metres": 5.0, "unjudged": 0}
     methods = {method["name"]: method for method in study["methods"]}
     assert methods["Placefield, filter, lag 20"]["recall_at_1"] > 0.9
 
 
-def test_maps_of_other_origins_are_compared_on_earth(
+def test_maps_of_other_origins_are_compared_georeferenced(
     reference_dir: Path, query_dir: Path, tmp_path: Path
 ) -> None:
     """The query begins elsewhere, so that its metres count from another origin."""
@@ -208,12 +208,12 @@ def test_maps_of_other_origins_are_compared_on_earth(
     )
     numbers = [*range(15, 55)]
     query = drive(query_dir, tmp_path / "q", numbers, "latitude,longitude", on_earth)
-    figures = told("evaluate", reference, query, *FLAGS, "--tolerance", "1m")
+    figures = reported("evaluate", reference, query, *FLAGS, "--tolerance", "1m")
     truth = tmp_path / "t.csv"
     truth.write_text(
         "query,first,last\n" + "".join(f"{at},{n},{n}\n" for at, n in enumerate(numbers))
     )
-    by_file = told("evaluate", reference, query, *FLAGS, "--truth", truth)
+    by_file = reported("evaluate", reference, query, *FLAGS, "--truth", truth)
     for rule, shares in figures["rules"].items():
         assert shares == by_file["rules"][rule]
     assert np.isfinite(figures["rules"]["filter"]["auc"])

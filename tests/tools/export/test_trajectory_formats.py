@@ -98,7 +98,7 @@ def test_a_stream_of_any_name_is_a_track_that_gpxpy_reads(traverse: QueryTravers
 
 
 @pytest.mark.parametrize("write", [to_geojson, to_gpx])
-def test_of_a_map_that_is_not_on_earth_is_said_how_to_get_one(
+def test_of_a_map_that_is_not_georeferenced_is_said_how_to_get_one(
     traverse: QueryTraverse, write: Callable[[QueryTraverse], str]
 ) -> None:
     with pytest.raises(MapError, match="latitude and longitude"):

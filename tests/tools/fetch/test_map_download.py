@@ -105,12 +105,12 @@ def test_a_map_is_fetched_once(hosts: Hosts, map_path: Path, target: Path) -> No
     assert hosts.asked == [KEYS.manifest]
 
 
-def test_progress_is_told_of_all_chunks(hosts: Hosts, map_path: Path, target: Path) -> None:
-    told: list[tuple[int, int]] = []
+def test_progress_is_reported_all_chunks(hosts: Hosts, map_path: Path, target: Path) -> None:
+    reported: list[tuple[int, int]] = []
     fetching = Fetch(hosts, "route", HURRIED, threading.Event())
-    fetching.into(target, lambda there, total: told.append((there, total)))
+    fetching.into(target, lambda there, total: reported.append((there, total)))
     chunks = OwnMap(map_path).offer().chunks
-    assert told == [(there, chunks) for there in range(chunks + 1)]
+    assert reported == [(there, chunks) for there in range(chunks + 1)]
 
 
 def test_of_several_hosts_one_sends_each_chunk(hosts: Hosts, map_path: Path, target: Path) -> None:
@@ -160,7 +160,7 @@ def test_a_host_that_goes_for_good_leaves_what_has_come_for_the_next_time(
     assert again.counts["chunks"] == OwnMap(map_path).offer().chunks - 5
 
 
-def test_one_who_stops_it_is_told_how_to_go_on(hosts: Hosts, target: Path) -> None:
+def test_one_who_stops_it_is_reported_how_to_go_on(hosts: Hosts, target: Path) -> None:
     stop = threading.Event()
 
     def stop_after_five(key: str, reply: Reply) -> list[Reply]:
@@ -195,7 +195,7 @@ def test_a_chunk_that_does_not_check_out_is_not_taken(
     assert [file.name for file in arrived.rglob("*.npy")] == []
 
 
-def test_a_stranger_who_answers_beside_the_host_is_not_believed(
+def test_a_untrusted_client_who_answers_beside_the_host_is_not_accepted(
     hosts: Hosts, map_path: Path, target: Path
 ) -> None:
     hosts.change = lambda key, reply: [(b"\xc1", b"\xc1"), (reply[0], b"{}"), reply]

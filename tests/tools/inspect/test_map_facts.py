@@ -8,34 +8,34 @@ from placefield.maps.map import Map
 from placefield_tools.inspect.map_facts import map_facts
 
 
-def test_how_far_it_is_along_the_places_is_told_where_it_is_known(route_map: Map) -> None:
+def test_how_far_it_is_along_the_places_is_reported_where_it_is_known(route_map: Map) -> None:
     assert map_facts(route_map)["travelled"] == "unknown"
     places = replace(route_map.places, travelled=np.linspace(0, 29.5, 60))
-    told = map_facts(replace(route_map, places=places))["travelled"]
-    assert told == "29.5 m, 0.50 m from place to place on average"
+    reported = map_facts(replace(route_map, places=places))["travelled"]
+    assert reported == "29.5 m, 0.50 m from place to place on average"
 
 
-def test_how_many_places_are_driven_again_is_told(route_map: Map) -> None:
+def test_how_many_places_are_driven_again_is_reported(route_map: Map) -> None:
     assert map_facts(route_map)["revisited"] == "no place"
     same = np.arange(60, dtype=np.int32)
     same[50:] = range(10)
-    told = map_facts(replace(route_map, places=replace(route_map.places, same=same)))
-    assert told["revisited"] == "10 places are the same as earlier ones"
+    reported = map_facts(replace(route_map, places=replace(route_map.places, same=same)))
+    assert reported["revisited"] == "10 places are the same as earlier ones"
 
 
-def test_how_many_places_have_no_pose_is_told(route_map: Map) -> None:
+def test_how_many_places_have_no_pose_is_reported(route_map: Map) -> None:
     assert map_facts(route_map)["places"] == "60, without poses"
     poses = np.zeros((60, 3))
     poses[:7] = np.nan
-    located = replace(
+    with_poses = replace(
         route_map, pose_frame="wgs84 1.0 2.0", places=replace(route_map.places, poses=poses)
     )
-    told = map_facts(located)["places"]
-    assert told == "60, with poses georeferenced at 1.000000 2.000000, 7 places without"
-    assert located.places.pose(6) is None
-    assert located.places.pose(7) == (0, 0, 0)
+    reported = map_facts(with_poses)["places"]
+    assert reported == "60, with poses georeferenced at 1.000000 2.000000, 7 places without"
+    assert with_poses.places.pose(6) is None
+    assert with_poses.places.pose(7) == (0, 0, 0)
 
 
-def test_a_map_is_told_by_its_digest(map_path: Path, route_map: Map) -> None:
+def test_a_map_is_reported_by_its_digest(map_path: Path, route_map: Map) -> None:
     written = (map_path / "manifest.json").read_bytes()
     assert map_facts(route_map)["digest"] == sha256(written).hexdigest()[:16]

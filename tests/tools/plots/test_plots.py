@@ -166,15 +166,15 @@ def test_extreme_segmentations_are_drawn(tmp_path: Path, label: list[int]) -> No
     read_png(path)
 
 
-def test_a_fuzzifier_is_told_as_in_the_table(tmp_path: Path) -> None:
+def test_a_fuzzifier_is_reported_as_in_the_table(tmp_path: Path) -> None:
     channel = a_channel([1, 1, 2, 0])
     paths = {fuzzifier: tmp_path / f"{fuzzifier}.png" for fuzzifier in (1.14667, 1.15, 1.16)}
 
     for fuzzifier, path in paths.items():
         plot_segments(path, [replace(channel, fuzzifier=fuzzifier)], places=4)
 
-    told, same, other = (path.read_bytes() for path in paths.values())
-    assert told == same != other
+    reported, same, other = (path.read_bytes() for path in paths.values())
+    assert reported == same != other
 
 
 def test_no_channel_is_refused(tmp_path: Path) -> None:

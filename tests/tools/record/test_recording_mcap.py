@@ -104,7 +104,7 @@ def test_poses_are_of_all_matches_that_have_one_and_are_not_unknown(drive: Read)
     assert poses[0]["timestamp"] == {"sec": 1_700_000_000, "nsec": 123_456_789}
 
 
-def test_positions_on_earth_are_those_of_the_poses(drive: Read) -> None:
+def test_georeferenced_positions_are_those_of_the_poses(drive: Read) -> None:
     fixes = [read for _, _, read in drive["/placefield/location"]]
     for read, match in zip(fixes, (KNOWN, UNTOLD), strict=True):
         assert match.pose is not None
@@ -154,7 +154,7 @@ def test_the_schemas_keep_to_what_foxglove_can_parse(drive: Read) -> None:
         check(json.loads(topic[0][0].data))
 
 
-def test_without_an_origin_there_are_no_positions_on_earth(tmp_path: Path) -> None:
+def test_without_an_origin_there_are_no_georeferenced_positions(tmp_path: Path) -> None:
     drive = recorded(tmp_path / "drive.mcap", stream_of(ALL_KINDS))
     assert set(drive) == {"/placefield/match", "/placefield/pose"}
 

@@ -34,7 +34,7 @@ def test_no_file_is_made_before_it_is_recorded_into(tmp_path: Path, suffix: str)
 
 
 @pytest.mark.parametrize("suffix", ["jsonl", "csv"])
-def test_text_holds_no_pictures_and_no_positions_on_earth(tmp_path: Path, suffix: str) -> None:
+def test_text_holds_no_pictures_and_no_georeferenced_positions(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"drive.{suffix}"
     with pytest.raises(ConfigError, match="--frames"):
         recorder_of(path, frames=True)
@@ -57,7 +57,7 @@ def test_without_its_library_the_extra_is_named(
         recorder_of(tmp_path / f"drive.{suffix}")
 
 
-def test_the_origin_of_a_map_that_is_not_on_earth_is_refused_with_what_to_do() -> None:
+def test_the_origin_of_a_map_that_is_not_georeferenced_is_refused_with_what_to_do() -> None:
     path = Path("route.pfmap")
     assert origin_of(ORIGIN.frame, path, "leave it") == ORIGIN
     for frame, what in (("route", "its poses are in 'route'"), (None, "it has no poses")):

@@ -44,7 +44,7 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
     }
 
 
-def test_a_recording_of_before_it_was_told_is_of_matches_that_are_not_too_fast(
+def test_a_recording_of_before_it_was_reported_is_of_matches_that_are_not_too_fast(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "matches.csv"

@@ -27,9 +27,9 @@ def buses(endpoint: str) -> Iterator[tuple[Bus, Bus]]:
 
 def await_metres(odometry: Odometry, metres: float) -> None:
     until = time.monotonic() + 10
-    while (told := odometry.metres()) is None and time.monotonic() < until:
+    while (reported := odometry.metres()) is None and time.monotonic() < until:
         time.sleep(0.01)
-    assert told == metres
+    assert reported == metres
 
 
 def test_metres_add_up_over_restarts_of_the_vehicles_count_and_garbage_is_dropped(
@@ -48,7 +48,7 @@ def test_metres_add_up_over_restarts_of_the_vehicles_count_and_garbage_is_droppe
     await_metres(odometry, 10.5)
 
 
-def test_metres_are_told_once_even_where_the_vehicle_stands_and_none_when_it_is_silent(
+def test_metres_are_reported_once_even_where_the_vehicle_stands_and_none_when_it_is_silent(
     buses: tuple[Bus, Bus],
 ) -> None:
     vehicle, listener = buses
@@ -99,8 +99,8 @@ def test_a_cameras_frames_are_spaced_by_what_the_vehicle_says() -> None:
 def test_a_cameras_frames_have_the_metres_that_were_said_since_the_frame_before() -> None:
     said = [None, 0.0, 0.0, None, None, 3.0, 3.5, None, 4.0, None]
     in_turn = iter(said)
-    metered = WithOdometry(Clip(), lambda: next(in_turn))
-    assert [frame.odometry_m for frame in metered] == said
+    with_odometry = WithOdometry(Clip(), lambda: next(in_turn))
+    assert [frame.odometry_m for frame in with_odometry] == said
 
 
 @pytest.mark.parametrize(("spacing_m", "taken"), [(None, [*range(10)]), (1.0, [1, 4, 9])])

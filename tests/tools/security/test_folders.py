@@ -77,7 +77,7 @@ def test_no_other_role_can_pass_for_a_router(made: Path, role: str) -> None:
 
 
 @pytest.mark.parametrize(("hosts", "address"), [([], "127.0.0.1"), (["10.0.0.7"], "0.0.0.0")])
-def test_the_routers_settings_are_zenohs_and_listen_where_it_was_told(
+def test_the_routers_settings_are_zenohs_and_listen_where_it_was_reported(
     tmp_path: Path, hosts: list[str], address: str
 ) -> None:
     write_credentials(tmp_path / "pki", hosts, days=1)

@@ -183,7 +183,7 @@ def test_without_a_yaw_the_vehicle_looks_where_it_drives(tmp_path):
     assert yaws == [np.pi / 2, None, np.pi, np.pi]
 
 
-def test_frames_csv_may_say_where_on_earth_the_frames_were_taken(tmp_path):
+def test_frames_csv_may_say_where_georeferenced_the_frames_were_taken(tmp_path):
     fill(tmp_path, "a.png", "b.png", "c.png")
     (tmp_path / "frames.csv").write_text(
         "file,latitude,longitude,yaw\na.png,,,\nb.png,-27.5,153,0.25\nc.png,-27.499,153.001,1\n"

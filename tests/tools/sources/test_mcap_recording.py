@@ -476,11 +476,11 @@ def test_a_bags_folder_in_which_other_messages_are_recorded_too_is_read(tmp_path
     with open_source(str(bag)) as source:
         assert source.count == len(whole) == len(list(source))
     metadata = bag / "metadata.yaml"
-    told = metadata.read_text()
-    metadata.write_text(told.replace("\n  - drive.mcap", "\n  - drive.mcap\n  - drive_1.mcap"))
+    reported = metadata.read_text()
+    metadata.write_text(reported.replace("\n  - drive.mcap", "\n  - drive.mcap\n  - drive_1.mcap"))
     with pytest.raises(SourceError, match=r"lists drive_1\.mcap, which is missing"):
         open_source(str(bag))
-    metadata.write_text(told)
+    metadata.write_text(reported)
     file.rename(tmp_path / "elsewhere.mcap")
     with pytest.raises(SourceError, match="drive"):
         open_source(str(bag))
@@ -540,7 +540,7 @@ def test_a_message_that_cannot_be_parsed_keeps_its_turn(tmp_path: Path, form: st
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, form: str) -> None:
+def test_a_damaged_file_is_reported_in_one_line(tmp_path: Path, form: str) -> None:
     path = Path(record(tmp_path / "a.mcap", form, "/image"))
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(SourceError, match=r"a\.mcap: cannot be read as a recording") as refused:

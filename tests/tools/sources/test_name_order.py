@@ -1,4 +1,4 @@
-"""What is told of names that are not the order of a drive."""
+"""Warnings about file names that are not in the order of the drive."""
 
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def test_names_of_several_kinds_have_no_counter(files: list[str]) -> None:
     assert wrap_in(files) is None
 
 
-def test_a_counter_that_wraps_is_told_in_one_line_that_says_what_to_do(
+def test_a_counter_that_wraps_is_reported_in_one_line_that_says_what_to_do(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     names = [f"DSC_{number % 10_000:04}.jpg" for number in range(9990, 10_010)]
@@ -79,7 +79,7 @@ def test_a_counter_that_wraps_is_told_in_one_line_that_says_what_to_do(
 
 
 @pytest.mark.parametrize("copy", ["{} (1)", "{}(1)", "{} (12)", "{} copy", "{} - Copy", "{}_copy"])
-def test_copies_come_right_after_what_they_are_of_and_are_told(
+def test_copies_come_right_after_what_they_are_of_and_are_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, copy: str
 ) -> None:
     copied = copy.format("IMG_5") + ".jpg"

@@ -126,7 +126,7 @@ def test_a_folder_of_recordings_of_one_time_is_refused(tmp_path: Path) -> None:
         open_source(str(tmp_path))
 
 
-def test_a_pause_in_one_drive_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_pause_in_one_drive_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     part(tmp_path / "a", 0)
     part(tmp_path / "b", 100)
     assert len(frames_of(str(tmp_path))) == 2 * COUNT

@@ -141,15 +141,15 @@ def test_a_drive_is_the_same_in_either_axes_if_these_are_said(
 
 
 @pytest.mark.parametrize("shape", ["straight", "circle"])
-def test_a_camera_s_axes_taken_for_a_vehicle_s_are_told_of(
+def test_a_camera_s_axes_taken_for_a_vehicle_s_are_reported(
     tmp_path: Path, shape: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     there, turned = as_camera(*way(shape))
     read_pose_file(written(tmp_path / "a.tum", tum_text(there, Rotation.from_matrix(turned))))
-    (told,) = caplog.messages
-    assert "vertically" in told
-    assert told.endswith("give --pose-axes z-forward")
-    assert "\n" not in told
+    (reported,) = caplog.messages
+    assert "vertically" in reported
+    assert reported.endswith("give --pose-axes z-forward")
+    assert "\n" not in reported
 
 
 def test_a_vehicle_that_stands_has_no_suspicious_axes(

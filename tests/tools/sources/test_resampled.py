@@ -43,12 +43,12 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
         for frame, foreign in zip(drive.frames, drive.foreign, strict=True)
     ]
 
-    driven = ResampledTraverse(query, protocol, other=other, seed=2)
+    resampled = ResampledTraverse(query, protocol, other=other, seed=2)
 
-    assert driven.query_count == 50
-    assert driven.count == len(images)
+    assert resampled.query_count == 50
+    assert resampled.count == len(images)
     for _ in range(2):
-        frames = list(driven)
+        frames = list(resampled)
         pairs = zip(frames, images, drive.repeated, strict=True)
         assert all((shown(frame) == image) != repeated for frame, image, repeated in pairs)
         assert [frame.index for frame in frames] == list(range(len(images)))
@@ -65,12 +65,12 @@ def test_frames_come_as_the_drive_has_them_and_time_goes_on(protocol: Protocol) 
 def test_odometry_counts_the_way_that_is_driven_forth_or_back_and_none_that_it_is_carried(
     protocol: Protocol, known: bool
 ) -> None:
-    driven = ResampledTraverse(Pixels(50), protocol, seed=2)
-    steps = np.abs(np.diff(driven.drive.frames))
+    resampled = ResampledTraverse(Pixels(50), protocol, seed=2)
+    steps = np.abs(np.diff(resampled.drive.frames))
     if not known:
-        steps[driven.drive.jumps - 1] = 0
-        assert len(driven.drive.jumps)
-    assert [frame.odometry_m for frame in driven] == [0, *np.cumsum(steps).tolist()]
+        steps[resampled.drive.jumps - 1] = 0
+        assert len(resampled.drive.jumps)
+    assert [frame.odometry_m for frame in resampled] == [0, *np.cumsum(steps).tolist()]
 
 
 def test_on_another_route_odometry_goes_on_and_where_nobody_knows_there_is_none() -> None:
@@ -79,13 +79,13 @@ def test_on_another_route_odometry_goes_on_and_where_nobody_knows_there_is_none(
             for frame in super().__iter__():
                 yield replace(frame, odometry_m=None) if frame.index == 10 else frame
 
-    driven = ResampledTraverse(Gaps(50), "off-route", other=Pixels(200), seed=2)
-    drive, metres, expected = driven.drive, 0, [0]
+    resampled = ResampledTraverse(Gaps(50), "off-route", other=Pixels(200), seed=2)
+    drive, metres, expected = resampled.drive, 0, [0]
     for at in range(1, len(drive.frames)):
         metres += int(drive.foreign[at] == drive.foreign[at - 1])
         expected.append(metres)
     (unknown,) = np.flatnonzero(~drive.foreign & (drive.frames == 10))
-    readings = [frame.odometry_m for frame in driven]
+    readings = [frame.odometry_m for frame in resampled]
     assert readings == [None if at == unknown else m for at, m in enumerate(expected)]
 
 
@@ -101,15 +101,15 @@ class Smooth(Pixels):
 
 def test_a_stop_is_the_same_picture_but_for_the_sensors_noise_and_never_the_same_bytes() -> None:
     query = Smooth(80)
-    driven = ResampledTraverse(query, "speed", seed=10, every=2)
-    frames = list(driven)
+    resampled = ResampledTraverse(query, "speed", seed=10, every=2)
+    frames = list(resampled)
 
-    assert driven.drive.repeated.sum() >= 3
-    for at in np.flatnonzero(driven.drive.repeated):
+    assert resampled.drive.repeated.sum() >= 3
+    for at in np.flatnonzero(resampled.drive.repeated):
         image = frames[at].image
         assert isinstance(image, bytes)
         assert image.startswith(b"\xff\xd8")  # a JPEG
-        original = query.images[driven.drive.frames[at]].astype(np.float32)
+        original = query.images[resampled.drive.frames[at]].astype(np.float32)
         noise = decode(image).astype(np.float32) - original
         # Of a deviation of 2 in each colour, JPEG leaves that of grey and thins out the colours'.
         assert 0.6 < noise.mean(axis=2).std() < 2
@@ -123,17 +123,19 @@ def test_a_frame_that_is_no_image_stays_so_where_the_vehicle_stands(tmp_path: Pa
     for number in range(80):
         (tmp_path / f"{number}.jpg").write_bytes(b"no image")
     with open_source(str(tmp_path)) as source:
-        driven = ResampledTraverse(source, "speed", seed=10, every=2)
-    assert driven.drive.repeated.any()
-    assert {frame.image for frame in driven} == {b"no image"}
+        resampled = ResampledTraverse(source, "speed", seed=10, every=2)
+    assert resampled.drive.repeated.any()
+    assert {frame.image for frame in resampled} == {b"no image"}
 
 
 def test_files_come_as_they_lie_on_the_disk(query_dir: Path) -> None:
     with open_source(str(query_dir)) as source:
-        driven = ResampledTraverse(source, "reverse", seed=0)
+        resampled = ResampledTraverse(source, "reverse", seed=0)
     files = sorted(query_dir.iterdir(), reverse=True)
-    assert [frame.image for frame in driven] == [file.read_bytes() for file in files]
-    assert [frame.name for frame in driven] == [f"{query_dir.name}/{file.name}" for file in files]
+    assert [frame.image for frame in resampled] == [file.read_bytes() for file in files]
+    assert [frame.name for frame in resampled] == [
+        f"{query_dir.name}/{file.name}" for file in files
+    ]
 
 
 def test_a_camera_cannot_be_driven_again() -> None:

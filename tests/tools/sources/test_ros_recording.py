@@ -278,7 +278,7 @@ def test_poses_may_be_left_out(tmp_path: Path) -> None:
     assert {frame.pose for frame in frames_of(where, Parts(odometry_topic="none"))} == {None}
 
 
-def test_stamps_of_another_clock_are_told(tmp_path: Path) -> None:
+def test_stamps_of_another_clock_are_reported(tmp_path: Path) -> None:
     said = [Said("/odom", POSE, 1000 + at, {"pose": pose(at, 0)}) for at in range(3)]
     with (
         open_source(record(tmp_path / "drive", images() + said)) as source,
@@ -340,7 +340,7 @@ def test_what_lies_in_a_databases_log_is_asked_for_and_read_when_it_was_brought_
     assert len(list(open_source(str(where)))) == 4
 
 
-def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
+def test_images_that_a_bag_promises_and_has_not_are_counted_and_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = Path(record(tmp_path / "drive", images(), "sqlite3"))
@@ -361,7 +361,7 @@ def test_images_that_a_bag_promises_and_has_not_are_counted_and_told(
 
 
 @pytest.mark.parametrize(("form", "suffix"), [("sqlite3", "db3"), ("mcap", "mcap")])
-def test_a_file_that_a_bags_metadata_do_not_list_is_told(
+def test_a_file_that_a_bags_metadata_do_not_list_is_reported(
     tmp_path: Path, form: str, suffix: str
 ) -> None:
     bag = Path(record(tmp_path / "drive", images(), form))
@@ -373,7 +373,7 @@ def test_a_file_that_a_bags_metadata_do_not_list_is_told(
 
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 @pytest.mark.parametrize("share", [0, 0.1, 0.5, 0.95])
-def test_a_recording_that_was_cut_off_is_told_in_one_line(
+def test_a_recording_that_was_cut_off_is_reported_in_one_line(
     tmp_path: Path, form: str, share: float
 ) -> None:
     where = Path(record(tmp_path / "drive", images(), form))

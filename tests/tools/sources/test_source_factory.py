@@ -25,7 +25,7 @@ def test_a_camera_that_is_absent_is_refused_quietly(capfd, form):
 
 
 @pytest.mark.parametrize("path", ["s", "s.png", "s" * 5000])
-def test_no_password_of_a_url_is_told(path):
+def test_no_password_of_a_url_is_reported(path):
     for where in (f"rtps://me:secret@host/{path}", f"rtsp://me:secret@host/{path}"):
         with pytest.raises(SourceError) as refused:
             open_source(where, parts=Parts(topic="/a") if where.startswith("rtsp") else NO_PARTS)

@@ -89,7 +89,7 @@ def test_start_and_stride_choose_frames_but_keep_their_index(tmp_path):
     assert source.count == 3
 
 
-def test_a_start_beyond_the_end_is_told_on_reading(tmp_path):
+def test_a_start_beyond_the_end_is_reported_on_reading(tmp_path):
     source = open_source(write_video(tmp_path / "a.avi"), parts=Parts(start=10))
     with pytest.raises(SourceError, match="--start 10"):
         list(source)
@@ -113,7 +113,7 @@ CONTAINERS = [("a.avi", "MJPG"), ("b.avi", "mp4v"), ("a.mkv", "MJPG"), ("b.mkv",
 
 
 @pytest.mark.parametrize(("name", "codec"), CONTAINERS)
-def test_what_a_video_that_was_cut_off_lacks_is_counted_and_told(tmp_path, caplog, name, codec):
+def test_what_a_video_that_was_cut_off_lacks_is_counted_and_reported(tmp_path, caplog, name, codec):
     whole = tmp_path / name
     write_noise(whole, codec)
     assert len(list(open_source(str(whole)))) == NOISE

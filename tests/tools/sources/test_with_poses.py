@@ -159,7 +159,7 @@ def test_a_map_has_the_poses_of_the_first_reference(folder: Path, tmp_path: Path
     np.testing.assert_allclose(built.places.poses[:, 1], np.arange(COUNT) / 2, atol=1e-9)
 
 
-def test_a_map_says_where_on_earth_its_metres_are(folder: Path) -> None:
+def test_a_map_says_where_georeferenced_its_metres_are(folder: Path) -> None:
     rows = [f"{at:02}.png,{-27.5 + at / 1e5:.5f},153" for at in range(COUNT)]
     (folder / "frames.csv").write_text("\n".join(["file,latitude,longitude", *rows]))
     built = build_from([str(folder)], CONFIG)
@@ -217,6 +217,6 @@ def test_frames_before_the_first_fix_are_left_out_of_spaced_ones_and_counted(
     way = Trajectory.of(
         np.arange(5, COUNT) * 10**8, np.arange(5.0, COUNT)[:, np.newaxis] * [1, 0, 0]
     )
-    located = WithPoses(Folder(folder), way, "/fix", span_ns=(0, 10**10))
-    assert [frame.index for frame in DistanceSampled(located, 2.0)] == list(range(5, COUNT, 2))
+    with_poses = WithPoses(Folder(folder), way, "/fix", span_ns=(0, 10**10))
+    assert [frame.index for frame in DistanceSampled(with_poses, 2.0)] == list(range(5, COUNT, 2))
     assert "5 frames before the first pose" in caplog.text

@@ -233,7 +233,9 @@ def test_the_drive_is_described(page_of: PageOf, route_map: Map, protocol: Proto
     assert "4.5" in page.cells
 
 
-def test_shorter_segments_of_a_short_reference_are_told(page_of: PageOf, route_map: Map) -> None:
+def test_shorter_segments_of_a_short_reference_are_reported(
+    page_of: PageOf, route_map: Map
+) -> None:
     assert "shortest segment" not in page_of(a_study(route_map)).words
     page = page_of(a_study(route_map, lowered_min_scale=2))
     assert "the shortest segment has 2 places" in " ".join(page.words.split())

@@ -40,21 +40,21 @@ def test_a_protocol_puts_what_every_method_needs_in_the_same_order(
     query = Query(
         str(query_dir), None, protocol, str(reference_dir) if protocol == "off-route" else None, 5
     )
-    driven = prepare(str(reference_dir), query, within_3, CONFIG)
+    prepared = prepare(str(reference_dir), query, within_3, CONFIG)
 
     drive = drive_of(protocol, 60, foreign_count=60, seed=5)
     routes = (trial.query, trial.reference)
     taken = [(routes[int(f)], n) for f, n in zip(drive.foreign, drive.frames, strict=True)]
-    assert driven.query.images.tolist() == [r.images[n].tolist() for r, n in taken]
-    assert driven.query.words.tolist() == [r.words[n].tolist() for r, n in taken]
-    stream = DescriptorStream(driven.placemap.model)
-    for (route, number), vector in zip(taken, driven.descriptors, strict=True):
+    assert prepared.query.images.tolist() == [r.images[n].tolist() for r, n in taken]
+    assert prepared.query.words.tolist() == [r.words[n].tolist() for r, n in taken]
+    stream = DescriptorStream(prepared.placemap.model)
+    for (route, number), vector in zip(taken, prepared.descriptors, strict=True):
         raw = route.raws[number]
         assert raw is not None
         assert vector is not None
         assert np.array_equal(vector, stream.update(raw))
-    assert driven.jumps.tolist() == drive.jumps.tolist()
-    assert driven.truth.on_route.tolist() == (~drive.foreign).tolist()
+    assert prepared.jumps.tolist() == drive.jumps.tolist()
+    assert prepared.truth.on_route.tolist() == (~drive.foreign).tolist()
 
 
 @pytest.mark.parametrize(("protocol", "every", "n"), [("speed", None, 2), ("dense", 3, 3)])
@@ -79,7 +79,7 @@ def test_a_thinned_reference_is_all_that_is_known_of_it(
             assert thinned.truth.correct(matches)[frame] == (abs(right / n - place) <= 3)
 
 
-def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_readings(
+def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_reported_the_readings(
     trial: Trial,
     reference_dir: Path,
     query_dir: Path,
@@ -87,17 +87,20 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_told_the_re
     given_routes: list[RouteCells | None],
 ) -> None:
     query = Query(str(query_dir), protocol="odometry", seed=3)
-    driven = prepare(str(reference_dir), query, within_3, CONFIG)
-    assert driven.every == 2
-    assert driven.metres.places.travelled.tolist() == [*range(30)]
-    for placemap in (driven.placemap, driven.published, driven.multiscale):
+    prepared = prepare(str(reference_dir), query, within_3, CONFIG)
+    assert prepared.every == 2
+    assert prepared.metres.places.travelled.tolist() == [*range(30)]
+    for placemap in (prepared.placemap, prepared.published, prepared.multiscale):
         assert placemap.places.travelled.tolist() == [*range(30)]
     drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
     assert drive.odometry is not None
-    assert driven.metres.readings == drive.odometry.tolist()
+    assert prepared.metres.readings == drive.odometry.tolist()
     given_odometry.clear()  # of the search for places that are the same
     match_channels(
-        driven.placemap.channels, driven.descriptors, driven.metres, driven.matching("filter")
+        prepared.placemap.channels,
+        prepared.descriptors,
+        prepared.metres,
+        prepared.matching("filter"),
     )
     assert given_odometry == drive.odometry.tolist()
     assert given_routes[-1] is not None

@@ -137,7 +137,7 @@ class _Soak:
 
 
 def _next_of(matches: MatchQueue) -> MatchMessage:
-    taken = matches.get(_LAST_MATCH_S)
-    if taken is None or taken[1] is None:
+    received = matches.get(_LAST_MATCH_S)
+    if received is None or received[1] is None:
         raise BusError(f"no match for {_LAST_MATCH_S:g} s; see above")
-    return taken[1]
+    return received[1]

@@ -29,7 +29,7 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.through_services import match_through_services
-from placefield_tools.evaluate.truth_source import Comparison, TruthOptions, TruthSource, find_truth
+from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.resampled import ResampledTraverse
 
@@ -294,7 +294,7 @@ def evaluate(
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)
         ground = find_truth(
-            Comparison(
+            TruthSides(
                 placemap, count, queries, query.numbered(drive), poses, source.origin, readings
             ),
             lambda: truth_of(queries, count),

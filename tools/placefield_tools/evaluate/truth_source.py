@@ -43,7 +43,7 @@ class TruthOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class TruthSides:
     """A drive of D frames, and the map that it is matched against.
 
     Attributes:
@@ -113,7 +113,7 @@ class TruthSource:
 
 
 def find_truth(
-    comparison: Comparison, truth_of: Callable[[], Truth], asked: TruthOptions | None
+    comparison: TruthSides, truth_of: Callable[[], Truth], asked: TruthOptions | None
 ) -> TruthSource:
     """Find the ground truth of a drive.
 
@@ -146,12 +146,12 @@ def find_truth(
     return TruthSource(_by_number(comparison, truth_of), "aligned", asked.tolerance)
 
 
-def _by_number(comparison: Comparison, truth_of: Callable[[], Truth]) -> Truth:
+def _by_number(comparison: TruthSides, truth_of: Callable[[], Truth]) -> Truth:
     truth = truth_of().shared(comparison.placemap.places.same)
     return truth.along(comparison.drive.frames, comparison.drive.foreign)
 
 
-def _by_poses(comparison: Comparison, query: NDArray[np.float64], asked: TruthOptions) -> Truth:
+def _by_poses(comparison: TruthSides, query: NDArray[np.float64], asked: TruthOptions) -> Truth:
     places = comparison.placemap.places
     query[comparison.drive.foreign] = np.nan  # the other route has another coordinate frame
     truth = pose_truth(
@@ -162,7 +162,7 @@ def _by_poses(comparison: Comparison, query: NDArray[np.float64], asked: TruthOp
     return truth
 
 
-def _in_frame_of_map(comparison: Comparison, asked: TruthOptions) -> NDArray[np.float64] | None:
+def _in_frame_of_map(comparison: TruthSides, asked: TruthOptions) -> NDArray[np.float64] | None:
     """Return x and y of the drive's frames in the map's coordinates, (D, 2); None if unknown."""
     if not _have_poses(comparison):
         return None
@@ -183,16 +183,16 @@ def _in_frame_of_map(comparison: Comparison, asked: TruthOptions) -> NDArray[np.
     )
 
 
-def _have_poses(comparison: Comparison) -> bool:
+def _have_poses(comparison: TruthSides) -> bool:
     return bool(len(comparison.placemap.places.poses)) and any(comparison.poses)
 
 
-def _is_georeferenced(comparison: Comparison) -> bool:
+def _is_georeferenced(comparison: TruthSides) -> bool:
     """Return whether the poses of at least one side are georeferenced."""
     return bool(comparison.origin or Origin.of_frame(comparison.placemap.pose_frame))
 
 
-def _refuse_without_poses(comparison: Comparison, asked: TruthOptions) -> None:
+def _refuse_without_poses(comparison: TruthSides, asked: TruthOptions) -> None:
     """Refuse options that need poses of both sides, if these are missing or not comparable."""
     flag = f"--tolerance {asked.metres:g}m" if asked.metres is not None else "--same-frame"
     if asked.metres is None and not asked.same_frame:
@@ -211,7 +211,7 @@ def _refuse_without_poses(comparison: Comparison, asked: TruthOptions) -> None:
     )
 
 
-def _unaligned(comparison: Comparison) -> str | None:
+def _unaligned(comparison: TruthSides) -> str | None:
     """Return why frame i does not show place i; None if nothing speaks against it."""
     if comparison.queries != comparison.references:
         frames = counted(comparison.queries, "frame")

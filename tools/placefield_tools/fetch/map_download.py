@@ -21,7 +21,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class _Server:
+class _MapServer:
     """A host that serves the map."""
 
     identity: str
@@ -58,7 +58,7 @@ class Fetch:
                 if self._fetch_missing(server, partial, progress):
                     return partial.finish(), False
 
-    def _fetch_missing(self, server: _Server, partial: PartialMap, progress: Progress) -> bool:
+    def _fetch_missing(self, server: _MapServer, partial: PartialMap, progress: Progress) -> bool:
         """Fetch all missing chunks; False if the server does not send a chunk."""
         progress(partial.there, server.offer.chunks)
         for chunk in partial.missing():
@@ -72,7 +72,7 @@ class Fetch:
             self._check_stopped()
         return True
 
-    def _chunk(self, server: _Server, chunk: Chunk) -> bytes | None:
+    def _chunk(self, server: _MapServer, chunk: Chunk) -> bytes | None:
         key = self._keys.chunk(server.identity, server.offer.digest, chunk.file, chunk.number)
         self._trouble = "the host that has it does not answer"
         for data, digest in self._bus.ask(key, timeout_s=self._patience_s / 2):
@@ -81,7 +81,7 @@ class Fetch:
             self._trouble = "what comes is damaged"
         return None
 
-    def _find_server(self) -> _Server:
+    def _find_server(self) -> _MapServer:
         """Wait for a host that serves the map."""
         while True:
             servers = list(self._servers())
@@ -96,7 +96,7 @@ class Fetch:
             self._stop.wait(_RETRY_S)
             self._check_patience()
 
-    def _servers(self) -> Iterator[_Server]:
+    def _servers(self) -> Iterator[_MapServer]:
         for written, about in self._bus.ask(self._keys.manifest, timeout_s=self._patience_s / 4):
             try:
                 message = OfferMessage.decode(about)
@@ -105,7 +105,7 @@ class Fetch:
             except (MapError, MessageError) as error:
                 self._trouble = f"what is offered is refused: {error}"
                 continue
-            yield _Server(message.server, offer)
+            yield _MapServer(message.server, offer)
 
     def _check_stopped(self) -> None:
         if self._stop.is_set():

@@ -1,4 +1,4 @@
-"""Picture of how far the probabilities of matches can be believed."""
+"""Reliability diagram: probabilities of matches against how often they are right."""
 
 from pathlib import Path
 

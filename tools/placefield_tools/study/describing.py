@@ -105,8 +105,8 @@ def describe_query_frames(
     return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
 
 
-def _described(raws: list[RawFeature], looks: list[_Observation]) -> Described:
-    images, words = zip(*looks, strict=True)
+def _described(raws: list[RawFeature], observations: list[_Observation]) -> Described:
+    images, words = zip(*observations, strict=True)
     return Described(raws, np.stack(images), np.stack(words))
 
 

@@ -17,7 +17,7 @@ from placefield.maps.traverse import Traverse
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.drive_matching import Metres
 from placefield_tools.evaluate.evaluation import Query, drive_in
-from placefield_tools.evaluate.truth_source import Comparison, TruthOptions, find_truth
+from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, find_truth
 from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.thinned import Thinned
@@ -115,7 +115,7 @@ def prepare(
     placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
     ground = find_truth(
-        Comparison(placemap, references, whole_drive, drive, poses, opened.origin, readings),
+        TruthSides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
         lambda: truth_of(whole_drive, references, drive.every),
         asked,
     )

@@ -39,7 +39,7 @@ class Trial:
         plain: a channel of our map under the identity metric.
         reference: its frames.
         query: the driven frames.
-        descriptors: Q descriptors (N,) float32 of the driven frames, None where not seen.
+        descriptors: Q descriptors (N,) float32 of the frames, None for a missing one.
         metres: of the drive, and of the places.
         truth: of the driven frames.
         ground: by what that is known.

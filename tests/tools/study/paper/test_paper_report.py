@@ -115,7 +115,7 @@ def test_the_verdict_is_that_of_the_figures(paper_study: PaperStudy) -> None:
 @pytest.mark.parametrize(
     ("eight", "said"), [(0.8, "help"), (0.705, "change next to nothing"), (0.5, "harm")]
 )
-def test_what_more_channels_do_is_told_by_the_mean_of_eight(
+def test_what_more_channels_do_is_reported_by_the_mean_of_eight(
     paper_study: PaperStudy, eight: float, said: str
 ) -> None:
     means = [0.7, *[0.6] * 6, eight, 0.6, 0.9]
@@ -124,7 +124,7 @@ def test_what_more_channels_do_is_told_by_the_mean_of_eight(
         for n, mean in enumerate(means, 1)
     )
     result = replace(paper_study.features[0], counts=counts)
-    told = verdicts.of_channels(result) or ""
-    assert told.endswith(f"more channels {said}")
-    assert f"one channel 0.700, of 8 {eight:.3f}, of 10 0.900" in told
+    reported = verdicts.of_channels(result) or ""
+    assert reported.endswith(f"more channels {said}")
+    assert f"one channel 0.700, of 8 {eight:.3f}, of 10 0.900" in reported
     assert verdicts.of_channels(replace(result, counts=())) is None
