@@ -1,6 +1,7 @@
 """Compiled loops, for what numpy can only do in many passes over memory."""
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -10,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -18,16 +19,44 @@ Function = TypeVar("Function", bound=Callable[..., object])
 _SUMS = 64  # interleaved sums, so that the compiler can vectorise
 
 
+class _CacheFile(IndexDataCacheFile):
+    """Files of machine code; those that cannot be read are treated as missing.
+
+    A file may be cut off. It may also name a class that a later version calls otherwise.
+    """
+
+    def _load_index(self) -> dict[object, str]:
+        try:
+            return cast(dict[object, str], super()._load_index())  # type: ignore[no-untyped-call]
+        except Exception:
+            return {}
+
+    def _load_data(self, name: str) -> object:
+        try:
+            return super()._load_data(name)  # type: ignore[no-untyped-call]
+        except Exception as error:
+            raise FileNotFoundError(name) from error
+
+
 class _Cache(FunctionCache):
     """Caches machine code, keyed by the sources that it was compiled from.
 
     numba checks only a function's own file. But the functions that it calls are compiled into it,
-    too, and so are the constants that it uses, whatever file they are in.
+    too, and so are the constants that it uses and the fields of named tuples that it takes,
+    whatever file they are in.
     """
 
     def __init__(self, function: FunctionType) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]
+        self._cache_file = _CacheFile(  # type: ignore[no-untyped-call]
+            self._cache_path,
+            self._impl.filename_base,
+            self._impl.locator.get_source_stamp(),
+        )
         self.sources = {_digest(__file__)}
+        for given in function.__annotations__.values():
+            if isinstance(given, type) and hasattr(given, "_fields"):
+                self.sources.add(_digest(inspect.getfile(given)))
         for name in function.__code__.co_names:
             named = function.__globals__.get(name)
             called = getattr(named, "_cache", None)

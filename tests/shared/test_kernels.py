@@ -77,3 +77,45 @@ def test_machine_code_is_compiled_again_where_a_constant_or_function_of_it_has_c
         ).stdout
 
     assert [outer_of_ten(2), outer_of_ten(3), outer_of_ten(2)] == ["21\n", "31\n", "21\n"]
+
+
+def taken_from(folder: Path, name: str, fields: tuple[str, str]) -> str:
+    """Return what a kernel takes as `first` of a named tuple of 2 and 5; its code is cached."""
+    lines = "".join(f"    {field}: int\n" for field in fields)
+    (folder / "pair.py").write_text(
+        f"from typing import NamedTuple\nclass {name}(NamedTuple):\n{lines}"
+    )
+    taking = (
+        f"from pair import {name}\nfrom placefield.kernels import kernel\n"
+        f"@kernel\ndef first_of(pair: {name}):\n    return pair.first\n"
+    )
+    if not (folder / "taking.py").exists() or (folder / "taking.py").read_text() != taking:
+        (folder / "taking.py").write_text(taking)
+    code = f"from pair import {name}; from taking import first_of; print(first_of({name}(2, 5)))"
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run(
+        [sys.executable, "-B", "-c", code],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept"), "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    ).stdout
+
+
+def test_machine_code_is_compiled_again_where_a_named_tuple_has_changed(tmp_path: Path) -> None:
+    assert taken_from(tmp_path, "Pair", ("first", "second")) == "2\n"
+    assert taken_from(tmp_path, "Pair", ("second", "first")) == "5\n"
+    assert taken_from(tmp_path, "Couple", ("second", "first")) == "5\n"
+
+
+@pytest.mark.parametrize("length", [0, 9])
+@pytest.mark.parametrize("pattern", ["*.nbi", "*.nbc"])
+def test_kept_machine_code_that_was_cut_off_is_compiled_again(
+    tmp_path: Path, pattern: str, length: int
+) -> None:
+    assert sum_in_another_process(tmp_path).stdout == "3.0\n"
+    for file in tmp_path.rglob(pattern):
+        file.write_bytes(file.read_bytes()[:length])
+    ended = sum_in_another_process(tmp_path)
+    assert (ended.returncode, ended.stdout) == (0, "3.0\n"), ended.stderr
