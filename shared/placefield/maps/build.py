@@ -10,11 +10,12 @@ from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
+from placefield.maps.alignment import align_by_number
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, MapChannel, MapMetric, Places
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
-from placefield.maps.traverse import Traverse
+from placefield.maps.traverse import Alignment, Traverse
 from placefield.matching.revisits import same_places
 from placefield.metric.cross_validation import choose_push
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
@@ -102,12 +103,12 @@ def build_map(
     network: Network | None = None,
     run: Run = map,
 ) -> Map:
-    """Build a map from one or more traverses of one route, aligned by index.
+    """Build a map from one or more traverses of one route.
 
     PCA and metrics learn from all traverses; the places are the first's.
 
     Args:
-        traverses: of equal length.
+        traverses: each but the first aligned to it, or of as many frames.
         config: its features, scales, metric and seed describe the map.
         progress: told of every channel's learning.
         cut: how the reference becomes segments.
@@ -115,13 +116,18 @@ def build_map(
         run: the channels, which do not depend on each other: on how many cores changes no bit.
 
     Raises:
-        MapError: the traverses differ in length, or ``cut`` refuses the reference.
+        MapError: one that is not aligned has not as many frames as the first, or ``cut`` refuses
+            the reference.
     """
-    _check_aligned(traverses)
+    alignments = [_alignment(traverse, traverses[0]) for traverse in traverses]
+    shown = [alignment.shown() for alignment in alignments]
+    place_of = [
+        alignment.places[frames] for alignment, frames in zip(alignments, shown, strict=True)
+    ]
     dimensions = config.features.dimensions or default_dimensions(config.features.kind)
     features = config.features.model_copy(update={"dimensions": dimensions})
     model, descriptors = fit_descriptors(
-        [traverse.raw for traverse in traverses],
+        [_rows(traverse.raw, frames) for traverse, frames in zip(traverses, shown, strict=True)],
         features.kind,
         dimensions=dimensions,
         standardise=features.standardise,
@@ -130,17 +136,16 @@ def build_map(
     )
     first, places = traverses[0], descriptors[0]
     held_back = held_back_places(len(places), config.seed)
-    probes = _probes(descriptors, held_back)
-    order = _trained_first(held_back, len(traverses))
+    probes = _probes(descriptors, place_of, held_back)
+    order, places_of = _trained_first(held_back, place_of)
     reference = _centred(descriptors, order)
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.matching.coarse_from)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
-    labels = [np.tile(channel.encoding.labels, len(traverses))[order] for channel in encoded]
-    places_of = np.tile(np.arange(len(places)), len(traverses))[order]
+    labels = [channel.encoding.labels[places_of] for channel in encoded]
     metric_config = _with_push(config, probes, labels[0], reference, places_of)
-    trained = len(reference) - len(traverses) * int(held_back.sum())
+    trained = len(reference) - int(held_back[places_of].sum())
 
     def learn(number: int) -> MapChannel:
         def learned(share: float) -> None:
@@ -163,7 +168,7 @@ def build_map(
         features=features,
         scales=config.scales,
         metric=metric_config,
-        traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
+        traverses=_records(traverses, alignments),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
         places=_places(first, same),
@@ -171,20 +176,47 @@ def build_map(
     )
 
 
-def _check_aligned(traverses: Sequence[Traverse]) -> None:
-    first = traverses[0]
-    for other in traverses[1:]:
-        if len(other.raw) != len(first.raw):
-            raise MapError(
-                f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
-                "traverses of one map are aligned by index and need as many frames each; "
-                "parts of one drive take --one-drive"
-            )
+def _alignment(traverse: Traverse, first: Traverse) -> Alignment:
+    if traverse.alignment is not None:
+        return traverse.alignment
+    if len(traverse.raw) != len(first.raw):
+        raise MapError(
+            f"{traverse.name} has {len(traverse.raw)} frames and {first.name} {len(first.raw)}, "
+            "and they are not aligned; parts of one drive take --one-drive"
+        )
+    return align_by_number(len(traverse.raw))
 
 
-def _trained_first(held_back: NDArray[np.bool_], traverses: int) -> NDArray[np.intp]:
-    """Order of the frames of all traverses, one below the other: those held back come last."""
-    return np.argsort(np.tile(held_back, traverses), kind="stable")
+def _rows(raw: Array, frames: NDArray[np.intp]) -> Array:
+    """Return the raw features (K, D) of some frames, without a copy where these are all."""
+    return raw if len(frames) == len(raw) else raw[frames]
+
+
+def _records(
+    traverses: Sequence[Traverse], alignments: Sequence[Alignment]
+) -> tuple[TraverseRecord, ...]:
+    first = TraverseRecord(name=traverses[0].name, frames=len(traverses[0].raw))
+    others = zip(traverses[1:], alignments[1:], strict=True)
+    return (
+        first,
+        *(
+            TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
+            for each, to in others
+        ),
+    )
+
+
+def _trained_first(
+    held_back: NDArray[np.bool_], place_of: Sequence[NDArray[np.int32]]
+) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Order the frames of all traverses, one below the other, so that those held back come last.
+
+    Returns:
+        The order, and the place of each frame in it.
+    """
+    places = np.concatenate(place_of)
+    order = np.argsort(held_back[places], kind="stable")
+    return order, places[order]
 
 
 def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
@@ -194,14 +226,21 @@ def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
     return reference
 
 
-def _probes(descriptors: Sequence[Array], held_back: NDArray[np.bool_]) -> Probes | None:
+def _probes(
+    descriptors: Sequence[Array],
+    place_of: Sequence[NDArray[np.int32]],
+    held_back: NDArray[np.bool_],
+) -> Probes | None:
     """Make the gate's questions: the held-back places as the other traverses saw them, if any."""
     first, *others = descriptors
     if not others:
         return None
-    truth = np.flatnonzero(held_back)
-    asked = np.concatenate([other[truth] for other in others])
-    return Probes(first, asked, np.tile(truth, len(others)))
+    asked = [held_back[places] for places in place_of[1:]]
+    return Probes(
+        first,
+        np.concatenate([other[rows] for other, rows in zip(others, asked, strict=True)]),
+        np.concatenate([places[rows] for places, rows in zip(place_of[1:], asked, strict=True)]),
+    )
 
 
 def _map_channel(

@@ -34,15 +34,28 @@ REBUILD = "build the map again with 'placefield build'"
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
+AlignedBy = Literal["smoother", "poses", "number"]
+"""By what the frames of a drive were aligned: by number, frame i shows place i."""
+
+
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class TraverseRecord(_Record):
-    """One reference traverse: its name for a person, and how many frames it had."""
+    """One reference traverse.
+
+    Attributes:
+        name: for a person.
+        frames: how many it had.
+        aligned: how many of them show a place of the first; none of the first.
+        by: what they were aligned; none of the first.
+    """
 
     name: str
     frames: int
+    aligned: int | None = None
+    by: AlignedBy | None = None
 
 
 class MetricRecord(_Record):

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,16 @@ from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
 from placefield.maps.jumps import told_jumps
+from placefield.maps.manifest import AlignedBy
 from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
 
 ROUTE = "route"
 """The frame of poses that are in metres of the user's own."""
+
+NO_PLACE = -1
+"""Stands for the place of a frame that shows none."""
 
 _THUMBNAIL = 160  # pixels of a side, at most
 
@@ -31,6 +36,36 @@ class DescribedFrame:
     pose: Pose | None
     odometry_m: float | None
     thumbnail: bytes
+
+
+class Alignment(NamedTuple):
+    """Which place each of the M frames of a drive shows.
+
+    Attributes:
+        places: (M,) int32, -1 where it is not known, or a frame shows none.
+        probability: (M,) float32, posterior that a frame was taken within a few places of the
+            likeliest one, whether that is known or not.
+        by: what they were aligned.
+    """
+
+    places: NDArray[np.int32]
+    probability: NDArray[np.float32]
+    by: AlignedBy
+
+    @property
+    def aligned(self) -> int:
+        """How many frames show a place; the others are left out."""
+        return int(np.count_nonzero(self.places != NO_PLACE))
+
+    def shown(self) -> NDArray[np.intp]:
+        """Return the frames that show a place, ascending; of several of one place, the likeliest.
+
+        So a stop, or a slow drive, weighs no more than the reference does.
+        """
+        order = np.lexsort((-self.probability, self.places))
+        order = order[self.places[order] != NO_PLACE]
+        first = np.unique(self.places[order], return_index=True)[1]
+        return np.sort(order[first])
 
 
 @dataclass(frozen=True)
@@ -47,6 +82,7 @@ class Traverse:
             knows.
         thumbnails: K JPEG images.
         pose_frame: what the poses are measured in, as a map's.
+        alignment: which places of the first traverse its frames show; None: frame i, place i.
     """
 
     name: str
@@ -56,6 +92,7 @@ class Traverse:
     travelled: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
+    alignment: Alignment | None = None
 
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape

@@ -87,7 +87,16 @@ def describe_reference(
 
 
 def without_bad(references: Sequence[Reference]) -> list[Reference]:
-    """Leave frames that are bad in one traverse out of all: frame i of each is one place."""
+    """Leave bad frames out.
+
+    Of traverses of as many frames, those that are bad in one are left out of all: frame i of each
+    may be one place.
+    """
+    if len({len(reference.frames) for reference in references}) > 1:
+        return [
+            replace(reference, frames=[frame for frame in reference.frames if frame is not None])
+            for reference in references
+        ]
     bad = {
         index
         for reference in references

@@ -4,6 +4,7 @@ import numpy as np
 
 from placefield.config import MetricConfig
 from placefield.maps.geography import Origin
+from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
 from placefield_tools.common.natural_sort import counted
 
@@ -19,7 +20,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "places": f"{opened.places.count}, {_poses(opened)}",
         "travelled": _travelled(opened.places),
         "driven again": _driven_again(opened.places),
-        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
+        "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
         "smallest scale": f"{opened.channels[0].smallest} frames",
@@ -28,6 +29,15 @@ def map_facts(opened: Map) -> dict[str, str]:
         "seed": str(opened.seed),
         "digest": opened.digest,
     }
+
+
+def traverse_line(record: TraverseRecord) -> str:
+    """Say how many frames a traverse had, and how they were aligned to the first's."""
+    frames = f"{record.name}: {counted(record.frames, 'frame')}"
+    if record.aligned is None:
+        return frames
+    left_out = record.frames - record.aligned
+    return f"{frames}, {record.aligned} aligned by {record.by}, {left_out} left out"
 
 
 def _metric(config: MetricConfig) -> str:
