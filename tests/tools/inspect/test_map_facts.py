@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map
 from placefield_tools.inspect.map_facts import map_facts
 
@@ -34,6 +35,13 @@ def test_how_many_places_have_no_pose_is_told(route_map: Map) -> None:
     assert told == "60, with poses on earth, from 1.000000 2.000000 on, 7 places without"
     assert located.places.pose(6) is None
     assert located.places.pose(7) == (0, 0, 0)
+
+
+def test_how_other_traverses_were_aligned_is_told(route_map: Map) -> None:
+    first = TraverseRecord(name="day", frames=60)
+    night = TraverseRecord(name="night", frames=90, aligned=81, by="smoother")
+    told = map_facts(replace(route_map, traverses=(first, night)))["traverses"]
+    assert told == "day: 60 frames; night: 90 frames, 81 aligned by smoother, 9 left out"
 
 
 def test_a_map_is_told_by_its_digest(map_path: Path, route_map: Map) -> None:
