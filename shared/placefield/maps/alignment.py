@@ -15,12 +15,11 @@ from scipy.spatial import KDTree
 from placefield.config import MatchingConfig
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import MapChannel
 from placefield.maps.metrics import identity_metric
 from placefield.maps.traverse import NO_PLACE, Alignment
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.matching.revisits import same_places
+from placefield.matching.revisits import channel_without_segments, same_places
 
 NEAR_M = 5.0
 """A place further from a frame is not the one that it shows: satellites tell as well as that."""
@@ -43,7 +42,9 @@ def align_by_smoother(reference: Array, frames: Array) -> Alignment:
         frames: (M, N) float32, descriptors of the drive's frames, in their order.
     """
     matching, same = MatchingConfig(), same_places(reference)
-    channels = ChannelStage({0: _channel(reference)}, matching, same=same)
+    channels = ChannelStage(
+        {0: channel_without_segments(identity_metric(reference))}, matching, same=same
+    )
     stream = FusedStream(channels, FusionStage(same, matching), WHOLE_DRIVE)
     for frame in frames:
         stream.update(next(channels.compare([frame])))
@@ -79,11 +80,3 @@ def _headed(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points (n, 4) that are as far apart as poses (n, 3) are, a turn of 60° being 5 m."""
     x, y, yaw = poses.T
     return np.column_stack([x, y, NEAR_M * np.cos(yaw), NEAR_M * np.sin(yaw)])
-
-
-def _channel(places: Array) -> MapChannel:
-    """Return a channel of no segments."""
-    count, one = len(places), np.ones(1, np.int32)
-    none = np.zeros((0, 2), np.int32)
-    labels = np.zeros(count, np.int32)
-    return MapChannel(1, 1, identity_metric(places), labels, none, one, 1, np.zeros((0, 2)))

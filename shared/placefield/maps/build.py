@@ -10,12 +10,18 @@ from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
-from placefield.maps.alignment import align_by_number
-from placefield.maps.manifest import TraverseRecord
-from placefield.maps.map import Map, MapChannel, MapMetric, Places
+from placefield.maps.gathering import (
+    alignment_of,
+    centred,
+    chosen_rows,
+    probes_of,
+    records_of,
+    trained_first,
+)
+from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
-from placefield.maps.traverse import Alignment, Traverse
+from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
 from placefield.metric.cross_validation import choose_push
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
@@ -119,7 +125,7 @@ def build_map(
         MapError: one that is not aligned has not as many frames as the first, or ``cut`` refuses
             the reference.
     """
-    alignments = [_alignment(traverse, traverses[0]) for traverse in traverses]
+    alignments = [alignment_of(traverse, traverses[0]) for traverse in traverses]
     shown = [alignment.shown() for alignment in alignments]
     place_of = [
         alignment.places[frames] for alignment, frames in zip(alignments, shown, strict=True)
@@ -127,7 +133,10 @@ def build_map(
     dimensions = config.features.dimensions or default_dimensions(config.features.kind)
     features = config.features.model_copy(update={"dimensions": dimensions})
     model, descriptors = fit_descriptors(
-        [_rows(traverse.raw, frames) for traverse, frames in zip(traverses, shown, strict=True)],
+        [
+            chosen_rows(traverse.raw, frames)
+            for traverse, frames in zip(traverses, shown, strict=True)
+        ],
         features.kind,
         dimensions=dimensions,
         standardise=features.standardise,
@@ -136,9 +145,9 @@ def build_map(
     )
     first, places = traverses[0], descriptors[0]
     held_back = held_back_places(len(places), config.seed)
-    probes = _probes(descriptors, place_of, held_back)
-    order, places_of = _trained_first(held_back, place_of)
-    reference = _centred(descriptors, order)
+    probes = probes_of(descriptors, place_of, held_back)
+    order, places_of = trained_first(held_back, place_of)
+    reference = centred(descriptors, order)
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.matching.coarse_from)
     encoded = cut(places, first, config)
@@ -168,78 +177,14 @@ def build_map(
         features=features,
         scales=config.scales,
         metric=metric_config,
-        traverses=_records(traverses, alignments),
+        traverses=records_of(traverses, alignments),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
         places=_places(first, same),
         channels=channels,
-    )
-
-
-def _alignment(traverse: Traverse, first: Traverse) -> Alignment:
-    if traverse.alignment is not None:
-        return traverse.alignment
-    if len(traverse.raw) != len(first.raw):
-        raise MapError(
-            f"{traverse.name} has {len(traverse.raw)} frames and {first.name} {len(first.raw)}, "
-            "and they are not aligned; parts of one drive take --one-drive"
-        )
-    return align_by_number(len(traverse.raw))
-
-
-def _rows(raw: Array, frames: NDArray[np.intp]) -> Array:
-    """Return the raw features (K, D) of some frames, without a copy where these are all."""
-    return raw if len(frames) == len(raw) else raw[frames]
-
-
-def _records(
-    traverses: Sequence[Traverse], alignments: Sequence[Alignment]
-) -> tuple[TraverseRecord, ...]:
-    first = TraverseRecord(name=traverses[0].name, frames=len(traverses[0].raw))
-    others = zip(traverses[1:], alignments[1:], strict=True)
-    return (
-        first,
-        *(
-            TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
-            for each, to in others
-        ),
-    )
-
-
-def _trained_first(
-    held_back: NDArray[np.bool_], place_of: Sequence[NDArray[np.int32]]
-) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """Order the frames of all traverses, one below the other, so that those held back come last.
-
-    Returns:
-        The order, and the place of each frame in it.
-    """
-    places = np.concatenate(place_of)
-    order = np.argsort(held_back[places], kind="stable")
-    return order, places[order]
-
-
-def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
-    """Descriptors (K, N) of all traverses, one below the other, reordered, less their mean."""
-    reference = np.concatenate(descriptors)[order]
-    reference -= reference.mean(axis=0)
-    return reference
-
-
-def _probes(
-    descriptors: Sequence[Array],
-    place_of: Sequence[NDArray[np.int32]],
-    held_back: NDArray[np.bool_],
-) -> Probes | None:
-    """Make the gate's questions: the held-back places as the other traverses saw them, if any."""
-    first, *others = descriptors
-    if not others:
-        return None
-    asked = [held_back[places] for places in place_of[1:]]
-    return Probes(
-        first,
-        np.concatenate([other[rows] for other, rows in zip(others, asked, strict=True)]),
-        np.concatenate([places[rows] for places, rows in zip(place_of[1:], asked, strict=True)]),
+        alignments={
+            number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
+        },
     )
 
 
@@ -259,6 +204,7 @@ def _map_channel(
         scales=channel.encoding.scales,
         smallest=smallest,
         curve=learned.curve,
+        refusal=learned.refusal,
     )
 
 

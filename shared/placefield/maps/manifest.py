@@ -53,8 +53,8 @@ class TraverseRecord(_Record):
     """
 
     name: str
-    frames: int
-    aligned: int | None = None
+    frames: int = Field(ge=0)
+    aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
 
 
@@ -74,11 +74,19 @@ class MetricRecord(_Record):
 
 
 class ChannelRecord(_Record):
-    """One channel: its fuzzifier, its clusters, and the number of its metric."""
+    """One channel.
+
+    Attributes:
+        fuzzifier: of its clusters.
+        clusters: how many.
+        metric: number of its metric.
+        refusal: why none was learned; empty where one was.
+    """
 
     fuzzifier: float
     clusters: int
     metric: int = Field(ge=0)
+    refusal: str = ""
 
 
 class Manifest(_Record):

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from placefield.config import MetricConfig
 from placefield.maps.geography import Origin
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
@@ -24,7 +23,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
         "smallest scale": f"{opened.channels[0].smallest} frames",
-        "metric": _metric(opened.metric),
+        "metric": _metric(opened),
         "search": "coarse look first" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
         "digest": opened.digest,
@@ -40,9 +39,20 @@ def traverse_line(record: TraverseRecord) -> str:
     return f"{frames}, {record.aligned} aligned by {record.by}, {left_out} left out"
 
 
-def _metric(config: MetricConfig) -> str:
-    """Say how metrics were learned."""
-    return f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
+def _metric(opened: Map) -> str:
+    """Say how metrics were learned, in how many channels one was kept, and why not in the others.
+
+    Maps of earlier versions do not say why.
+    """
+    config = opened.metric
+    if config.kind == "identity":
+        return "identity"
+    asked = f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
+    channels = opened.channels
+    kept = sum(channel.metric.learned for channel in channels)
+    told = f"{asked}: kept in {kept} of {counted(len(channels), 'channel')}"
+    reasons = dict.fromkeys(channel.refusal for channel in channels if channel.refusal)
+    return "; ".join([told, *(f"else the identity: {reason}" for reason in reasons)])
 
 
 def _travelled(places: Places) -> str:
