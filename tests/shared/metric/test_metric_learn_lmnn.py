@@ -59,7 +59,7 @@ def map_by(solver: str, raws: Array) -> Map:
 def smoothed(placemap: Map, raws: Array) -> list[tuple[int, float]]:
     recognizer = Recognizer(placemap, load_config(None, {"preset": "paper"}))
     for raw in raws:
-        recognizer.push_raw(raw)
+        recognizer.update_raw(raw)
     matches = recognizer.smoothed() + recognizer.finish()
     return [(each.match.place, each.match.score) for each in matches]
 

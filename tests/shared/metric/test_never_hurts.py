@@ -40,7 +40,7 @@ def build(raw_features, feature, references, metric):
 
 def auc(placemap, query):
     recognizer = Recognizer(placemap)
-    matches = [recognizer.push_raw(raw) for raw in query]
+    matches = [recognizer.update_raw(raw) for raw in query]
     places = np.array([match.place for match in matches])
     scores = np.array([match.score for match in matches])
     truth = Truth.within(len(query), placemap.places.count, 3)

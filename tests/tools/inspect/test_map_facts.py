@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from placefield.config import MetricConfig
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map
 from placefield_tools.inspect.map_facts import map_facts
@@ -42,6 +43,16 @@ def test_how_other_traverses_were_aligned_is_told(route_map: Map) -> None:
     night = TraverseRecord(name="night", frames=90, aligned=81, by="smoother")
     told = map_facts(replace(route_map, traverses=(first, night)))["traverses"]
     assert told == "day: 60 frames; night: 90 frames, 81 aligned by smoother, 9 left out"
+
+
+def test_why_a_metric_was_not_kept_is_told(route_map: Map) -> None:
+    assert map_facts(route_map)["metric"] == "identity"
+    first, *others = route_map.channels
+    kept = replace(first, metric=replace(first.metric, learned=True), refusal="")
+    channels = (kept, *(replace(channel, refusal="of no use") for channel in others))
+    learned = replace(route_map, metric=MetricConfig(), channels=channels)
+    told = map_facts(learned)["metric"]
+    assert told == "lmnn, push 0.5: kept in 1 of 3 channels; else the identity: of no use"
 
 
 def test_a_map_is_told_by_its_digest(map_path: Path, route_map: Map) -> None:

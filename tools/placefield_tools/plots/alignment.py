@@ -50,8 +50,8 @@ def plot_alignment(path: Path, traverses: Sequence[AlignedTraverse], places: int
         shown = traverse.places >= 0
         axes.plot(frames[shown], traverse.places[shown], ".", color=style.RIGHT, markersize=3)
         left_out = frames[~shown]
-        axes.plot(left_out, np.zeros(len(left_out)), "|", color=style.WRONG, markersize=8)
-        axes.set(xlim=(0, max(len(frames), 1)), ylim=(-places / 50, places), ylabel="Place")
+        axes.plot(left_out, np.zeros(len(left_out)), ".", color=style.WRONG, markersize=5)
+        axes.set(xlim=(-0.5, len(frames) - 0.5), ylim=(-places / 20, places), ylabel="Place")
         axes.set_title(traverse.title, loc="left", fontsize=10, color=style.INK, parse_math=False)
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
         style.tidy(axes)
