@@ -13,7 +13,7 @@ from placefield.features.frames import Frame
 from placefield.features.images import Image, load
 from placefield.maps import build
 from placefield.maps.map import Map
-from placefield.maps.same_route import check_same_route
+from placefield.maps.same_route import align_traverses
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 
 _DEFAULTS = Config()
@@ -23,16 +23,17 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     """Build a map from the frames of one or more traverses of a route, in the order of travel.
 
     Args:
-        traverses: the first gives the places; the others, of the same length and aligned by index,
-            show the route in other light, and metrics are learned from them. A ``Frame`` has its
-            own stamp, pose and odometry; an image alone is stamped one second after the one before.
+        traverses: the first gives the places. The others, of any length and speed, show the route
+            in other light, and metrics are learned from them. Their frames are aligned to the
+            places; a frame that shows no place is left out. A ``Frame`` has its own stamp, pose and
+            odometry; an image alone is stamped one second after the one before.
         config: of features, scales, metric and seed.
 
     Raises:
         SourceError: a file cannot be read, or is something else.
         FrameError: an image does not decode, or pixels are of another shape or dtype.
-        MapError: the frames do not make a map: too few, traverses that differ in length or in their
-            route, a pose that is not finite, or odometry that goes back.
+        MapError: the frames do not make a map: too few, traverses that differ in their route, a
+            pose that is not finite, or odometry that goes back.
         ConfigError: the features' network cannot be read.
     """
     if not traverses:
@@ -43,8 +44,8 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         for number, traverse in enumerate(traverses)
     ]
     with threadpool_limits(1):  # the number of threads changes the last bits
-        check_same_route(described, config.features.kind)
-        return build.build_map(described, config, network=feature.network)
+        aligned = align_traverses(described, config.features.kind)
+        return build.build_map(aligned, config, network=feature.network)
 
 
 def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> Traverse:

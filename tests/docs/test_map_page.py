@@ -15,6 +15,7 @@ from placefield.maps.array_layout import (
     MODEL_FILES,
     NETWORK_FILES,
     PLACE_FILES,
+    TRAVERSE_FILES,
 )
 from placefield.maps.manifest import MANIFEST, SEAL, Manifest
 
@@ -24,6 +25,7 @@ FOLDERS = (
     ("features", MODEL_FILES),
     ("features", NETWORK_FILES),
     ("places", PLACE_FILES),
+    ("traverses/1", TRAVERSE_FILES),
     ("metrics/0", METRIC_FILES),
     ("metrics/0/coarse", COARSE_FILES),
     ("channels/0", CHANNEL_FILES),
@@ -59,7 +61,11 @@ def test_the_page_has_every_file_of_a_map(map_page: str, map_path: Path) -> None
     assert {MANIFEST, SEAL} < files
     for file in files:
         folder, _, rest = file.partition("/")
-        named = f"{folder}/0/{rest.partition('/')[2]}" if rest[:1].isdecimal() else file
+        named = (
+            f"{folder}/{int(folder == 'traverses')}/{rest.partition('/')[2]}"
+            if rest[:1].isdecimal()
+            else file
+        )
         assert named in map_page
 
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from placefield.maps.map import Map
 
 # For each folder: its files, with the dtype and the axes of their arrays. An axis of one letter has
-# the same length in all files of a folder: K places, P poses, T metres travelled, N descriptor
-# dimensions, M projected dimensions, D raw dimensions.
+# the same length in all files of a folder: K places, P poses, T metres travelled, F frames of a
+# traverse, N descriptor dimensions, M projected dimensions, D raw dimensions.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),
@@ -25,6 +25,7 @@ PLACE_FILES: Layout = {
     "thumbnails": ("uint8", "b"),
     "thumbnail_ends": ("int64", "K"),
 }
+TRAVERSE_FILES: Layout = {"places": ("int32", "F")}
 METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
@@ -52,6 +53,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     ]
     if built.model.network is not None:
         parts.append(("features", built.model.network, NETWORK_FILES))
+    for number, traverse in built.alignments.items():
+        parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):
         parts.append((f"metrics/{number}", metric, METRIC_FILES))
         if metric.coarse is not None:

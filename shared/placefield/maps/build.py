@@ -10,8 +10,15 @@ from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
-from placefield.maps.manifest import TraverseRecord
-from placefield.maps.map import Map, MapChannel, MapMetric, Places
+from placefield.maps.gathering import (
+    alignment_of,
+    centred,
+    chosen_rows,
+    probes_of,
+    records_of,
+    trained_first,
+)
+from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
@@ -102,12 +109,12 @@ def build_map(
     network: Network | None = None,
     run: Run = map,
 ) -> Map:
-    """Build a map from one or more traverses of one route, aligned by index.
+    """Build a map from one or more traverses of one route.
 
     PCA and metrics learn from all traverses; the places are the first's.
 
     Args:
-        traverses: of equal length.
+        traverses: each is aligned to the first, or has the same number of frames.
         config: its features, scales, metric and seed describe the map.
         progress: called with the progress of each channel.
         cut: cuts the reference into segments.
@@ -116,13 +123,21 @@ def build_map(
             number of cores does not change the result.
 
     Raises:
-        MapError: the traverses differ in length, or ``cut`` refuses the reference.
+        MapError: a traverse is not aligned and its number of frames differs from the first's, or
+            ``cut`` refuses the reference.
     """
-    _check_aligned(traverses)
+    alignments = [alignment_of(traverse, traverses[0]) for traverse in traverses]
+    shown = [alignment.shown() for alignment in alignments]
+    place_of = [
+        alignment.places[frames] for alignment, frames in zip(alignments, shown, strict=True)
+    ]
     dimensions = config.features.dimensions or default_dimensions(config.features.kind)
     features = config.features.model_copy(update={"dimensions": dimensions})
     model, descriptors = fit_descriptors(
-        [traverse.raw for traverse in traverses],
+        [
+            chosen_rows(traverse.raw, frames)
+            for traverse, frames in zip(traverses, shown, strict=True)
+        ],
         features.kind,
         dimensions=dimensions,
         standardise=features.standardise,
@@ -131,17 +146,16 @@ def build_map(
     )
     first, places = traverses[0], descriptors[0]
     held_back = held_back_places(len(places), config.seed)
-    probes = _probes(descriptors, held_back)
-    order = _trained_first(held_back, len(traverses))
-    reference = _centred(descriptors, order)
+    probes = probes_of(descriptors, place_of, held_back)
+    order, places_of = trained_first(held_back, place_of)
+    reference = centred(descriptors, order)
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
-    labels = [np.tile(channel.encoding.labels, len(traverses))[order] for channel in encoded]
-    places_of = np.tile(np.arange(len(places)), len(traverses))[order]
+    labels = [channel.encoding.labels[places_of] for channel in encoded]
     metric_config = _with_push(config, probes, labels[0], reference, places_of)
-    trained = len(reference) - len(traverses) * int(held_back.sum())
+    trained = len(reference) - int(held_back[places_of].sum())
 
     def learn(number: int) -> MapChannel:
         def learned(share: float) -> None:
@@ -164,45 +178,15 @@ def build_map(
         features=features,
         scales=config.scales,
         metric=metric_config,
-        traverses=tuple(TraverseRecord(name=t.name, frames=len(t.raw)) for t in traverses),
+        traverses=records_of(traverses, alignments),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
         places=_places(first, same),
         channels=channels,
+        alignments={
+            number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
+        },
     )
-
-
-def _check_aligned(traverses: Sequence[Traverse]) -> None:
-    first = traverses[0]
-    for other in traverses[1:]:
-        if len(other.raw) != len(first.raw):
-            raise MapError(
-                f"{other.name} has {len(other.raw)} frames and {first.name} {len(first.raw)}: "
-                "traverses of one map are aligned by index and need as many frames each; "
-                "parts of one drive take --one-drive"
-            )
-
-
-def _trained_first(held_back: NDArray[np.bool_], traverses: int) -> NDArray[np.intp]:
-    """Return the order of the frames of all stacked traverses that puts held-back frames last."""
-    return np.argsort(np.tile(held_back, traverses), kind="stable")
-
-
-def _centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
-    """Stack the descriptors (K, N) of all traverses, reorder them and subtract their mean."""
-    reference = np.concatenate(descriptors)[order]
-    reference -= reference.mean(axis=0)
-    return reference
-
-
-def _probes(descriptors: Sequence[Array], held_back: NDArray[np.bool_]) -> Probes | None:
-    """Return the gate's probes: the held-back places as the other traverses observed them."""
-    first, *others = descriptors
-    if not others:
-        return None
-    truth = np.flatnonzero(held_back)
-    asked = np.concatenate([other[truth] for other in others])
-    return Probes(first, asked, np.tile(truth, len(others)))
 
 
 def _map_channel(
@@ -221,6 +205,7 @@ def _map_channel(
         scales=channel.encoding.scales,
         smallest=smallest,
         curve=learned.curve,
+        refusal=learned.refusal,
     )
 
 

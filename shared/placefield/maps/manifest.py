@@ -34,15 +34,28 @@ REBUILD = "build the map again with 'placefield build'"
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
+AlignedBy = Literal["smoother", "poses", "number"]
+"""The method that aligned the frames of a drive; with ``number``, frame i shows place i."""
+
+
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class TraverseRecord(_Record):
-    """One reference traverse: its name for a person, and how many frames it had."""
+    """One reference traverse.
+
+    Attributes:
+        name: for a person.
+        frames: the number of its frames.
+        aligned: the number of frames that show a place of the first traverse; None for the first.
+        by: the method of the alignment; None for the first.
+    """
 
     name: str
-    frames: int
+    frames: int = Field(ge=0)
+    aligned: int | None = Field(None, ge=0)
+    by: AlignedBy | None = None
 
 
 class MetricRecord(_Record):
@@ -61,11 +74,19 @@ class MetricRecord(_Record):
 
 
 class ChannelRecord(_Record):
-    """One channel: its fuzzifier, its clusters, and the number of its metric."""
+    """One channel.
+
+    Attributes:
+        fuzzifier: m of its fuzzy c-means.
+        clusters: the number of clusters.
+        metric: the number of its metric.
+        refusal: why no metric was learned; empty if one was, or if the map does not say.
+    """
 
     fuzzifier: float
     clusters: int
     metric: int = Field(ge=0)
+    refusal: str = ""
 
 
 class Manifest(_Record):

@@ -1,7 +1,7 @@
 """The map in memory."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,6 +68,17 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
+class MapAlignment:
+    """The alignment of a reference traverse of F frames to the first traverse.
+
+    Attributes:
+        places: (F,) int32, the place that each frame shows; -1 if the frame was left out.
+    """
+
+    places: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
 class MapMetric:
     """A metric, and the K places under it.
 
@@ -109,6 +120,7 @@ class MapChannel:
         scales: (n,) int32, ascending distinct lengths of the segments, frames.
         smallest: s_min of Eqs. 13 to 16, frames: the same for all channels of a map.
         curve: (steps + 1, 2) float64, validation loss and gate score during learning.
+        refusal: why no metric was learned; empty if one was, or if the map does not say.
     """
 
     fuzzifier: float
@@ -119,6 +131,7 @@ class MapChannel:
     scales: NDArray[np.int32]
     smallest: int
     curve: NDArray[np.float64]
+    refusal: str = ""
 
     def __repr__(self) -> str:
         lengths = f"{self.scales[0]} to {self.scales[-1]} frames"
@@ -136,6 +149,7 @@ class Map:
 
     Attributes:
         preset: the preset of the build, for the record; the settings are in the fields below.
+        alignments: how each traverse but the first was aligned to the first, by traverse number.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -151,6 +165,7 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
+    alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 

@@ -1,6 +1,6 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, overload
@@ -19,11 +19,12 @@ from placefield.maps.array_layout import (
     MODEL_FILES,
     NETWORK_FILES,
     PLACE_FILES,
+    TRAVERSE_FILES,
     Layout,
 )
 from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
-from placefield.maps.map import STEPS, Map, MapChannel, MapMetric, Places, fingerprint
+from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric, Places, fingerprint
 from placefield.search.coarse import CoarseIndex
 
 _QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
@@ -81,6 +82,7 @@ def open_map(
         model=model,
         places=places,
         channels=tuple(all_channels) if channels is None else all_channels,
+        alignments=dict(_open_alignments(files)),
         digest=found,
         check_unchanged=files.check_unchanged,
     )
@@ -167,6 +169,21 @@ def _check_same(path: Path, same: NDArray[np.int32]) -> None:
         raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
+def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
+    for number, record in enumerate(files.manifest.traverses):
+        if record.aligned is None:
+            continue
+        folder = f"traverses/{number}"
+        (places,) = files.load(folder, TRAVERSE_FILES, {"F": record.frames})
+        is_place = (places >= -1) & (places < files.manifest.places)
+        if not (is_place.all() and np.count_nonzero(places >= 0) == record.aligned):
+            file = files.path / folder / "places.npy"
+            raise MapError(
+                f"{file}: does not fit the map's places or 'aligned' in its manifest; {REBUILD}"
+            )
+        yield number, MapAlignment(places)
+
+
 def _open_network(files: _Files) -> Network | None:
     if files.manifest.network is None:
         return None
@@ -227,5 +244,13 @@ class _Channels(Sequence[MapChannel]):
             raise MapError(f"{file}: do not ascend, or beyond the route; {REBUILD}")
         metric = self._metric(record.metric)
         return MapChannel(
-            record.fuzzifier, record.clusters, metric, labels, segments, scales, smallest, curve
+            record.fuzzifier,
+            record.clusters,
+            metric,
+            labels,
+            segments,
+            scales,
+            smallest,
+            curve,
+            record.refusal,
         )

@@ -1,32 +1,33 @@
-"""A check that the other reference traverses show the route of the first.
+"""Aligns the other reference traverses to the first, and refuses those of another route.
 
-A traverse passes one of two tests. Either enough of its frames are known when they are matched
-against the first traverse like a drive. Or its frames resemble the places of their own index more
-than other places, because traverses are aligned by index. Both tests use GIST, whatever the map's
-feature, because GIST depends least on the time of day.
+Georeferenced poses decide if both traverses have them. Otherwise the frames are recognised in the
+first traverse like those of a query. If too few are recognised, the traverses may be aligned by
+number, if frames resemble the places of their own index more than other places. Frames are compared
+by GIST, whatever the map's feature, because GIST depends least on the time of day.
 """
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, MatchingConfig
+from placefield.config import FeatureKind
 from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions, feature_of
-from placefield.fusion.fused_stream import FusedStream
-from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import MapChannel
-from placefield.maps.map_metrics import identity_metric
-from placefield.maps.traverse import Traverse
-from placefield.matching.channel_stage import ChannelStage
+from placefield.maps.alignment import align_by_number, align_by_poses, align_by_smoother
+from placefield.maps.geography import Origin
+from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 
 log = logging.getLogger(__name__)
 
-LEAST_KNOWN = 0.3
-"""Fraction of frames that must be known; on real routes, by day and night, it is at least 0.37."""
+LEAST_SHOWN = 0.3
+"""Least fraction of the frames that show a place, or of the places that are shown.
+
+On real routes, by day and night, at least 0.37 of the frames show a place.
+"""
 
 _ALIGNED = 5.0  # standard deviations: different real routes reach 4
 _LEAST_FRAMES = 40  # with fewer, the matcher cannot become certain
@@ -38,42 +39,81 @@ _KIND: FeatureKind = "gist"
 Array = NDArray[np.float32]
 
 
-def check_same_route(traverses: Sequence[Traverse], kind: FeatureKind) -> None:
-    """Refuse a traverse that shows another route than the first.
+def align_traverses(traverses: Sequence[Traverse], kind: FeatureKind) -> list[Traverse]:
+    """Return the traverses of one map, each but the first aligned to the first.
 
-    A traverse that is too short for a verdict is only logged. Traverses of different lengths, or
-    too short for a map, are not checked here: ``build_map`` refuses them.
+    If the poses and the smoother recognise too little, a traverse with as many frames as the first
+    is aligned by number: if its frames resemble the places of their own index, or if there are too
+    few frames to decide, which is logged.
 
     Args:
-        traverses: of one map; the first gives the places.
+        traverses: of one map; the first gives the places. If it has too few for a map, nothing is
+            aligned, and ``build_map`` refuses it.
         kind: of their raw features.
 
     Raises:
         MapError: a traverse shows another route.
     """
     first, *others = traverses
-    others = [other for other in others if len(other.raw) == len(first.raw)]
     if not others or len(first.raw) <= _TOO_FEW:
-        return
+        return list(traverses)
     reference = _raws(first, kind)
-    for other in others:
-        known, is_same = _alike(reference, _raws(other, kind))
-        if is_same:
-            continue
-        if len(first.raw) >= _LEAST_FRAMES:
-            raise MapError(
-                f"{other.name}: does not show the route of {first.name}: only {known:.0%} of its "
-                f"frames are recognised there, and {LEAST_KNOWN:.0%} are needed; build a separate "
-                "map, or give --one-drive if both are parts of one drive"
+    return [
+        first,
+        *(replace(each, alignment=_align(first, reference, each, kind)) for each in others),
+    ]
+
+
+def _align(first: Traverse, reference: Array, other: Traverse, kind: FeatureKind) -> Alignment:
+    count = len(first.raw)
+    by_poses = _by_poses(first, other)
+    if by_poses is not None and _shows_route(by_poses, count):
+        return by_poses
+    _, (places, frames) = fit_descriptors(
+        [reference, _raws(other, kind)],
+        _KIND,
+        dimensions=default_dimensions(_KIND),
+        standardise=True,
+    )
+    smoothed = align_by_smoother(places, frames)
+    if _shows_route(smoothed, count):
+        return smoothed
+    if len(other.raw) == count:
+        if _alignment(frames @ places.T) >= _ALIGNED:
+            return align_by_number(count)
+        if count < _LEAST_FRAMES:
+            log.warning(
+                "%s: %.0f%% of its %d frames are recognised in %s, which is too short to decide if "
+                "both show one route",
+                other.name,
+                100 * smoothed.aligned / count,
+                count,
+                first.name,
             )
-        log.warning(
-            "%s: %.0f%% of its %d frames are recognised in %s, which is too short to decide if "
-            "both show one route",
-            other.name,
-            100 * known,
-            len(other.raw),
-            first.name,
-        )
+            return align_by_number(count)
+    raise MapError(
+        f"{other.name}: does not show the route of {first.name}: only "
+        f"{smoothed.aligned / len(other.raw):.0%} of its frames are recognised there, and "
+        f"{LEAST_SHOWN:.0%} are needed; build a separate map, or give --one-drive if both are "
+        "parts of one drive"
+    )
+
+
+def _shows_route(alignment: Alignment, count: int) -> bool:
+    """Return whether enough of a drive's frames show a place, or enough of the places are shown."""
+    shown = len(np.setdiff1d(alignment.places, NO_PLACE))
+    return alignment.aligned >= LEAST_SHOWN * len(alignment.places) or shown >= LEAST_SHOWN * count
+
+
+def _by_poses(first: Traverse, other: Traverse) -> Alignment | None:
+    """Align by poses; return None if those of either traverse are not georeferenced."""
+    ours, theirs = Origin.of_frame(first.pose_frame), Origin.of_frame(other.pose_frame)
+    if ours is None or theirs is None or not (len(first.poses) and len(other.poses)):
+        return None
+    poses = other.poses.copy()
+    for pose in (row for row in poses if np.isfinite(row[0])):
+        pose[:2] = ours.to_local(*theirs.to_degrees(*pose[:2]))
+    return align_by_poses(first.poses, poses)
 
 
 def _raws(traverse: Traverse, kind: FeatureKind) -> Array:
@@ -81,37 +121,6 @@ def _raws(traverse: Traverse, kind: FeatureKind) -> Array:
         return traverse.raw
     feature = feature_of(_KIND)
     return np.stack([feature.describe(image) for image in traverse.thumbnails])
-
-
-def _alike(reference: Array, other: Array) -> tuple[float, bool]:
-    """Return the fraction of frames that are known, and whether the route is the same."""
-    _, (places, frames) = fit_descriptors(
-        [reference, other], _KIND, dimensions=default_dimensions(_KIND), standardise=True
-    )
-    known = _known(places, frames)
-    return known, known >= LEAST_KNOWN or _alignment(frames @ places.T) >= _ALIGNED
-
-
-def _known(places: Array, frames: Array) -> float:
-    """Return the fraction of frames (K, N) that are known among the places (K, N), smoothed."""
-    matching, count = MatchingConfig(), len(places)
-    channels = ChannelStage({0: _channel(places)}, matching)
-    fusion = FusionStage(np.arange(count, dtype=np.int32), matching)
-    stream = FusedStream(channels, fusion, matching.lag)
-    smoothed = []
-    for frame in frames:
-        stream.update(next(channels.compare([frame])))
-        smoothed += stream.smoothed()
-    smoothed += stream.finish()
-    return float(np.mean([bool(each.match.known) for each in smoothed]))
-
-
-def _channel(places: Array) -> MapChannel:
-    """Return a channel without segments."""
-    count, one = len(places), np.ones(1, np.int32)
-    none = np.zeros((0, 2), np.int32)
-    labels = np.zeros(count, np.int32)
-    return MapChannel(1, 1, identity_metric(places), labels, none, one, 1, np.zeros((0, 2)))
 
 
 def _alignment(similarities: Array) -> float:

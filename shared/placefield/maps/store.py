@@ -118,7 +118,10 @@ def _write(built: Map, folder: Path) -> None:
         ),
         channels=tuple(
             ChannelRecord(
-                fuzzifier=c.fuzzifier, clusters=c.clusters, metric=built.metrics.index(c.metric)
+                fuzzifier=c.fuzzifier,
+                clusters=c.clusters,
+                metric=built.metrics.index(c.metric),
+                refusal=c.refusal,
             )
             for c in built.channels
         ),

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
+from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.trajectory import Trajectory, travelled
 
@@ -18,6 +20,9 @@ log = logging.getLogger(__name__)
 
 ROUTE = "route"
 """Name of the coordinate frame of poses that are not georeferenced."""
+
+NO_PLACE = -1
+"""The place of a frame that shows no place."""
 
 _THUMBNAIL = 160  # pixels of a side, at most
 
@@ -31,6 +36,37 @@ class DescribedFrame:
     pose: Pose | None
     odometry_m: float | None
     thumbnail: bytes
+
+
+class Alignment(NamedTuple):
+    """The place that each of the M frames of a drive shows.
+
+    Attributes:
+        places: (M,) int32, -1 if a frame shows no place, or if its place is not known.
+        probability: (M,) float32, the posterior probability that a frame was taken within a few
+            places of the likeliest one, also where this is too low for a known place.
+        by: the method of the alignment.
+    """
+
+    places: NDArray[np.int32]
+    probability: NDArray[np.float32]
+    by: AlignedBy
+
+    @property
+    def aligned(self) -> int:
+        """The number of frames that show a place; the others are left out."""
+        return int(np.count_nonzero(self.places != NO_PLACE))
+
+    def shown(self) -> NDArray[np.intp]:
+        """Return the numbers of the frames to learn from, ascending: one for each place shown.
+
+        It is the likeliest of the place's frames. A stop or a slow drive thus has no more weight
+        than one frame per place.
+        """
+        order = np.lexsort((-self.probability, self.places))
+        order = order[self.places[order] != NO_PLACE]
+        first = np.unique(self.places[order], return_index=True)[1]
+        return np.sort(order[first])
 
 
 @dataclass(frozen=True)
@@ -47,6 +83,8 @@ class Traverse:
             unknown.
         thumbnails: K JPEG images.
         pose_frame: name of the poses' coordinate frame, as in a map.
+        alignment: the place of the first traverse that each frame shows; None: frame i
+            shows place i.
     """
 
     name: str
@@ -56,6 +94,7 @@ class Traverse:
     travelled: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
+    alignment: Alignment | None = None
 
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape

@@ -82,7 +82,7 @@ def same_places(descriptors: Array) -> Same:
 def _recognised(descriptors: Array) -> _Recognised:
     """Recognise frames part by part, to limit the memory for frames that are not smoothed yet."""
     metric = identity_metric(descriptors)
-    shard = ChannelShard(_channel(metric), MatchingConfig(tolerance=_TOLERANCE))
+    shard = ChannelShard(channel_without_segments(metric), MatchingConfig(tolerance=_TOLERANCE))
     places = MetricPlaces(metric, exact=True)
     nearest: list[int] = []
     posteriors: list[tuple[Same, Array]] = []
@@ -105,7 +105,7 @@ def _posterior(candidate: Candidate) -> tuple[Same, Array]:
     return candidate.places, candidate.evidence
 
 
-def _channel(metric: MapMetric) -> MapChannel:
+def channel_without_segments(metric: MapMetric) -> MapChannel:
     """Return a channel without segments."""
     count = len(metric.places)
     labels, segments = np.zeros(count, np.int32), np.zeros((0, 2), np.int32)

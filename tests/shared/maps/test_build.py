@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,7 +14,7 @@ from placefield.config import Config, MetricConfig
 from placefield.errors import MapError
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.map import Map
-from placefield.maps.traverse import Traverse
+from placefield.maps.traverse import Alignment, Traverse
 
 MakeTraverse = Callable[..., Traverse]
 
@@ -173,7 +174,57 @@ def test_traverses_of_other_lengths_are_refused_by_their_names(
 ) -> None:
     traverses = [make_traverse(90, name="day"), make_traverse(80, name="night")]
     message = refusal(traverses, config_of())
-    assert "night has 80 frames and day 90" in message
+    assert "night has 80 frames and day 90, and they are not aligned" in message
+
+
+def aligned(traverse: Traverse, frames: list[int], left_out: int) -> Traverse:
+    """Return the frames of these numbers, aligned, then ``left_out`` frames that show no place."""
+    places = np.array(frames + [-1] * left_out, np.int32)
+    others = np.random.default_rng(5).normal(size=(left_out, traverse.raw.shape[1]))
+    raw = np.concatenate([traverse.raw[frames], 50 * others]).astype(np.float32)
+    alignment = Alignment(places, np.ones(len(places), np.float32), "smoother")
+    return replace(traverse, raw=raw, alignment=alignment)
+
+
+def test_a_metric_learns_from_aligned_frames_whatever_their_order_and_from_no_others() -> None:
+    day, night = weathered(seed=1), weathered(seed=2)
+    frames = list(range(200))
+    shuffled = np.random.default_rng(3).permutation(frames).tolist()
+    plain = build_map([day, night], config_of("lmnn"))
+    other = build_map([day, aligned(night, frames, left_out=7)], config_of("lmnn"))
+    assert any(channel.metric.learned for channel in plain.channels)
+    assert as_bytes(plain) == as_bytes(other)
+    in_other_order = build_map([day, aligned(night, shuffled, left_out=7)], config_of("lmnn"))
+    for one, same in zip(plain.channels, in_other_order.channels, strict=True):
+        assert one.metric.learned == same.metric.learned
+        np.testing.assert_allclose(np.abs(one.curve), np.abs(same.curve), rtol=0.05, atol=0.05)
+
+
+def test_a_metric_is_learned_from_a_traverse_of_another_length() -> None:
+    some = [frame for frame in range(10, 190) if frame % 3]
+    stopped = [*some[:50], *([some[50]] * 40), *some[51:]]
+    built = build_map(
+        [weathered(seed=1), aligned(weathered(seed=2), stopped, left_out=4)], config_of("lmnn")
+    )
+    assert any(channel.metric.learned for channel in built.channels)
+    first, second = built.traverses
+    assert (first.frames, first.aligned, first.by) == (200, None, None)
+    assert (second.frames, second.aligned, second.by) == (
+        len(stopped) + 4,
+        len(stopped),
+        "smoother",
+    )
+
+
+def test_a_stop_has_no_more_weight_than_one_frame() -> None:
+    day, night = weathered(seed=1), weathered(seed=2)
+    some = list(range(10, 190))
+    drive = aligned(night, some, left_out=0)
+    assert drive.alignment is not None
+    again = [*some[:50], *([some[50]] * 40), *some[51:]]
+    stopped = aligned(night, again, left_out=0)
+    one, other = (build_map([day, each], config_of("lmnn")) for each in (drive, stopped))
+    assert as_bytes(one) == as_bytes(other)
 
 
 def test_a_smallest_scale_in_metres_holds_for_the_segments(make_traverse: MakeTraverse) -> None:

@@ -16,14 +16,16 @@ import pytest
 from networks import write_network
 from numpy.typing import NDArray
 
+from placefield.config import Config
 from placefield.errors import MapError
 from placefield.features.network import read_network
 from placefield.maps import store
-from placefield.maps.map import Map, fingerprint
+from placefield.maps.build import build_map
+from placefield.maps.map import Map, MapAlignment, fingerprint
 from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.opening import open_map
 from placefield.maps.store import check_map_path, save_map
-from placefield.maps.traverse import Traverse
+from placefield.maps.traverse import Alignment, Traverse
 
 
 def assert_same(one: Any, other: Any) -> None:
@@ -74,6 +76,46 @@ def test_a_map_without_poses_and_odometry_comes_back(small_map: Map, tmp_path: P
     assert not len(small_map.places.travelled)
     save_map(small_map, tmp_path / "route.pfmap")
     assert_same(small_map, open_map(tmp_path / "route.pfmap"))
+
+
+def test_how_traverses_were_aligned_and_why_no_metric_was_kept_come_back(
+    make_traverse: Callable[..., Traverse], tmp_path: Path
+) -> None:
+    config = Config.model_validate({"scales": {"channels": 2}, "metric": {"gate": True}})
+    places = np.arange(80, dtype=np.int32) - 1
+    shorter = replace(
+        make_traverse(80), alignment=Alignment(places, np.ones(80, np.float32), "poses")
+    )
+    built = build_map([make_traverse(90), make_traverse(90, noise=1), shorter], config)
+    assert [(each.aligned, each.by) for each in built.traverses] == [
+        (None, None),
+        (90, "number"),
+        (79, "poses"),
+    ]
+    save_map(built, tmp_path / "route.pfmap")
+    opened = open_map(tmp_path / "route.pfmap")
+    assert_same(built.traverses, opened.traverses)
+    assert list(opened.alignments) == [1, 2]
+    for number, expected in ((1, np.arange(90)), (2, places)):
+        np.testing.assert_array_equal(opened.alignments[number].places, expected)
+    reasons = [channel.refusal for channel in built.channels]
+    assert [channel.refusal for channel in opened.channels] == reasons
+    for channel in opened.channels:
+        assert bool(channel.refusal) != channel.metric.learned
+
+
+@pytest.mark.parametrize("wrong", [-2, 90])
+def test_an_alignment_to_no_place_of_the_map_is_refused(
+    make_traverse: Callable[..., Traverse], tmp_path: Path, wrong: int
+) -> None:
+    config = Config.model_validate({"scales": {"channels": 2}, "metric": {"kind": "identity"}})
+    built = build_map([make_traverse(90), make_traverse(90, noise=1)], config)
+    places = built.alignments[1].places.copy()
+    places[7] = wrong
+    damaged = replace(built, alignments={1: MapAlignment(places)})
+    save_map(damaged, tmp_path / "route.pfmap")
+    with pytest.raises(MapError, match=r"traverses/1/places\.npy: does not fit the map"):
+        open_map(tmp_path / "route.pfmap")
 
 
 @pytest.mark.parametrize("coarse", [False, True])

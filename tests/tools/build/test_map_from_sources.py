@@ -122,12 +122,26 @@ def test_a_reference_that_is_too_short_is_refused(
         build_from([str(short)], config)
 
 
-def test_traverses_of_unequal_length_are_refused_by_name(
+def test_a_traverse_of_another_length_is_aligned(
     reference_dir: Path, query_dir: Path, tmp_path: Path
 ) -> None:
-    short = first_frames(query_dir, 59, tmp_path / "short")
-    with pytest.raises(MapError, match=rf"{short} has 59 frames and {reference_dir} 60"):
-        build_from([str(reference_dir), str(short)], IDENTITY)
+    short = first_frames(query_dir, 45, tmp_path / "short")
+    built = build_from([str(reference_dir), str(short)], IDENTITY)
+    assert built.places.count == 60
+    record = built.traverses[1]
+    assert (record.frames, record.by) == (45, "smoother")
+    assert record.aligned is not None
+    assert record.aligned > 30
+
+
+def test_a_bad_frame_is_left_out_of_its_own_traverse_where_these_differ_in_length(
+    reference_dir: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    short = first_frames(query_dir, 45, tmp_path / "short")
+    damage(sorted(short.iterdir())[20])
+    built = build_from([str(reference_dir), str(short)], IDENTITY, leave_out_bad=True)
+    assert built.places.count == 60
+    assert built.traverses[1].frames == 44
 
 
 @pytest.mark.parametrize("kind", ["grayscale", "gist"])

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from placefield.config import MetricConfig
+from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map
 from placefield_tools.inspect.map_facts import map_facts
 
@@ -34,6 +36,23 @@ def test_how_many_places_have_no_pose_is_reported(route_map: Map) -> None:
     assert reported == "60, with poses georeferenced at 1.000000 2.000000, 7 places without"
     assert with_poses.places.pose(6) is None
     assert with_poses.places.pose(7) == (0, 0, 0)
+
+
+def test_how_other_traverses_were_aligned_is_reported(route_map: Map) -> None:
+    first = TraverseRecord(name="day", frames=60)
+    night = TraverseRecord(name="night", frames=90, aligned=81, by="smoother")
+    reported = map_facts(replace(route_map, traverses=(first, night)))["traverses"]
+    assert reported == "day: 60 frames; night: 90 frames, 81 aligned by smoother, 9 left out"
+
+
+def test_why_a_metric_was_not_kept_is_reported(route_map: Map) -> None:
+    assert map_facts(route_map)["metric"] == "identity"
+    first, *others = route_map.channels
+    kept = replace(first, metric=replace(first.metric, learned=True), refusal="")
+    channels = (kept, *(replace(channel, refusal="of no use") for channel in others))
+    learned = replace(route_map, metric=MetricConfig(), channels=channels)
+    reported = map_facts(learned)["metric"]
+    assert reported == "lmnn, push 0.5: kept in 1 of 3 channels; else the identity: of no use"
 
 
 def test_a_map_is_reported_by_its_digest(map_path: Path, route_map: Map) -> None:

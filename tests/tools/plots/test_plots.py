@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from placefield.evaluation.curves import PrecisionRecall, precision_recall
 from placefield_tools.plots import (
+    AlignedTraverse,
     ChannelSegments,
     MatchPair,
+    plot_alignment,
     plot_distance_matrix,
     plot_match_pairs,
     plot_precision_recall,
@@ -175,6 +177,21 @@ def test_a_fuzzifier_is_reported_as_in_the_table(tmp_path: Path) -> None:
 
     reported, same, other = (path.read_bytes() for path in paths.values())
     assert reported == same != other
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("places", [[3, 4, -1, 6], [-1], [0] * 30], ids=["gap", "none", "stop"])
+def test_each_frame_is_drawn_at_its_place_or_as_left_out(tmp_path: Path, places: list[int]) -> None:
+    path = tmp_path / "alignment.png"
+    plot_alignment(path, [AlignedTraverse("night$: 4", np.array(places, np.int32))], places=8)
+    picture = read_png(path)
+    assert len(pixels(picture, style.RIGHT)[0]) > 0 or max(places) < 0
+    assert len(pixels(picture, style.WRONG)[0]) > 0 or min(places) >= 0
+
+
+def test_no_traverse_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no traverse"):
+        plot_alignment(tmp_path / "alignment.png", [], places=10)
 
 
 def test_no_channel_is_refused(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
-from placefield.maps.same_route import check_same_route
+from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield_tools.build.references import describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
@@ -63,8 +63,9 @@ def build_from(
         )
         for drive, own in [(first, parts), *((other, without_poses) for other in others)]
     ]
-    traverses = [each.traverse() for each in without_bad(described)]
-    check_same_route(traverses, config.features.kind)
+    traverses = align_traverses(
+        [each.traverse() for each in without_bad(described)], config.features.kind
+    )
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
         return build_map(

@@ -87,7 +87,16 @@ def describe_reference(
 
 
 def without_bad(references: Sequence[Reference]) -> list[Reference]:
-    """Remove frames that are bad in one traverse from all, because frame i of each is one place."""
+    """Remove bad frames.
+
+    If all traverses have the same number of frames, a frame that is bad in one is removed from all,
+    because frame i of each may be one place.
+    """
+    if len({len(reference.frames) for reference in references}) > 1:
+        return [
+            replace(reference, frames=[frame for frame in reference.frames if frame is not None])
+            for reference in references
+        ]
     bad = {
         index
         for reference in references

@@ -18,8 +18,8 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route that show the same places frame by "
-            "frame; or the parts of one drive",
+            help="folders, videos or recordings of one route, of any length and speed; or the "
+            "parts of one drive",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
@@ -57,9 +57,11 @@ def _build(
 ) -> None:
     """Build a map from one or more traverses of a route.
 
-    The places are the frames of the first traverse, and --poses are their poses. The metric and the
-    PCA learn from all traverses. --start, --stop and --stride apply to each traverse. With
-    --leave-out-bad, a frame that cannot be read in one traverse is left out of all.
+    The places are the frames of the first traverse, and --poses are their poses. The frames of the
+    other traverses are aligned to the places; a frame that shows no place is left out. The metric
+    and the PCA learn from all traverses. --start, --stop and --stride apply to each traverse. With
+    --leave-out-bad, a frame that cannot be read is left out; if all traverses have the same number
+    of frames, it is left out of all.
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
@@ -68,6 +70,7 @@ def _build(
     from placefield.errors import ConfigError
     from placefield.maps.store import check_map_path, save_map
     from placefield_tools.build.map_from_sources import build_from
+    from placefield_tools.inspect.map_facts import traverse_line
     from placefield_tools.sources import Parts
 
     effective = options.effective_config(
@@ -100,4 +103,6 @@ def _build(
     )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
+    for record in built.traverses[1:]:
+        print(traverse_line(record))
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from placefield.config import MetricConfig
 from placefield.maps.geography import Origin
+from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
 from placefield_tools.common.natural_sort import counted
 
@@ -19,20 +19,40 @@ def map_facts(opened: Map) -> dict[str, str]:
         "places": f"{opened.places.count}, {_poses(opened)}",
         "travelled": _travelled(opened.places),
         "revisited": _revisited(opened.places),
-        "traverses": ", ".join(f"{t.name} ({t.frames} frames)" for t in opened.traverses),
+        "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
         "smallest scale": f"{opened.channels[0].smallest} frames",
-        "metric": _metric(opened.metric),
+        "metric": _metric(opened),
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
         "seed": str(opened.seed),
         "digest": opened.digest,
     }
 
 
-def _metric(config: MetricConfig) -> str:
-    """Describe how the metrics were learned."""
-    return f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
+def traverse_line(record: TraverseRecord) -> str:
+    """Describe a traverse: its name, its frames, and how they were aligned to the first."""
+    frames = f"{record.name}: {counted(record.frames, 'frame')}"
+    if record.aligned is None:
+        return frames
+    left_out = record.frames - record.aligned
+    return f"{frames}, {record.aligned} aligned by {record.by}, {left_out} left out"
+
+
+def _metric(opened: Map) -> str:
+    """Describe how the metrics were learned, how many were kept, and why the others were not.
+
+    A map of an earlier version does not hold the reasons.
+    """
+    config = opened.metric
+    if config.kind == "identity":
+        return "identity"
+    asked = f"{config.kind}, push {config.push:.3g}" if config.kind == "lmnn" else config.kind
+    channels = opened.channels
+    kept = sum(channel.metric.learned for channel in channels)
+    summary = f"{asked}: kept in {kept} of {counted(len(channels), 'channel')}"
+    reasons = dict.fromkeys(channel.refusal for channel in channels if channel.refusal)
+    return "; ".join([summary, *(f"else the identity: {reason}" for reason in reasons)])
 
 
 def _travelled(places: Places) -> str:

@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.table import Table
 
 from placefield.maps.map import Map
-from placefield_tools.inspect.map_facts import map_facts
-from placefield_tools.plots import ChannelSegments, plot_segments
+from placefield_tools.inspect.map_facts import map_facts, traverse_line
+from placefield_tools.plots import AlignedTraverse, ChannelSegments, plot_alignment, plot_segments
 
 
 def print_map(opened: Map, path: Path) -> None:
@@ -48,3 +48,12 @@ def segments_of(opened: Map) -> list[ChannelSegments]:
 def draw_segments(opened: Map, path: Path) -> None:
     """Draw the segments of each channel over the places (the paper's figures 5, 7 and 11)."""
     plot_segments(path, segments_of(opened), opened.places.count)
+
+
+def draw_alignment(opened: Map, path: Path) -> None:
+    """Draw the place that each frame of the other traverses shows; the map has at least one."""
+    traverses = [
+        AlignedTraverse(traverse_line(opened.traverses[number]), alignment.places)
+        for number, alignment in opened.alignments.items()
+    ]
+    plot_alignment(path, traverses, opened.places.count)

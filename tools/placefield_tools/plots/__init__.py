@@ -1,5 +1,6 @@
 """Pictures of how good the matches are, as PNG files."""
 
+from placefield_tools.plots.alignment import AlignedTraverse, plot_alignment
 from placefield_tools.plots.auc_bars import AucBar, plot_auc_bars
 from placefield_tools.plots.autocorrelograms import (
     autocorrelation,
@@ -24,6 +25,7 @@ from placefield_tools.plots.runs import ChannelSegments
 from placefield_tools.plots.segments import plot_segments
 
 __all__ = [
+    "AlignedTraverse",
     "AucBar",
     "ChannelCount",
     "ChannelSegments",
@@ -33,6 +35,7 @@ __all__ = [
     "count_invaders",
     "firing",
     "plane_positions",
+    "plot_alignment",
     "plot_auc_bars",
     "plot_autocorrelograms",
     "plot_channel_counts",

@@ -1,0 +1,99 @@
+"""Gathers the frames of several traverses of one route by the places that they show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.errors import MapError
+from placefield.maps.alignment import align_by_number
+from placefield.maps.manifest import TraverseRecord
+from placefield.maps.traverse import Alignment, Traverse
+from placefield.metric.gate import Probes
+
+Array = NDArray[np.float32]
+
+
+def alignment_of(traverse: Traverse, first: Traverse) -> Alignment:
+    """Return a traverse's alignment to the first; without one, frame i shows place i.
+
+    Raises:
+        MapError: the traverse has no alignment, and its number of frames differs from the first's.
+    """
+    if traverse.alignment is not None:
+        return traverse.alignment
+    if len(traverse.raw) != len(first.raw):
+        raise MapError(
+            f"{traverse.name} has {len(traverse.raw)} frames and {first.name} {len(first.raw)}, "
+            "and they are not aligned; parts of one drive take --one-drive"
+        )
+    return align_by_number(len(traverse.raw))
+
+
+def chosen_rows(raw: Array, frames: NDArray[np.intp]) -> Array:
+    """Return the raw features (F, D) of the chosen frames; no copy is made if all are chosen."""
+    return raw if len(frames) == len(raw) else raw[frames]
+
+
+def records_of(
+    traverses: Sequence[Traverse], alignments: Sequence[Alignment]
+) -> tuple[TraverseRecord, ...]:
+    """Return the records of the traverses for a map; the first has no alignment."""
+    first = TraverseRecord(name=traverses[0].name, frames=len(traverses[0].raw))
+    others = zip(traverses[1:], alignments[1:], strict=True)
+    return (
+        first,
+        *(
+            TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
+            for each, to in others
+        ),
+    )
+
+
+def trained_first(
+    held_back: NDArray[np.bool_], place_of: Sequence[NDArray[np.int32]]
+) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Order the frames of all stacked traverses so that those of held-back places come last.
+
+    Args:
+        held_back: (K,) bool, whether each place is held back.
+        place_of: of each traverse, (F,) int32, the place that each of its frames shows.
+
+    Returns:
+        The order, and the place of each frame in this order.
+    """
+    places = np.concatenate(place_of)
+    order = np.argsort(held_back[places], kind="stable")
+    return order, places[order]
+
+
+def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
+    """Stack the descriptors (F, N) of all traverses, reorder them and subtract their mean."""
+    reference = np.concatenate(descriptors)[order]
+    reference -= reference.mean(axis=0)
+    return reference
+
+
+def probes_of(
+    descriptors: Sequence[Array],
+    place_of: Sequence[NDArray[np.int32]],
+    held_back: NDArray[np.bool_],
+) -> Probes | None:
+    """Return the gate's probes: the held-back places as the other traverses observed them.
+
+    With one traverse there are none.
+
+    Args:
+        descriptors: of each traverse, (F, N) float32; the first's are the places.
+        place_of: of each traverse, (F,) int32, the place that each of its frames shows.
+        held_back: (K,) bool, whether each place is held back.
+    """
+    first, *others = descriptors
+    if not others:
+        return None
+    asked = [held_back[places] for places in place_of[1:]]
+    return Probes(
+        first,
+        np.concatenate([other[rows] for other, rows in zip(others, asked, strict=True)]),
+        np.concatenate([places[rows] for places, rows in zip(place_of[1:], asked, strict=True)]),
+    )
