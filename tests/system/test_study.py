@@ -80,8 +80,8 @@ def test_the_table_names_the_conventions_and_the_oracle(
     ended = run("study", reference_dir, query_dir, *flags, "-o", "[b]out")
     assert ended.exit_code == 0, ended.exception
     for text in (
-        "fetch at 100 % precision",
-        "fetch@1",
+        "recall at 100 % precision",
+        "recall@1",
         "VPR-Bench AUC",
         "mean lag",
         "frames to recover",
