@@ -206,6 +206,11 @@ class BuildConfig(_Section):
         ge=1,
         description="a map of so many places or more is built with a coarse search of all places",
     )
+    looks: bool = Field(
+        True,
+        description="a map of several traverses keeps each one's descriptors of the places, and a "
+        "frame is compared with the nearest",
+    )
 
 
 class MatchingConfig(_Section):

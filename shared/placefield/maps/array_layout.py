@@ -9,7 +9,8 @@ from placefield.maps.map import Map
 
 # For each folder: its files, with the dtype and the axes of their arrays. An axis of one letter has
 # the same length in all files of a folder: K places, P poses, T metres travelled, F frames of a
-# traverse, N descriptor dimensions, M projected dimensions, D raw dimensions.
+# traverse, L looks, N descriptor dimensions, M projected dimensions, D raw dimensions, R those of
+# the coarse search.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),
@@ -37,12 +38,23 @@ COARSE_FILES: Layout = {
     "codes": ("int8", "KR"),
     "spread": ("float64", "VV"),
 }
+LOOK_FILES: Layout = {
+    "places": ("int32", "L"),
+    "descriptors": ("int16", "LM"),
+    "squares": ("int32", "L"),
+}
+LOOK_CODE_FILES: Layout = {"codes": ("int8", "LR")}
 CHANNEL_FILES: Layout = {
     "labels": ("int32", "K"),
     "segments": ("int32", "s2"),
     "scales": ("int32", "n"),
     "curve": ("float64", "t2"),
 }
+
+
+def look_files(coarse: object | None) -> Layout:
+    """Return the files of a metric's looks; ``coarse`` is None without a coarse search."""
+    return LOOK_FILES if coarse is None else {**LOOK_FILES, **LOOK_CODE_FILES}
 
 
 def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
@@ -59,6 +71,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         parts.append((f"metrics/{number}", metric, METRIC_FILES))
         if metric.coarse is not None:
             parts.append((f"metrics/{number}/coarse", metric.coarse, COARSE_FILES))
+        if metric.looks is not None:
+            parts.append((f"metrics/{number}/looks", metric.looks, look_files(metric.coarse)))
     for number, channel in enumerate(built.channels):
         parts.append((f"channels/{number}", channel, CHANNEL_FILES))
     return {

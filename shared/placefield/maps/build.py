@@ -14,12 +14,13 @@ from placefield.maps.gathering import (
     alignment_of,
     centred,
     chosen_rows,
+    looks_of,
     probes_of,
     records_of,
     trained_first,
 )
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
-from placefield.maps.map_metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric, with_looks
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -111,7 +112,8 @@ def build_map(
 ) -> Map:
     """Build a map from one or more traverses of one route.
 
-    PCA and metrics learn from all traverses; the places are the first's.
+    PCA and metrics learn from all traverses; the places are the first's. The other traverses give
+    looks of the places.
 
     Args:
         traverses: each is aligned to the first, or has the same number of frames.
@@ -149,8 +151,10 @@ def build_map(
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
+    looks = looks_of(descriptors, place_of) if config.build.looks else None
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
+    identity = with_looks(identity, looks)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
     labels = [channel.encoding.labels[places_of] for channel in encoded]
@@ -196,6 +200,7 @@ def _map_channel(
     if learned.learned:
         coarse = identity.coarse is not None
         metric = learned_metric(learned.projection, places, coarse=coarse)
+        metric = with_looks(metric, identity.looks)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,

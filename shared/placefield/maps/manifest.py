@@ -66,11 +66,13 @@ class MetricRecord(_Record):
         unit: quantization step of the places' descriptors.
         coarse_unit: quantization step of the coarse search, in units; none if the map has no coarse
             search.
+        looks: the number of looks, further descriptors of the places.
     """
 
     learned: bool
     unit: float = Field(gt=0, allow_inf_nan=False)
     coarse_unit: float | None = Field(None, gt=0, allow_inf_nan=False)
+    looks: int = Field(0, ge=0)
 
 
 class ChannelRecord(_Record):

@@ -15,6 +15,7 @@ from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
 from placefield.search.coarse import CoarseIndex
+from placefield.search.looks import Looks
 from placefield.search.quantized import Quantized
 
 Array = NDArray[np.float32]
@@ -91,6 +92,7 @@ class MapMetric:
         steps: (6, K) float32, the distance of each place to the place before it, to the second
             before it, and so on; the mean of the row where there is no such place.
         coarse: index of the coarse search; None if the map was built without one.
+        looks: further descriptors of the places, of other traverses; None if there are none.
     """
 
     learned: bool
@@ -100,6 +102,7 @@ class MapMetric:
     squares: NDArray[np.int32]
     steps: Array
     coarse: CoarseIndex | None = None
+    looks: Looks | None = None
 
     def __repr__(self) -> str:
         kind = "learned" if self.learned else "identity"

@@ -1,11 +1,14 @@
 """The metrics of a map: the places under the identity or under a learned projection."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, MapMetric
 from placefield.search.coarse import coarse_index
+from placefield.search.looks import Looks
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
     Quantized,
@@ -41,6 +44,36 @@ def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = Fals
     return _metric(True, projection, unit, places, coarse)
 
 
+def with_looks(metric: MapMetric, looks: Looks | None) -> MapMetric:
+    """Return a metric with the looks of its places.
+
+    Args:
+        metric: without looks.
+        looks: under the identity metric; None: there are none.
+    """
+    if looks is None:
+        return metric
+    descriptors = looks.descriptors
+    if metric.learned:
+        project = QuantizedProjection(metric.projection, metric.unit)
+        descriptors = np.empty((len(looks.places), len(metric.projection)), np.int16)
+        for block in blocks(len(descriptors), _BLOCK):
+            descriptors[block] = project(looks.descriptors[block])
+    return replace(
+        metric,
+        looks=Looks(
+            looks.places,
+            descriptors,
+            _squares(descriptors),
+            None if metric.coarse is None else metric.coarse.encode(descriptors),
+        ),
+    )
+
+
+def _squares(vectors: Quantized) -> NDArray[np.int32]:
+    return np.asarray(np.einsum("km,km->k", vectors, vectors, dtype=np.int32))
+
+
 def _metric(
     learned: bool, projection: Array, unit: float, places: Quantized, coarse: bool
 ) -> MapMetric:
@@ -49,7 +82,7 @@ def _metric(
         projection,
         unit,
         places,
-        squares=np.einsum("km,km->k", places, places, dtype=np.int32),
+        squares=_squares(places),
         steps=_steps(places, unit),
         coarse=coarse_index(places) if coarse else None,
     )

@@ -21,11 +21,13 @@ from placefield.maps.array_layout import (
     PLACE_FILES,
     TRAVERSE_FILES,
     Layout,
+    look_files,
 )
 from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric, Places, fingerprint
 from placefield.search.coarse import CoarseIndex
+from placefield.search.looks import Looks
 
 _QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
 # The longest file that is accepted; the largest files hold some kB per place.
@@ -169,6 +171,12 @@ def _check_same(path: Path, same: NDArray[np.int32]) -> None:
         raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
+def _check_looks(folder: Path, looks: NDArray[np.int32], count: int) -> None:
+    if looks[0] < 0 or looks[-1] >= count or (looks[1:] < looks[:-1]).any():
+        file = folder / "places.npy"
+        raise MapError(f"{file}: does not name places of the map in ascending order; {REBUILD}")
+
+
 def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
     for number, record in enumerate(files.manifest.traverses):
         if record.aligned is None:
@@ -228,7 +236,14 @@ class _Channels(Sequence[MapChannel]):
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
             coarse = CoarseIndex(axes, codes, spread, record.coarse_unit)
-        return MapMetric(record.learned, projection, record.unit, places, squares, steps, coarse)
+        looks = None
+        if record.looks:
+            files = look_files(coarse)
+            looks = Looks(*self._files.load(f"{folder}/looks", files, sizes | {"L": record.looks}))
+            _check_looks(self._files.path / folder / "looks", looks.places, len(places))
+        return MapMetric(
+            record.learned, projection, record.unit, places, squares, steps, coarse, looks
+        )
 
     def _open_channel(self, number: int) -> MapChannel:
         record, folder = self._manifest.channels[number], f"channels/{number}"

@@ -113,6 +113,7 @@ def _write(built: Map, folder: Path) -> None:
                 learned=metric.learned,
                 unit=metric.unit,
                 coarse_unit=metric.coarse.unit if metric.coarse else None,
+                looks=len(metric.looks.places) if metric.looks else 0,
             )
             for metric in built.metrics
         ),

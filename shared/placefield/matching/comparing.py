@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.kernels import kernel, sum_of
 from placefield.maps.map import MapMetric
+from placefield.search.looks import Looks
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
     Quantized,
@@ -35,8 +36,8 @@ class Comparison:
         metric: that they are under.
         descriptor: (M,) int16, of the frame, quantized.
         distances: (K,) int32, squared distance to each place, ||v x - v r_j||², in squared units of
-            the metric.
-        deviation: standard deviation of the exact distances.
+            the metric; if a place has looks, that of the nearest of all its descriptors.
+        deviation: standard deviation of the exact distances to the places without their looks.
         is_exact: whether all distances are exact; else only those to the nearest places are.
         is_reversed: whether the places are in reverse order.
     """
@@ -58,7 +59,7 @@ class Comparison:
         if self.is_reversed:
             return self.reversed().reranked(len(self.distances) - 1 - places).reversed()
         distances = self.distances.copy()
-        _measure(self.metric.places, self.metric.squares, self.descriptor, places, distances)
+        _measure(self.metric, self.descriptor, places, distances)
         return replace(self, distances=distances)
 
 
@@ -91,7 +92,9 @@ class MetricPlaces:
         quantized = quantize(descriptors, DESCRIPTOR_UNIT)
         if self._project is not None:
             quantized = self._project(quantized)
-        at_once = max(1, _AT_ONCE // len(self._metric.places))
+        looks = self._metric.looks
+        rows = len(self._metric.places) + (0 if looks is None else len(looks.places))
+        at_once = max(1, _AT_ONCE // rows)
         compare = self._coarsely if self._project_coarsely else self._exactly
         for some in blocks(len(quantized), at_once):
             yield from compare(quantized[some])
@@ -99,19 +102,28 @@ class MetricPlaces:
     def _exactly(self, descriptors: Quantized) -> Iterator[Comparison]:
         metric = self._metric
         distances = products(metric.places, descriptors)
-        for vector, row in zip(descriptors, distances, strict=True):
+        looks = metric.looks
+        looked = None if looks is None else products(looks.descriptors, descriptors)
+        for number, (vector, row) in enumerate(zip(descriptors, distances, strict=True)):
             _to_distances(row, 1.0, metric.squares, vector)
-            yield Comparison(metric, vector, row, _deviation(row))
+            deviation = _deviation(row)
+            if looks is not None and looked is not None:
+                _lower(looked[number], 1.0, looks, vector, row)
+            yield Comparison(metric, vector, row, deviation)
 
     def _coarsely(self, descriptors: Quantized) -> Iterator[Comparison]:
         metric, coarse, project_coarsely = self._metric, self._metric.coarse, self._project_coarsely
         assert coarse is not None
         assert project_coarsely is not None
-        distances = products(coarse.codes, project_coarsely(descriptors))
-        for vector, row in zip(descriptors, distances, strict=True):
+        coarsely = project_coarsely(descriptors)
+        distances, looks = products(coarse.codes, coarsely), metric.looks
+        looked = None if looks is None or looks.codes is None else products(looks.codes, coarsely)
+        for number, (vector, row) in enumerate(zip(descriptors, distances, strict=True)):
             _to_distances(row, coarse.unit, metric.squares, vector)
+            if looks is not None and looked is not None:
+                _lower(looked[number], coarse.unit, looks, vector, row)
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
-            _measure(metric.places, metric.squares, vector, near, row)
+            _measure(metric, vector, near, row)
             yield Comparison(metric, vector, row, coarse.deviation(vector), is_exact=False)
 
 
@@ -127,12 +139,38 @@ class SampledPlaces:
         around = np.clip(np.add.outer(chosen, (-1, 0, 1)), 0, last).ravel()
         self._places = np.ascontiguousarray(metric.places[around])
         self._squares = np.ascontiguousarray(metric.squares[around])
+        self._looks = metric.looks and metric.looks.of(around)
 
     def distances(self, descriptor: Quantized) -> Distances:
         """Return the squared distances of a frame (M,) to each place and its neighbours, (n, 3)."""
         (row,) = products(self._places, descriptor[None])
         _to_distances(row, 1.0, self._squares, descriptor)
+        if self._looks is not None:
+            (looked,) = products(self._looks.descriptors, descriptor[None])
+            _lower(looked, 1.0, self._looks, descriptor, row)
         return np.asarray(row.reshape(-1, 3))
+
+
+def _lower(
+    products: Distances, unit: float, looks: Looks, descriptor: Quantized, distances: Distances
+) -> None:
+    """Lower the distances of places, (K,), to those of their nearest looks.
+
+    Args:
+        products: (L,) of the looks with the descriptor, times the unit; receives the distances.
+        unit: of the products.
+        looks: of the places.
+        descriptor: (M,) of the frame.
+        distances: (K,) of the places.
+    """
+    _to_distances(products, unit, looks.squares, descriptor)
+    _to_least(looks.places, products, distances)
+
+
+@kernel
+def _to_least(places: NDArray[np.int32], looked: Distances, distances: Distances) -> None:
+    for look in range(len(looked)):
+        distances[places[look]] = min(distances[places[look]], looked[look])
 
 
 def _nearness(distances: Distances) -> np.int32:
@@ -165,15 +203,28 @@ def _deviation(distances: Distances) -> float:
     return math.sqrt(sum_of(squares) / len(distances))
 
 
-@kernel
 def _measure(
+    metric: MapMetric, descriptor: Quantized, chosen: NDArray[np.int32], distances: Distances
+) -> None:
+    """Write the exact squared distances to the chosen places."""
+    _measure_places(metric.places, metric.squares, descriptor, chosen, distances)
+    if metric.looks is not None:
+        looks = metric.looks
+        at, rows = looks.rows_of(chosen)
+        looked = np.empty(len(looks.places), np.int32)
+        _measure_places(looks.descriptors, looks.squares, descriptor, rows, looked)
+        _to_least(chosen[at], looked[rows], distances)
+
+
+@kernel
+def _measure_places(
     places: Quantized,
     place_squares: NDArray[np.int32],
     descriptor: Quantized,
     chosen: NDArray[np.int32],
     distances: Distances,
 ) -> None:
-    """Write the exact squared distances to the chosen places."""
+    """Write the exact squared distances to the chosen rows."""
     square = product_of(descriptor, descriptor)
     for i in range(len(chosen)):
         product = product_of(places[chosen[i]], descriptor)

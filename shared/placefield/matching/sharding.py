@@ -220,4 +220,5 @@ def _cut(metric: MapMetric, places: slice) -> MapMetric:
         squares=metric.squares[places],
         steps=metric.steps[:, places],
         coarse=None if coarse is None else replace(coarse, codes=coarse.codes[places]),
+        looks=None if metric.looks is None else metric.looks.between(places.start, places.stop),
     )

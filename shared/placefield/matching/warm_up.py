@@ -32,7 +32,8 @@ def beginning_of(channel: MapChannel) -> MapChannel:
     """Return the first places of a channel, as views of its arrays."""
     metric = channel.metric
     coarse = metric.coarse and _beginning(metric.coarse, COARSE_FILES)
-    short = replace(_beginning(metric, METRIC_FILES), coarse=coarse)
+    looks = metric.looks and metric.looks.between(0, _PLACES)
+    short = replace(_beginning(metric, METRIC_FILES), coarse=coarse, looks=looks)
     return replace(_beginning(channel, CHANNEL_FILES), metric=short)
 
 

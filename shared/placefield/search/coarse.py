@@ -32,6 +32,10 @@ class CoarseIndex:
     spread: Spread
     unit: float
 
+    def encode(self, vectors: Quantized) -> NDArray[np.int8]:
+        """Project vectors (L, M) like the places, to codes (L, R)."""
+        return _encode(vectors, self.axes, self.unit)
+
     def deviation(self, descriptor: Quantized) -> float:
         """Return the deviation of the exact squared distances of a vector (M,) to all places."""
         return deviation_from(descriptor, self.spread)
@@ -42,8 +46,13 @@ def coarse_index(places: Quantized) -> CoarseIndex:
     sample = places[:: -(-len(places) // _SAMPLE)].astype(np.float32)
     axes = np.linalg.svd(sample, full_matrices=False)[2][:AXES]
     unit = max(float(np.abs(sample @ axes.T).max()), 1.0) / np.iinfo(np.int8).max
+    codes = _encode(places, axes, unit)
+    return CoarseIndex(np.ascontiguousarray(axes), codes, spread_of(places), unit)
+
+
+def _encode(places: Quantized, axes: NDArray[np.float32], unit: float) -> NDArray[np.int8]:
     codes = np.empty((len(places), len(axes)), np.int8)
     for block in blocks(len(places), _BLOCK):
         along = places[block].astype(np.float32) @ axes.T
         codes[block] = np.clip(np.rint(along / unit), -127, 127)
-    return CoarseIndex(np.ascontiguousarray(axes), codes, spread_of(places), unit)
+    return codes

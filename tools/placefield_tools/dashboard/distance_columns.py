@@ -19,12 +19,13 @@ class DistanceColumns:
 
     def __init__(self, placemap: Map) -> None:
         metric = placemap.channels[0].metric
-        every_nth = slice(None, None, -(-len(metric.places) // _MOST_PLACES))
+        every_nth = np.arange(0, len(metric.places), -(-len(metric.places) // _MOST_PLACES))
         some = replace(
             metric,
-            places=np.ascontiguousarray(metric.places[every_nth]),
-            squares=np.ascontiguousarray(metric.squares[every_nth]),
+            places=metric.places[every_nth],
+            squares=metric.squares[every_nth],
             coarse=None,
+            looks=metric.looks and metric.looks.of(every_nth),
         )
         count = len(some.places)
         self.count = min(count, _MOST_COLUMNS)

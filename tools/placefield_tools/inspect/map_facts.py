@@ -25,6 +25,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "smallest scale": f"{opened.channels[0].smallest} frames",
         "metric": _metric(opened),
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
+        "looks": _looks(opened),
         "seed": str(opened.seed),
         "digest": opened.digest,
     }
@@ -53,6 +54,19 @@ def _metric(opened: Map) -> str:
     summary = f"{asked}: kept in {kept} of {counted(len(channels), 'channel')}"
     reasons = dict.fromkeys(channel.refusal for channel in channels if channel.refusal)
     return "; ".join([summary, *(f"else the identity: {reason}" for reason in reasons)])
+
+
+def _looks(opened: Map) -> str:
+    """Describe the looks of the places, their size, and the comparisons that they add."""
+    looks = opened.metrics[0].looks
+    if looks is None:
+        return "one of each place"
+    count, places = len(looks.places), opened.places.count
+    size = sum(metric.looks.nbytes for metric in opened.metrics if metric.looks is not None)
+    return (
+        f"{count} more of {len(np.unique(looks.places))} places, {size / 2**20:.1f} MB; a frame is "
+        f"compared with {places + count} descriptors instead of {places} in each metric"
+    )
 
 
 def _travelled(places: Places) -> str:

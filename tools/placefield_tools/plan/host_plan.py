@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from placefield.errors import MapError
-from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES
+from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES, look_files
 from placefield.maps.manifest import REBUILD, Manifest
 from placefield_tools.plan.placement import Core, Hosts, Limit, Placement, placements
 
@@ -137,19 +137,28 @@ def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
         files = [f"metrics/{number}/{name}.npy" for name in METRIC_FILES]
         if metric.coarse_unit is not None:
             files += [f"metrics/{number}/coarse/{name}.npy" for name in COARSE_FILES]
-        for file in files:
+        looks = []
+        if metric.looks:
+            looks = [
+                f"metrics/{number}/looks/{name}.npy" for name in look_files(metric.coarse_unit)
+            ]
+        for file in files + looks:
             if file not in sizes:
                 raise MapError(f"{file}: not in the manifest; {REBUILD}")
         own = {Path(file).stem: sizes[file] for file in files}
-        read, projected = own["places"], own["projection"] if metric.learned else 0
+        of_looks = {Path(file).stem: sizes[file] for file in looks}
+        read = own["places"] + of_looks.get("descriptors", 0)
+        projected = own["projection"] if metric.learned else 0
         if metric.coarse_unit is not None:
-            read = own["codes"] + own["places"] // _LOOKED_AT
+            read = own["codes"] + of_looks.get("codes", 0) + read // _LOOKED_AT
             projected += own["axes"]
         channels = tuple(
             channel for channel, of in enumerate(manifest.channels) if of.metric == number
         )
         if channels:
-            loads.append(MetricLoad(channels, read, projected, sum(own.values())))
+            loads.append(
+                MetricLoad(channels, read, projected, sum(sizes[file] for file in files + looks))
+            )
     return loads
 
 
