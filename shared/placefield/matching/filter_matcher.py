@@ -101,6 +101,17 @@ class FilterMatcher(Matcher):
         self._candidate = NO_CANDIDATE
         self._smoothed: list[SmoothedPosterior] = []
 
+    def grow(self, lengths: StepLengths, same: NDArray[np.int32] | None) -> None:
+        """Append places to the map, of which the shard has all.
+
+        Args:
+            lengths: of steps on the map with the new places, which are its last ones.
+            same: (K,) int32, which place of the map each is the same as; None: all differ.
+        """
+        self._filter.grow(lengths)
+        self._smoother.grow(lengths, same)
+        self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
+
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict the beliefs of the shard's places, and update them by the frame.
 
