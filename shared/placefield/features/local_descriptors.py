@@ -17,6 +17,7 @@ from placefield.features.descriptors import is_blank, unit_length
 SPAN = 20.0
 """Novelty, in average steps, within which frames are neighbours and look alike."""
 
+_MOVED = 0.25  # least novelty of a frame on which the vehicle moved
 _LEAST_DEVIATION = 1e-6
 
 Array = NDArray[np.float32]
@@ -28,7 +29,8 @@ class LocalDescriptor(NamedTuple):
 
     Attributes:
         frame: its number in the drive, from 0.
-        vector: (D,) float32, the descriptor, of length 1.
+        vector: (D,) float32, the descriptor, of length 1. While the vehicle stands, it stays as it
+            is.
         travelled: sum of the novelty of the frames so far, average steps.
     """
 
@@ -40,8 +42,9 @@ class LocalDescriptor(NamedTuple):
 class LocalDescriptors:
     """Turns the raw features of a drive into descriptors, frame by frame and causally.
 
-    The novelty of a frame is its distance from the frame before, in average steps, at most 1. The
-    first frames wait until their novelty is ``SPAN``, and have one mean and deviation.
+    The novelty of a frame is its distance from the last frame on which the vehicle moved, in
+    average steps, at most 1. Below a quarter, the vehicle stands. The first frames wait until the
+    sum of their novelty is ``SPAN``, and have one mean and deviation.
     """
 
     def __init__(self) -> None:
@@ -50,9 +53,10 @@ class LocalDescriptors:
         """Number of frames so far."""
         self._first: list[LocalDescriptor] | None = []
         self._last: Array | None = None
-        self._steps, self._count = 0.0, 0
+        self._newest: LocalDescriptor | None = None
+        self._steps, self._count = 0.0, 0  # sum and number of the steps so far
         self._travelled, self._weight = 0.0, 0.0
-        self._sums: Array64 | None = None
+        self._sums: Array64 = np.zeros((2, 1))
 
     def update(self, raw: Array | None) -> list[LocalDescriptor]:
         """Return the descriptors that the next frame's raw feature, (D,) float32, completes.
@@ -71,15 +75,19 @@ class LocalDescriptors:
         if raw is None or is_blank(raw):
             return []
         unit = unit_length(raw)
-        self._learn(unit, self._novelty(unit))
-        frame = LocalDescriptor(self.frames - 1, unit, self._travelled)
+        number = self.frames - 1
+        if not self._moves(unit):
+            return [] if self._newest is None else [self._newest._replace(frame=number)]
+        frame = LocalDescriptor(number, unit, self._travelled)
         if self._first is None:
-            return [self._standardised(frame)]
+            self._newest = self._standardised(frame)
+            return [self._newest]
         self._first.append(frame)
         if self._travelled < SPAN:
             return []
-        first, self._first = self._first, None
-        return [self._standardised(each) for each in first]
+        described = [self._standardised(each) for each in self._first]
+        self._first, self._newest = None, described[-1]
+        return described
 
     def _check(self, raw: Array) -> None:
         if self._last is not None and raw.shape != self._last.shape:
@@ -87,26 +95,25 @@ class LocalDescriptors:
         if not np.isfinite(raw).all():
             raise FrameError("the feature is not finite")
 
-    def _novelty(self, unit: Array) -> float:
-        last, self._last = self._last, unit
-        if last is None:
-            return 1.0
-        step = float(np.linalg.norm(unit - last))
-        self._steps += step
-        self._count += 1
-        novelty = min(1.0, step * self._count / self._steps) if self._steps > 0 else 0.0
-        self._travelled += novelty
-        return novelty
-
-    def _learn(self, unit: Array, novelty: float) -> None:
+    def _moves(self, unit: Array) -> bool:
+        """Add a feature at unit length to the last frames; False if the vehicle stands."""
+        novelty = 1.0
+        if self._last is not None:
+            step = float(np.linalg.norm(unit - self._last))
+            average = (self._steps + step) / (self._count + 1)
+            if step < _MOVED * average or step == 0:
+                return False
+            novelty = min(1.0, step / average)
+            self._steps, self._count = self._steps + step, self._count + 1
+            self._travelled += novelty
+        self._last = unit
         kept = 1 - novelty / SPAN
-        new = novelty * np.stack([unit, unit.astype(np.float64) ** 2])
-        self._sums = new if self._sums is None else kept * self._sums + new
         self._weight = kept * self._weight + novelty
+        self._sums = kept * self._sums + novelty * np.stack([unit, unit.astype(np.float64) ** 2])
+        return True
 
     def _standardised(self, frame: LocalDescriptor) -> LocalDescriptor:
         """Standardise the feature at unit length, (D,), by the last frames."""
-        assert self._sums is not None
         mean, square_mean = self._sums / self._weight
         variance = np.maximum(square_mean - mean**2, _LEAST_DEVIATION**2)
         standardised = (frame.vector - mean) / np.sqrt(variance)

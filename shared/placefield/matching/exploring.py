@@ -2,7 +2,8 @@
 
 A frame becomes a place of a map that grows, and the rule ``filter`` matches each frame with that
 map. Neighbouring frames look alike, so a place joins the map only once the view has changed by
-``SPAN`` average steps. For the filter, a vehicle at a new place is lost.
+``SPAN`` average steps. For the filter, a vehicle at a new place is lost. A frame of a vehicle that
+stands is no place, and no step of time.
 """
 
 from bisect import bisect_left, bisect_right
@@ -21,7 +22,7 @@ from placefield.matching.growing_places import GrowingPlaces, compare, lengths_o
 from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.smoother import Smoother
 
-_NOVEL = 0.25  # average steps from one place to the next, at least: a stop is one place
+_UNMAPPED = 0.01  # places that were not passed yet, as a fraction of those that were
 _CERTAIN = 0.999  # at this probability, a place is taken for the same as an earlier one
 _TOO_FAST = 0.5  # as in fusion
 
@@ -114,8 +115,8 @@ class Explorer:
         return self._answer(candidate)
 
     def _add(self, frame: LocalDescriptor) -> None:
-        """Make a place of a frame, if the view has changed since the last one."""
-        if self._travelled and frame.travelled - self._travelled[-1] < _NOVEL:
+        """Make a place of a frame, if the vehicle has moved since the last one."""
+        if self._travelled and frame.travelled == self._travelled[-1]:
             return
         if self._places is None:
             self._places = GrowingPlaces(len(frame.vector))
@@ -134,7 +135,7 @@ class Explorer:
         lengths, same = lengths_of(self._metric), self._shared()
         if self._matcher is None:
             smoother = Smoother(lengths, self._config.lag, self._config.tolerance, same=same)
-            whole = WholeMap(lengths, route=None, spread=None, sampled=None)
+            whole = WholeMap(lengths, None, None, None, unmapped=_UNMAPPED)
             self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
         else:
             self._matcher.grow(lengths, same)
