@@ -22,7 +22,7 @@ from placefield.matching.growing_places import GrowingPlaces, compare, lengths_o
 from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.smoother import Smoother
 
-_UNMAPPED = 0.01  # places that were not passed yet, as a fraction of those that were
+_UNMAPPED = 0.02  # places that were not passed yet, as a fraction of those that were
 _CERTAIN = 0.999  # at this probability, a place is taken for the same as an earlier one
 _TOO_FAST = 0.5  # as in fusion
 
