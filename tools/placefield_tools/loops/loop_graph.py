@@ -56,7 +56,6 @@ def _lines(loops: DriveLoops) -> Iterator[str]:
     motion, frames = _motion(loops), loops.frames
     for frame, pose in zip(frames, motion.poses, strict=True):
         yield f"VERTEX_SE2 {frame.number} {_numbers(*pose)}"
-    yield f"FIX {frames[0].number}"
     steps = np.array([*map(_relative, motion.poses, motion.poses[1:])]).reshape(-1, 3)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     least = _LEAST * (float(lengths.mean()) if len(lengths) else 0.0) or _LEAST
@@ -72,6 +71,7 @@ def _lines(loops: DriveLoops) -> Iterator[str]:
             )
             ends = f"{frames[answer.place].number} {frame.number}"
             yield f"EDGE_SE2 {ends} 0 0 0 {_information(xy, xy, yaw)}"
+    yield f"FIX {frames[0].number}"  # last: GTSAM 4.3 reads no edge after a line it does not know
 
 
 def _motion(loops: DriveLoops) -> _Motion:
