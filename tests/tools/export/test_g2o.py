@@ -36,6 +36,13 @@ def test_vertices_are_the_places_held_fixed_and_the_matched_frames_at_theirs(
     assert graph["FIX"] == [[place] for place in range(5)]
 
 
+def test_fixed_vertices_come_last_because_gtsam_reads_no_edge_after_them(
+    traverse: QueryTraverse,
+) -> None:
+    tags = [line.split(" ")[0] for line in to_g2o(traverse).splitlines()]
+    assert set(tags[tags.index("FIX") :]) == {"FIX"}
+
+
 def test_an_edge_is_from_each_matched_place_to_its_frame(graph: Graph) -> None:
     assert [tuple(edge[:5]) for edge in graph["EDGE_SE2"]] == [
         (1, 5, 0, 0, 0),

@@ -22,18 +22,20 @@ def to_g2o(traverse: QueryTraverse) -> str:
 
 
 def _lines(traverse: QueryTraverse) -> Iterator[str]:
-    count = len(traverse.places)
+    count, fixed = len(traverse.places), []
     for place, (x, y, yaw) in enumerate(traverse.places.tolist()):
         if not math.isfinite(x + y + yaw):
             continue
+        fixed.append(place)
         yield f"VERTEX_SE2 {place} {x} {y} {yaw}"
-        yield f"FIX {place}"
     for localised in traverse.matches:
         x, y, yaw = localised.pose
         frame = count + localised.header.sequence
         along, heading = _information(traverse, localised.match)
         yield f"VERTEX_SE2 {frame} {x} {y} {yaw}"
         yield (f"EDGE_SE2 {localised.match.place} {frame} 0 0 0 {along} 0 0 {along} 0 {heading}")
+    for place in fixed:  # at the end: GTSAM reads no edge after such a line
+        yield f"FIX {place}"
 
 
 def _information(traverse: QueryTraverse, match: MatchMessage) -> tuple[float, float]:
