@@ -10,8 +10,7 @@ from placefield.maps.alignment import align_by_number
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
-from placefield.search.looks import Looks
-from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
+from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
 
 Array = NDArray[np.float32]
 
@@ -76,23 +75,23 @@ def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
     return reference
 
 
-def looks_of(descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]) -> Looks | None:
-    """Return the looks of the places in all traverses but the first; None if there are none.
-
-    They are under the identity metric.
+def observed_again(
+    descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]
+) -> tuple[NDArray[np.int32], Quantized]:
+    """Return what all traverses but the first observed of the places, by ascending place.
 
     Args:
         descriptors: of each traverse, (F, N) float32; the first's are the places.
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
+
+    Returns:
+        The place of each look, (L,), and its quantized descriptor, (L, N) int16.
     """
-    if not any(len(others) for others in place_of[1:]):
-        return None
-    places = np.concatenate(place_of[1:])
+    none = np.empty((0, descriptors[0].shape[1]), np.int16)
+    places = np.concatenate([np.empty(0, np.int32), *place_of[1:]])
     order = np.argsort(places, kind="stable")
-    observed = np.concatenate([quantize(each, DESCRIPTOR_UNIT) for each in descriptors[1:]])
-    observed = observed[order]
-    squares = np.einsum("lm,lm->l", observed, observed, dtype=np.int32)
-    return Looks(places[order], observed, squares)
+    observed = [quantize(each, DESCRIPTOR_UNIT) for each in descriptors[1:]]
+    return places[order], np.concatenate([none, *observed])[order]
 
 
 def probes_of(
