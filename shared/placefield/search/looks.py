@@ -26,8 +26,8 @@ class Looks:
         places: (L,) int32, the place of each look, ascending; a place may have none or several.
         descriptors: (L, M) int16, projected and quantized like those of the places.
         squares: (L,) int32, their squared lengths.
-        biases: (K,) int32, by how much its looks lower the squared distance of each place to an
-            average frame; 0 for a place without looks.
+        biases: (K,) int32, by how much as many looks as a place has lower its squared distance to
+            a frame on average; 0 for a place without looks.
         codes: (L, R) int8, for the coarse search, like those of the places; None without one.
     """
 
@@ -108,7 +108,11 @@ def looks_at(
             nearest = distances.copy()
             np.minimum.at(nearest, shown, of_looks)
             lowered += distances - nearest
-    biases = np.rint(lowered / len(sample)).astype(np.int32)
+    # Of all places with as many looks: of a single place the estimate is too uncertain.
+    counts = np.bincount(shown, minlength=len(places))
+    alike = np.bincount(counts)
+    means = np.bincount(counts, lowered) / np.maximum(alike, 1) / len(sample)
+    biases = np.rint(means[counts]).astype(np.int32)
     return Looks(shown, descriptors, look_squares, biases, codes)
 
 
