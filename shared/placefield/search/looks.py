@@ -47,10 +47,12 @@ class Looks:
         return sum(array.nbytes for array in arrays if array is not None)
 
     def between(self, start: int, stop: int) -> "Looks":
-        """Return views of the looks of places from ``start`` up to ``stop``, numbered from 0."""
+        """Return the looks of places from ``start`` up to ``stop``, numbered from 0, as views."""
         rows = slice(*np.searchsorted(self.places, (start, stop)).tolist())
+        places = self.places[rows] - np.int32(start)
+        places.setflags(write=self.places.flags.writeable)  # the same compiled code is used
         return Looks(
-            self.places[rows] - np.int32(start),
+            places,
             self.descriptors[rows],
             self.squares[rows],
             self.biases[start:stop],
