@@ -12,6 +12,9 @@ from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
 
+_NEAR = 3
+"""Places within which a frame of one place is a look of another, without a frame of its own."""
+
 Array = NDArray[np.float32]
 
 
@@ -80,6 +83,10 @@ def observed_again(
 ) -> tuple[NDArray[np.int32], Quantized]:
     """Return what all traverses but the first observed of the places, by ascending place.
 
+    A place that no frame of a traverse shows has the frame of the nearest place, if that is at most
+    3 places away: a faster traverse has no frame of every place, and the first frames of a traverse
+    are often not aligned.
+
     Args:
         descriptors: of each traverse, (F, N) float32; the first's are the places.
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
@@ -87,11 +94,31 @@ def observed_again(
     Returns:
         The place of each look, (L,), and its quantized descriptor, (L, N) int16.
     """
-    none = np.empty((0, descriptors[0].shape[1]), np.int16)
-    places = np.concatenate([np.empty(0, np.int32), *place_of[1:]])
-    order = np.argsort(places, kind="stable")
-    observed = [quantize(each, DESCRIPTOR_UNIT) for each in descriptors[1:]]
-    return places[order], np.concatenate([none, *observed])[order]
+    count, dimensions = descriptors[0].shape
+    places, observed = [np.empty(0, np.int32)], [np.empty((0, dimensions), np.int16)]
+    for each, shown in zip(descriptors[1:], place_of[1:], strict=True):
+        at, frames = _nearest_frames(shown, count)
+        places.append(at)
+        observed.append(quantize(each, DESCRIPTOR_UNIT)[frames])
+    all_places = np.concatenate(places)
+    order = np.argsort(all_places, kind="stable")
+    return all_places[order], np.concatenate(observed)[order]
+
+
+def _nearest_frames(
+    shown: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+    """Return the places near those that frames show, (F,), and the nearest frame of each."""
+    if not len(shown):
+        return np.empty(0, np.int32), np.empty(0, np.intp)
+    order = np.argsort(shown, kind="stable")
+    all_places = np.arange(count, dtype=np.int32)
+    after = np.searchsorted(shown[order], all_places).clip(max=len(shown) - 1)
+    before = (after - 1).clip(min=0)
+    apart = [np.abs(shown[order[each]] - all_places) for each in (before, after)]
+    nearest = np.where(apart[0] <= apart[1], before, after)
+    is_near = np.minimum(*apart) <= _NEAR
+    return all_places[is_near], order[nearest[is_near]]
 
 
 def probes_of(

@@ -22,6 +22,8 @@ from placefield.matching.comparing import MetricPlaces
 
 MakeTraverse = Callable[..., Traverse]
 SHOWN = np.r_[20:60, np.full(5, -1), 60:80].astype(np.int32)
+LOOKED = [*[20] * 3, *range(20, 80), *[79] * 3]
+"""The place of the frame that is the look of each place from 17 to 82."""
 
 
 def map_of(make_traverse: MakeTraverse, *, looks: bool = True, coarse_from: int = 1000) -> Map:
@@ -55,19 +57,46 @@ def seal(path: Path, **metric: object) -> None:
     (path / SEAL).write_bytes(seal_of(written))
 
 
-def test_each_aligned_frame_is_a_look_of_its_place(make_traverse: MakeTraverse) -> None:
+def test_aligned_frames_are_looks_of_their_places_and_of_near_ones_without_a_frame(
+    make_traverse: MakeTraverse,
+) -> None:
     built = map_of(make_traverse)
     looks = built.metrics[0].looks
     assert looks is not None
-    assert looks.places.tolist() == list(range(20, 80))
+    assert looks.places.tolist() == list(range(17, 83))
     raw = make_traverse(len(SHOWN), name="night", noise=1).raw[SHOWN >= 0]
     units = raw / np.linalg.norm(raw, axis=1, keepdims=True)
     standardised = (units - units.mean(axis=0)) / units.std(axis=0)
     observed = standardised @ built.model.components.T
     observed /= np.linalg.norm(observed, axis=1, keepdims=True)
-    np.testing.assert_allclose(looks.descriptors / 4000, observed, atol=3e-4)
+    expected = observed[np.array(LOOKED) - 20]
+    np.testing.assert_allclose(looks.descriptors / 4000, expected, atol=3e-4)
     compared = MetricPlaces(built.metrics[0], exact=True).compare(observed.astype(np.float32))
-    assert [int(frame.distances.argmin()) for frame in compared] == list(range(20, 80))
+    found = [int(frame.distances.argmin()) for frame in compared]
+    assert found[1:-1] == list(range(21, 79))
+    assert found[0] in range(17, 21)
+    assert found[-1] in range(79, 83)
+
+
+def test_a_place_between_two_frames_has_the_look_of_the_nearest(
+    make_traverse: MakeTraverse,
+) -> None:
+    shown = np.r_[0:40:2, 40:80:10].astype(np.int32)[::-1].copy()
+    night = make_traverse(len(shown), name="night", noise=1)
+    aligned = replace(
+        night, alignment=Alignment(shown, np.ones(len(shown), np.float32), "smoother")
+    )
+    config = Config.model_validate(
+        {"metric": {"kind": "identity"}, "scales": {"channels": 2}, "build": {"looks": True}}
+    )
+    looks = build_map([make_traverse(), aligned], config).metrics[0].looks
+    assert looks is not None
+    near = {place: int(np.abs(shown - place).min()) for place in range(90)}
+    assert looks.places.tolist() == [place for place, apart in near.items() if apart <= 3]
+    own = dict(zip(looks.places.tolist(), looks.descriptors.tolist(), strict=True))
+    for place, descriptor in own.items():
+        ties = [other for other in shown.tolist() if abs(other - place) == near[place]]
+        assert descriptor == own[min(ties)]
 
 
 def test_without_the_setting_or_with_one_traverse_there_are_none(
@@ -110,9 +139,9 @@ def test_a_map_from_before_there_were_looks_opens(saved: Path) -> None:
     ("name", "wrong"),
     [
         ("places", lambda known: known[::-1]),
-        ("places", lambda known: known - 21),
-        ("places", lambda known: known + 11),
-        ("places", lambda known: np.where(known == 79, 2**31 - 1, known).astype(np.int32)),
+        ("places", lambda known: known - 18),
+        ("places", lambda known: known + 8),
+        ("places", lambda known: np.where(known == 82, 2**31 - 1, known).astype(np.int32)),
         ("places", lambda known: known[:-1]),
         ("places", lambda known: known[:0]),
         ("places", lambda known: known.astype(np.int64)),
@@ -138,7 +167,7 @@ def test_looks_that_do_not_fit_the_map_are_refused(
     assert str(file) in str(refused.value)
 
 
-@pytest.mark.parametrize("looks", [-1, 59, 61, 10**15, 1.5, "many"])
+@pytest.mark.parametrize("looks", [-1, 65, 67, 10**15, 1.5, "many"])
 def test_another_number_of_looks_in_the_manifest_is_refused(
     built: Map, tmp_path: Path, looks: object
 ) -> None:
