@@ -1,10 +1,13 @@
 """Files that appear completely or not at all: a failed write leaves the old file."""
 
+import ctypes
 import os
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of Linux
 
 
 @contextmanager
@@ -39,6 +42,24 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """
     with written_whole(path) as beside:
         beside.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def exchange(one: Path, other: Path) -> None:
+    """Exchange two files or folders; at no instant is one of them missing.
+
+    Only Linux offers this, by ``renameat2``, and Python has no function for it.
+
+    Raises:
+        OSError: one is missing, or the system or the file system cannot do it.
+    """
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):
+        raise OSError("this system cannot exchange two files") from None
+    names = _HERE, os.fsencode(one), _HERE, os.fsencode(other)
+    if rename(*names, _EXCHANGE):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number), str(one))
 
 
 def sync(file: Path) -> None:

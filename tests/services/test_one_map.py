@@ -106,7 +106,7 @@ def test_a_map_that_differs_in_a_seed_alone_is_another(route_map: Map, tmp_path:
     assert open_map(one).digest == hashlib.sha256(written).hexdigest()[:16]
     assert open_map(other).digest != open_map(one).digest
     assert open_map(one, digest=open_map(one).digest).digest == open_map(one).digest
-    with pytest.raises(MapError, match=rf"one.pfmap: is the map {open_map(one).digest} now"):
+    with pytest.raises(MapError, match=rf"one.pfmap: is now the map {open_map(one).digest}"):
         open_map(one, digest=open_map(other).digest)
 
 

@@ -78,7 +78,10 @@ def test_without_a_router_a_command_says_where_it_looked(
         (("replay", "{empty}"), "{empty}: no image files"),
         (("serve", "no.pfmap"), "no.pfmap: no map there"),
         (("serve", "{map}", "{map}"), "two maps of one name; give each name once"),
-        (("fetch", "maps/route"), "'maps/route': give the name of a map; --to says which"),
+        (
+            ("fetch", "maps/route"),
+            "'maps/route': give the name of a map; give its folder with --to",
+        ),
         (("replay", "no-folder"), "no-folder: no such folder or file"),
         (("replay", "{query}", "--stride", "0"), "--stride 0: must be 1 or more"),
         (("replay", "{query}", "--start", "60"), "--start 60"),
@@ -167,7 +170,9 @@ def test_a_replay_of_which_no_frame_can_be_read_ends_with_code_1(
     ended = placefield("replay", folder, "--endpoint", host.endpoint)
     assert ended.returncode == 1
     assert ended.stdout == "4 frames replayed: 4 unreadable\n"
-    assert ended.stderr.splitlines()[-1].startswith(f"placefield: {folder}: no frame of it could")
+    assert ended.stderr.splitlines()[-1].startswith(
+        f"placefield: {folder}: none of its frames could"
+    )
     assert len(listener.answers()) == 4
 
 

@@ -53,7 +53,7 @@ def test_two_laps_make_as_many_frames_known_as_one(data_dir: Path, laps_path: Pa
         assert one.claims is not None
         assert two.claims is not None
         assert two.claims.precision >= 0.99
-        assert two.claims.fetch >= 0.95 * one.claims.fetch
+        assert two.claims.recall >= 0.95 * one.claims.recall
 
 
 def test_the_services_share_the_laps_as_the_library_does(data_dir: Path, laps_path: Path) -> None:

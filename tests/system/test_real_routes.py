@@ -20,7 +20,7 @@ from placefield_tools.study.run_study import prepare
 
 @dataclass(frozen=True)
 class Route:
-    """A reference, a query of it, and fetch at 100 % precision and AUC that they must reach.
+    """A reference, a query of it, and recall at 100 % precision and AUC that they must reach.
 
     As driven, smoothed and at once; then at once at a speed that varies, without and with odometry.
     """
@@ -113,24 +113,26 @@ def on_route(request: pytest.FixtureRequest, data_dir: Path) -> Iterator[OnRoute
         yield OnRoute(data_dir, route, map_path, config)
 
 
-def test_real_routes_are_recognised_through_the_services(on_route: OnRoute) -> None:
-    evaluation = on_route.evaluate(on_route.query(), services=True)
+def test_real_routes_are_recognised_and_one_of_them_through_the_services(
+    on_route: OnRoute,
+) -> None:
+    evaluation = on_route.evaluate(on_route.query(), services=on_route.route == ROUTES[2])
     curve = evaluation.results["filter"].curve
-    fetch, auc = on_route.route.aligned
-    assert curve.recall_at_100_precision >= fetch
+    recall, auc = on_route.route.aligned
+    assert curve.recall_at_100_precision >= recall
     assert curve.auc >= auc
     assert curve.auc > evaluation.results["ams"].curve.auc
     claims = evaluation.results["filter"].claims
     assert claims is not None
     assert claims.precision >= 0.99
     smoothed = evaluation.smoothed["filter"][20]
-    fetch, auc = on_route.route.smoothed
-    assert smoothed.curve.recall_at_100_precision >= fetch
+    recall, auc = on_route.route.smoothed
+    assert smoothed.curve.recall_at_100_precision >= recall
     assert smoothed.curve.auc >= auc
     assert smoothed.mean_lag <= 8
     assert smoothed.claims is not None
     assert smoothed.claims.precision >= 0.995
-    assert smoothed.claims.fetch >= 0.9
+    assert smoothed.claims.recall >= 0.9
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.query)
@@ -151,8 +153,8 @@ def test_so_are_they_at_a_speed_that_varies(
         return judge(matches, trial.truth).curve
 
     curve = curve_of("filter")
-    fetch, auc = route.speed
-    assert curve.recall_at_100_precision >= fetch
+    recall, auc = route.speed
+    assert curve.recall_at_100_precision >= recall
     assert curve.auc >= auc
     for rule in ("evidence", "ams"):
         assert curve.auc > curve_of(rule).auc

@@ -164,8 +164,12 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
     for number, one in smoothed:
         assert later[number].startswith(f"  smoothed frame {number}: place {one.place}, score ")
         assert later[number].endswith(f", {one.lag} frames later")
-        printed = [each for each in parsed if each["smoothed"]][number]
-        assert (printed["place"], printed["lag"], printed["end"]) == (one.place, one.lag, False)
+        later_line = [each for each in parsed if each["smoothed"]][number]
+        assert (later_line["place"], later_line["lag"], later_line["end"]) == (
+            one.place,
+            one.lag,
+            False,
+        )
     assert printed[-1].startswith("end of stream")
     assert printed[-1].endswith("10 frames")
     assert parsed[-1]["end"] is True

@@ -80,8 +80,8 @@ def test_the_table_names_the_conventions_and_the_oracle(
     ended = run("study", reference_dir, query_dir, *flags, "-o", "[b]out")
     assert ended.exit_code == 0, ended.exception
     for text in (
-        "fetch at 100 % precision",
-        "fetch@1",
+        "recall at 100 % precision",
+        "recall@1",
         "VPR-Bench AUC",
         "mean lag",
         "frames to recover",
@@ -150,7 +150,7 @@ def test_a_truth_file_keeps_the_numbers_of_all_frames_where_the_reference_is_thi
 
 
 def test_a_study_of_a_map_is_refused(map_path: Path, query_dir: Path) -> None:
-    assert "a map keeps no frames" in str(run("study", map_path, query_dir).exception)
+    assert "a map has no frames" in str(run("study", map_path, query_dir).exception)
 
 
 @pytest.mark.parametrize("setting", ["scales.channels=2", "metric.kind=rca", "features.kind=gist"])

@@ -90,7 +90,7 @@ def test_poses_of_visual_slam_in_a_recording_are_reported(
 ) -> None:
     ahead = [(at * 10**8, a_pose(0.01, 0.02, at / 2)) for at in range(20)]
     trajectory_of("a.mcap:/slam", "geometry_msgs/msg/PoseStamped", ahead)
-    assert "9.5 m upwards" in caplog.text
+    assert "9.5 m vertically" in caplog.text
     assert "--pose-axes z-forward" in caplog.text
 
 

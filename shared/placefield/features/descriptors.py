@@ -114,6 +114,11 @@ def unit_length(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
 
+def is_blank(raw: Array) -> bool:
+    """Whether a raw feature (D,) is constant, as that of a blank image in the dark or in fog."""
+    return bool(np.ptp(raw) <= _BLANK * np.abs(raw).max())
+
+
 def fit_descriptors(
     traverses: Sequence[Array],
     kind: FeatureKind,
@@ -268,7 +273,7 @@ class DescriptorStream:
                 than 4 times as far from the reference's mean as any place; the stream is unchanged.
         """
         self._check(raw)
-        if np.ptp(raw) <= _BLANK * np.abs(raw).max():
+        if is_blank(raw):
             return None
         if not self._model.follows_query:
             return self._model.checked(self._model.of_reference(raw))

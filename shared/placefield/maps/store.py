@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from placefield.errors import MapError
-from placefield.files import sync, write_whole
+from placefield.files import exchange, sync, write_whole
 from placefield.maps.array_layout import arrays_of
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import (
@@ -66,19 +66,24 @@ def _written_beside(path: Path) -> Iterator[Path]:
         folder = Path(temporary) / "new"
         folder.mkdir()
         yield folder
-        _put_in_place(folder, path, Path(temporary) / "old")
+        _put_in_place(folder, path)
 
 
-def _put_in_place(folder: Path, path: Path, old: Path) -> None:
+def _put_in_place(folder: Path, path: Path) -> None:
+    """Rename a folder to a path; where the path is taken, its folder goes to the other place."""
     if not path.exists():
         folder.rename(path)
         return
-    path.rename(old)
     try:
-        folder.rename(path)
+        exchange(folder, path)
     except OSError:
-        old.rename(path)
-        raise
+        old = folder.with_name("old")
+        path.rename(old)
+        try:
+            folder.rename(path)
+        except OSError:
+            old.rename(path)
+            raise
 
 
 def _write(built: Map, folder: Path) -> None:

@@ -66,6 +66,10 @@ class BackwardPass:
         """
         self._lengths, self._route, self._motion = lengths, route, motion()
 
+    def grow(self, lengths: StepLengths) -> None:
+        """Replace the lengths of steps: the map has more places."""
+        self._lengths = lengths
+
     def begin(self, trace: Trace) -> BackwardMessage:
         """Return the message of the newest frame: no frames follow it."""
         return BackwardMessage(np.ones_like(trace.belief), np.ones(len(SPEEDS)))
@@ -101,7 +105,7 @@ class BackwardPass:
         pace = displacement.pace / route.spacing
         speeds = speeds_of(pace)
         there = later.observed[:, :, None] * (message.placed @ speeds).astype(np.float32)
-        found = float((there[1] @ HYPOTHESES).sum()) / self._lengths.apart.shape[1]
+        found = float((there[1] @ HYPOTHESES).sum()) / later.all_places
         when_lost = float(message.lost @ speeds)
         from_lost = float(later.lost_likelihood[0]) * ((1 - FIND) * when_lost + FIND * found)
         apart = np.ascontiguousarray(self._lengths.apart[:, later.places])

@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from placefield.kernels import kernel
 from placefield.matching.motion import Array
+from placefield.search.quantized import LONGEST
 
 Distances = NDArray[np.int32]
 
+_UNMAPPED_NEAR = 2 * LONGEST**2  # as ``near``, of a place whose cosine with the frame is half
 _BEYOND = 0.02  # weight of a place's evidence beyond the bound
 
 
@@ -38,7 +40,13 @@ def nearness(distances: Distances, first: int, near: Distances) -> None:
 
 @kernel
 def evidence_of(
-    near: Distances, sample: Distances, every: int, nats: float, lost: float, evidence: Array
+    near: Distances,
+    sample: Distances,
+    every: int,
+    nats: float,
+    lost: float,
+    unmapped: float,
+    evidence: Array,
 ) -> None:
     """Write the evidence of a frame at places (K,), see ``Observation``.
 
@@ -51,6 +59,7 @@ def evidence_of(
         every: only each so many-th place of the sample is used.
         nats: by which a frame is less likely where ``near`` is one more.
         lost: nats by which a frame is likelier when lost than at an average place.
+        unmapped: fraction of places, beside those of the map, that are half alike.
         evidence: (K,) float32, receives it.
     """
     least = sample[0]
@@ -60,7 +69,10 @@ def evidence_of(
     for i in range(0, len(sample), every):
         total += math.exp(-nats * (sample[i] - least))
         count += 1
-    average = np.float32(math.log(total / count) + lost)
+    mean = total / count
+    if unmapped > 0:
+        mean += unmapped * math.exp(-nats * (_UNMAPPED_NEAR - least))
+    average = np.float32(math.log(mean) + lost)
     slope = np.float32(-nats)
     for i in range(len(near)):
         evidence[i] = slope * np.float32(np.int32(near[i] - least)) - average

@@ -59,12 +59,15 @@ class WholeMap:
         route: cells of the places; None if their metres are not known.
         spread: of all places; None for a whole channel, whose comparisons have the deviation.
         sampled: a sample of the places; None if comparisons have all places, exactly.
+        unmapped: places that the map does not have, but that the vehicle may be at, as a fraction
+            of the places: each is half like every frame, under the identity metric.
     """
 
     lengths: StepLengths
     route: RouteCells | None
     spread: Spread | None
     sampled: SampledPlaces | None
+    unmapped: float = 0.0
 
 
 class FilterMatcher(Matcher):
@@ -91,6 +94,7 @@ class FilterMatcher(Matcher):
         self._smoother = smoother
         self._lengths, self._own, self._number = whole.lengths, own, number
         self._spread, self._sampled = whole.spread, whole.sampled
+        self._unmapped = whole.unmapped
         before, after = own.start > 0, own.stop < whole.lengths.apart.shape[1]
         self._halo = HALO * before, HALO * after
         self._likely = NO_PLACES
@@ -100,6 +104,17 @@ class FilterMatcher(Matcher):
         self._trace: Trace | None = None
         self._candidate = NO_CANDIDATE
         self._smoothed: list[SmoothedPosterior] = []
+
+    def grow(self, lengths: StepLengths, same: NDArray[np.int32] | None) -> None:
+        """Append places to the map, of which the shard has all.
+
+        Args:
+            lengths: of steps on the map with the new places, which are its last ones.
+            same: (K,) int32, which place of the map each is the same as; None: all differ.
+        """
+        self._filter.grow(lengths)
+        self._smoother.grow(lengths, same)
+        self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict the beliefs of the shard's places, and update them by the frame.
@@ -175,7 +190,7 @@ class FilterMatcher(Matcher):
             around = self._sampled.distances(frame.descriptor)
             sample, every = around[:, 1] + around.min(axis=1), 1
         evidence = np.empty(len(near), np.float32)
-        evidence_of(near, sample, every, nats, lost_evidence, evidence)
+        evidence_of(near, sample, every, nats, lost_evidence, self._unmapped, evidence)
         bound(evidence, math.log(self._lengths.apart.shape[1]))
         return evidence
 

@@ -110,6 +110,21 @@ class PlaceFilter:
         self._last_trace = None
         self.begun = False
 
+    def grow(self, lengths: StepLengths) -> None:
+        """Append places to the map, which a filter of the whole map has to itself.
+
+        No belief is in the new places yet; the vehicle may be found there from the next frame on.
+
+        Args:
+            lengths: of steps on the map with the new places, which are its last ones.
+        """
+        added = lengths.apart.shape[1] - self._all_places
+        self._belief = np.pad(self._belief, ((0, 0), (0, 0), (0, added)))
+        self._by_place = np.pad(self._by_place, ((0, 0), (0, added)))
+        self._lengths, self._apart = lengths, np.ascontiguousarray(lengths.apart)
+        self._all_places += added
+        self._own = slice(0, self._all_places)
+
     def _anywhere(self, by_speed: Vector) -> Array:
         """Return the probability of each place, (2, S), of a vehicle that may be anywhere."""
         return np.asarray(HYPOTHESES[:, None] * by_speed / self._all_places, np.float32)
@@ -289,6 +304,7 @@ class PlaceFilter:
             self._observation.step,
             self._lost_likelihood,
             self._jump_likelihood,
+            self._all_places,
         )
         observed = self._observation.novelty > 0
         lost = self._lost / self._total

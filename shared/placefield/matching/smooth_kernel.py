@@ -52,10 +52,9 @@ def step_back(
         The message of the frame before when lost, (S,). The message is scaled so that its greatest
         value is 1.
     """
-    count = apart.shape[1]
     to_lost = _LOSE * transit.jump * (motion.prior * lost).sum()
     weighted, found = _weighted(transit, placed, apart, stationary)
-    still_lost = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / count * found)
+    still_lost = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / transit.all_places * found)
     from_lost = still_lost + motion.change * ((motion.prior * still_lost).sum() - still_lost)
     _reach_back(transit, weighted, motion, to_lost, before, backward)
     values = backward.reshape(backward.size)

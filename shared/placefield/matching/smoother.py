@@ -65,6 +65,11 @@ class Smoother:
         self._frames = 0
         self._unobserved = 0  # in a row
 
+    def grow(self, lengths: StepLengths, same: NDArray[np.int32] | None) -> None:
+        """Append places to the map; see the arguments of the same names when it began."""
+        self._backward.grow(lengths)
+        self._same = same
+
     def update(self, trace: Trace | None) -> list[SmoothedPosterior]:
         """Add the next trace, None before the first observation; return the frames smoothed now."""
         self._waiting.append(trace)

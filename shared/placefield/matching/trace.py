@@ -28,6 +28,7 @@ class ObservedTransition(NamedTuple):
         step: length of the step to the frame, or ``UNKNOWN``.
         lost_likelihood: (S,) float64, likelihood of that step for a lost vehicle.
         jump: the same for a vehicle that jumps.
+        all_places: K, how many places the map had.
     """
 
     places: NDArray[np.int32]
@@ -36,6 +37,7 @@ class ObservedTransition(NamedTuple):
     step: float
     lost_likelihood: Vector
     jump: float
+    all_places: int
 
 
 class Trace(NamedTuple):

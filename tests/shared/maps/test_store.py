@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from placefield.config import Config
 from placefield.errors import MapError
 from placefield.features.network import read_network
+from placefield.maps import store
 from placefield.maps.build import build_map
 from placefield.maps.map import Map, MapAlignment, fingerprint
 from placefield.maps.map_metrics import identity_metric, learned_metric
@@ -182,6 +184,35 @@ def test_a_map_is_replaced_by_a_newer_one(saved: Path, small_map: Map) -> None:
     assert_same(small_map, open_map(saved))
     assert os.listdir(saved.parent) == [saved.name]
     np.testing.assert_array_equal(older.places.stamps, stamps)
+
+
+def test_a_map_that_is_replaced_is_missing_at_no_instant(saved: Path, small_map: Map) -> None:
+    is_over, missing = threading.Event(), 0
+
+    def look() -> None:
+        nonlocal missing
+        while not is_over.is_set():
+            missing += not saved.exists()
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    for _ in range(20):
+        save_map(small_map, saved)
+    is_over.set()
+    looking.join()
+    assert not missing
+
+
+def test_where_a_system_cannot_exchange_folders_a_map_is_replaced_by_renaming(
+    saved: Path, small_map: Map, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(one: Path, other: Path) -> None:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+
+    monkeypatch.setattr(store, "exchange", refuse)
+    save_map(replace(small_map, seed=small_map.seed + 1), saved)
+    assert open_map(saved).seed == small_map.seed + 1
+    assert os.listdir(saved.parent) == [saved.name]
 
 
 def test_only_a_map_is_replaced(small_map: Map, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ def test_ours_is_timed_to_an_objective_no_higher_than_metric_learns(
 ) -> None:
     points, labels = build._labelled_route()
     monkeypatch.setattr(build, "_labelled_route", lambda: (points[:150, :20], labels[:150]))
-    monkeypatch.setattr(build, "_PLAIN_STEPS", 3)
+    monkeypatch.setattr(build, "_METRIC_LEARN_STEPS", 3)
     figures = as_object(build._lmnn_figures())
     for kind in ("", "_long_steps"):
         assert figures[f"lmnn{kind}_objective_ratio"] <= 1

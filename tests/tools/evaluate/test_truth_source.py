@@ -174,7 +174,7 @@ def test_poses_georeferenced_and_in_metres_are_not_compared(
         (("--tolerance", "-1"), "write places as 3"),
         (("--aligned", "--same-frame"), "--aligned and --same-frame"),
         (("--aligned", "--truth", "t.csv"), "--truth and --aligned"),
-        (("--aligned", "--tolerance", "5m"), "--aligned: goes by places"),
+        (("--aligned", "--tolerance", "5m"), "--aligned: needs --tolerance in places"),
     ],
 )
 @pytest.mark.parametrize("command", ["evaluate", "study"])

@@ -24,6 +24,7 @@ from placefield_tools.cli import (
     fetch,
     inspect,
     listen,
+    loops,
     plan,
     record,
     replay,
@@ -69,7 +70,7 @@ _PANELS = {
     "Maps": (build, inspect, serve, fetch),
     "Services": (up, services, router, plan, status, alive),
     "Frames in": (replay, ros),
-    "Matches out": (listen, dashboard, record, export),
+    "Matches out": (listen, dashboard, record, export, loops),
     "Accuracy and tests": (evaluate, study, bench, chaos, datasets),
     "This machine": (demo, doctor, config, security),
 }

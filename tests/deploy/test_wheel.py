@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = {
     "placefield": PROJECT / "shared" / "placefield",
     "placefield_services": PROJECT / "services" / "placefield_services",

@@ -1,0 +1,177 @@
+"""Recognises the places of one drive among its own earlier ones, without a reference.
+
+A frame becomes a place of a map that grows, and the rule ``filter`` matches each frame with that
+map. Neighbouring frames look alike, so a place joins the map only once the view has changed by
+``SPAN`` average steps. For the filter, a vehicle at a new place is lost. A frame of a vehicle that
+stands is no place, and no step of time.
+"""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import MatchingConfig
+from placefield.features.local_descriptors import SPAN, LocalDescriptor, LocalDescriptors
+from placefield.matching.best_window import best_window
+from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.filter_matcher import FilterMatcher, WholeMap
+from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
+from placefield.matching.matcher import SmoothedCandidate
+from placefield.matching.smoother import Smoother
+
+_UNMAPPED = 0.02  # places that were not passed yet, as a fraction of those that were
+_CERTAIN = 0.999  # at this probability, a place is taken for the same as an earlier one
+_TOO_FAST = 0.5  # as in fusion
+
+Array = NDArray[np.float32]
+
+
+class Answer(NamedTuple):
+    """Whether a frame shows an earlier place of the drive.
+
+    Attributes:
+        place: number of the earlier frame that it most likely shows; ``UNANSWERED`` if none.
+        probability: that it shows that frame's place, within the tolerance.
+        new: probability that it shows no earlier place.
+        known: whether it is a loop: ``probability`` is at least ``matching.precision``.
+    """
+
+    place: int
+    probability: float
+    new: float
+    known: bool
+
+
+NEW = Answer(UNANSWERED, 0.0, 1.0, False)
+"""The frame has no earlier place to be compared with."""
+
+
+class Explorer:
+    """Finds the loops of one drive, frame by frame; an answer depends on no later frame.
+
+    A smoothed answer follows, which depends on ``matching.lag`` later frames at most. Time per
+    frame, and memory, are linear in the number of places so far.
+    """
+
+    def __init__(self, config: MatchingConfig) -> None:
+        """Begin a drive. Of the settings, tolerance, precision and lag count."""
+        self._config = config
+        self._descriptors = LocalDescriptors()
+        self._places: GrowingPlaces | None = None
+        self._matcher: FilterMatcher | None = None
+        self._frame_of: list[int] = []  # the number of each place's frame
+        self._travelled: list[float] = []  # up to each place, see ``LocalDescriptor``
+        self._same = np.empty(0, np.int32)  # which place each is the same as
+        self._has_twins = False
+        self._mapped = 0  # so many of the places, the first ones, are in the map
+        self._smoothed: list[Answer] = []
+        self._smoothed_frames = 0
+
+    def update(self, raw: Array | None) -> Answer:
+        """Answer for the next frame by its raw feature (D,) float32; None: it was not observed.
+
+        Raises:
+            FrameError: the feature has another shape than those before, or is not finite; the frame
+                does not count.
+        """
+        described = self._descriptors.update(raw)
+        for first in described[:-1]:
+            self._add(first)
+        frame = described[-1] if described else None
+        if frame is not None:
+            self._extend(frame.travelled)
+        answer = self._match(frame)
+        if frame is not None:
+            self._add(frame)
+            if answer.probability >= _CERTAIN:
+                self._join(frame.frame, answer)
+        return answer
+
+    def smoothed(self) -> list[Answer]:
+        """Return the smoothed answers that are new since the last call.
+
+        Every frame has one, in order, at most ``lag`` frames later, or when the drive is finished.
+        """
+        new, self._smoothed = self._smoothed, []
+        return new
+
+    def finish(self) -> list[Answer]:
+        """Return the remaining smoothed answers: the drive is over."""
+        if self._matcher is not None:
+            self._smooth(self._matcher.finish())
+        return self.smoothed()
+
+    def _match(self, frame: LocalDescriptor | None) -> Answer:
+        if self._matcher is None:
+            self._smoothed.append(NEW)
+            self._smoothed_frames += 1
+            return NEW
+        self._matcher.local(None if frame is None else compare(self._metric, frame.vector))
+        candidate = self._matcher.reduce(())
+        self._smooth(self._matcher.smoothed())
+        return self._answer(candidate)
+
+    def _add(self, frame: LocalDescriptor) -> None:
+        """Make a place of a frame, if the vehicle has moved since the last one."""
+        if self._travelled and frame.travelled == self._travelled[-1]:
+            return
+        if self._places is None:
+            self._places = GrowingPlaces(len(frame.vector))
+        self._same = np.append(self._same, np.int32(self._places.count))
+        self._places.add(frame.vector)
+        self._frame_of.append(frame.frame)
+        self._travelled.append(frame.travelled)
+
+    def _extend(self, travelled: float) -> None:
+        """Let the places join the map that are no neighbours of the vehicle any more."""
+        count = bisect_right(self._travelled, travelled - SPAN)
+        if self._places is None or count == self._mapped:
+            return
+        self._mapped = count
+        self._metric = self._places.first(count)
+        lengths, same = lengths_of(self._metric), self._shared()
+        if self._matcher is None:
+            smoother = Smoother(lengths, self._config.lag, self._config.tolerance, same=same)
+            whole = WholeMap(lengths, None, None, None, unmapped=_UNMAPPED)
+            self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
+        else:
+            self._matcher.grow(lengths, same)
+
+    def _shared(self) -> NDArray[np.int32] | None:
+        """Return which place of the map each is the same as, (K,); None: all differ."""
+        return self._same[: self._mapped].copy() if self._has_twins else None
+
+    def _smooth(self, candidates: Sequence[SmoothedCandidate]) -> None:
+        for smoothed in candidates:
+            answer = self._answer(smoothed.candidate)
+            self._join(self._smoothed_frames, answer)
+            self._smoothed.append(answer)
+            self._smoothed_frames += 1
+
+    def _answer(self, candidate: Candidate) -> Answer:
+        if not len(candidate.places):
+            return NEW
+        tolerance = self._config.tolerance
+        place, probability = best_window(
+            candidate.places, candidate.evidence, tolerance, self._shared()
+        )
+        new = max(1 - float(candidate.evidence.sum()), 0.0)
+        known = probability >= self._config.precision and candidate.too_fast < _TOO_FAST
+        return Answer(self._frame_of[place], min(probability, 1.0), new, known)
+
+    def _join(self, frame: int, answer: Answer) -> None:
+        """Let a frame's place be the same as an earlier one, or its own, as the answer says.
+
+        So the belief of a third lap is not divided between the first and the second.
+        """
+        place = bisect_left(self._frame_of, frame)
+        if place == len(self._frame_of) or self._frame_of[place] != frame:
+            return
+        twin = place
+        if answer.probability >= _CERTAIN:
+            twin = int(self._same[bisect_left(self._frame_of, answer.place)])
+            self._has_twins = True
+        self._same[place] = twin

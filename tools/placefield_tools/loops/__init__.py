@@ -1,0 +1,1 @@
+"""Finding the loops of one drive, and writing them to files."""

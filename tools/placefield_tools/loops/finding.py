@@ -1,0 +1,105 @@
+"""Finding the loops of one drive, from its frames."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Config
+from placefield.errors import FrameError, SourceError
+from placefield.features.extract import feature_of
+from placefield.features.frames import Frame, Pose
+from placefield.matching.exploring import Answer, Explorer
+from placefield_tools.common.parallel import map_in_order
+from placefield_tools.common.progress import tracked
+from placefield_tools.sources import Source
+
+log = logging.getLogger(__name__)
+
+
+class Taken(NamedTuple):
+    """A frame of a drive, without its image.
+
+    Attributes:
+        number: its index in the source.
+        stamp_ns: when it was taken, nanoseconds.
+        pose: None if unknown.
+        odometry_m: metres travelled since any fixed start, None if unknown.
+    """
+
+    number: int
+    stamp_ns: int
+    pose: Pose | None
+    odometry_m: float | None
+
+
+@dataclass(frozen=True)
+class DriveLoops:
+    """The Q frames of a drive, and for each of them the earlier place that it shows.
+
+    Attributes:
+        frames: Q frames.
+        causal: Q answers, each from the frames up to it. Their places are positions in ``frames``.
+        smoothed: Q answers, each also from some later frames.
+        tolerance: places within which an answer is right.
+    """
+
+    frames: Sequence[Taken]
+    causal: Sequence[Answer]
+    smoothed: Sequence[Answer]
+    tolerance: int
+
+    def __repr__(self) -> str:
+        return f"DriveLoops({len(self.frames)} frames, {self.count()} in loops)"
+
+    def count(self) -> int:
+        """Return how many frames are known to show an earlier place, once smoothed."""
+        return sum(answer.known for answer in self.smoothed)
+
+
+def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
+    """Match each frame of a drive with the earlier ones, showing progress.
+
+    An unreadable frame is a missing observation; the number of them is logged.
+
+    Args:
+        source: of the frames; it is closed at the end.
+        name: of the drive, used in messages.
+        config: its kind of feature, tolerance, precision and lag count.
+
+    Raises:
+        SourceError: the source fails, is a live camera, or none of its frames can be read.
+        ConfigError: the feature cannot be computed.
+    """
+    if source.live:
+        raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
+    feature = feature_of(config.features.kind)
+    faults: list[FrameError] = []
+
+    def describe(frame: Frame) -> tuple[Taken, NDArray[np.float32] | None]:
+        taken = Taken(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
+        try:
+            return taken, feature.describe(frame.pixels())
+        except FrameError as error:
+            faults.append(FrameError(f"{frame.name}: {error}"))
+            return taken, None
+
+    explorer = Explorer(config.matching)
+    frames: list[Taken] = []
+    causal: list[Answer] = []
+    smoothed: list[Answer] = []
+    with source, tracked(source, f"finding loops in {name}", source.count) as read:
+        for taken, raw in map_in_order(describe, read):
+            frames.append(taken)
+            causal.append(explorer.update(raw))
+            smoothed += explorer.smoothed()
+    smoothed += explorer.finish()
+    if len(faults) == len(frames):
+        why = f" ({faults[0]})" if faults else ""
+        raise SourceError(f"{name}: no frame can be read{why}")
+    if faults:
+        log.warning("%s: %d of %d frames cannot be read", name, len(faults), len(frames))
+    return DriveLoops(frames, causal, smoothed, config.matching.tolerance)
