@@ -207,7 +207,7 @@ class BuildConfig(_Section):
         description="a map of so many places or more is built with a coarse search of all places",
     )
     looks: bool = Field(
-        True,
+        False,
         description="a map of several traverses keeps each one's descriptors of the places, and a "
         "frame is compared with the nearest",
     )

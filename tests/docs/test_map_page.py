@@ -11,6 +11,8 @@ from pydantic import BaseModel
 from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
+    LOOK_CODE_FILES,
+    LOOK_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -28,6 +30,8 @@ FOLDERS = (
     ("traverses/1", TRAVERSE_FILES),
     ("metrics/0", METRIC_FILES),
     ("metrics/0/coarse", COARSE_FILES),
+    ("metrics/0/looks", LOOK_FILES),
+    ("metrics/0/looks", LOOK_CODE_FILES),
     ("channels/0", CHANNEL_FILES),
 )
 

@@ -42,6 +42,7 @@ LOOK_FILES: Layout = {
     "places": ("int32", "L"),
     "descriptors": ("int16", "LM"),
     "squares": ("int32", "L"),
+    "biases": ("int32", "K"),
 }
 LOOK_CODE_FILES: Layout = {"codes": ("int8", "LR")}
 CHANNEL_FILES: Layout = {

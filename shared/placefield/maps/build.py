@@ -14,7 +14,7 @@ from placefield.maps.gathering import (
     alignment_of,
     centred,
     chosen_rows,
-    looks_of,
+    observed_again,
     probes_of,
     records_of,
     trained_first,
@@ -112,8 +112,8 @@ def build_map(
 ) -> Map:
     """Build a map from one or more traverses of one route.
 
-    PCA and metrics learn from all traverses; the places are the first's. The other traverses give
-    looks of the places.
+    PCA and metrics learn from all traverses; the places are the first's. With
+    ``build.looks``, the other traverses give looks of the places.
 
     Args:
         traverses: each is aligned to the first, or has the same number of frames.
@@ -151,10 +151,11 @@ def build_map(
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
-    looks = looks_of(descriptors, place_of) if config.build.looks else None
+    looks = observed_again(descriptors, place_of) if config.build.looks else None
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
-    identity = with_looks(identity, looks)
+    if looks is not None and len(looks[0]):
+        identity = with_looks(identity, *looks)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
     labels = [channel.encoding.labels[places_of] for channel in encoded]
@@ -200,7 +201,8 @@ def _map_channel(
     if learned.learned:
         coarse = identity.coarse is not None
         metric = learned_metric(learned.projection, places, coarse=coarse)
-        metric = with_looks(metric, identity.looks)
+        if identity.looks is not None:
+            metric = with_looks(metric, identity.looks.places, identity.looks.descriptors)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,

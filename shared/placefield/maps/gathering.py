@@ -10,8 +10,10 @@ from placefield.maps.alignment import align_by_number
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
-from placefield.search.looks import Looks
-from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
+from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
+
+_NEAR = 3
+"""Places within which a frame of one place is a look of another, without a frame of its own."""
 
 Array = NDArray[np.float32]
 
@@ -76,23 +78,47 @@ def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
     return reference
 
 
-def looks_of(descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]) -> Looks | None:
-    """Return the looks of the places in all traverses but the first; None if there are none.
+def observed_again(
+    descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]
+) -> tuple[NDArray[np.int32], Quantized]:
+    """Return what all traverses but the first observed of the places, by ascending place.
 
-    They are under the identity metric.
+    A place that no frame of a traverse shows has the frame of the nearest place, if that is at most
+    3 places away: a faster traverse has no frame of every place, and the first frames of a traverse
+    are often not aligned.
 
     Args:
         descriptors: of each traverse, (F, N) float32; the first's are the places.
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
+
+    Returns:
+        The place of each look, (L,), and its quantized descriptor, (L, N) int16.
     """
-    if not any(len(others) for others in place_of[1:]):
-        return None
-    places = np.concatenate(place_of[1:])
-    order = np.argsort(places, kind="stable")
-    observed = np.concatenate([quantize(each, DESCRIPTOR_UNIT) for each in descriptors[1:]])
-    observed = observed[order]
-    squares = np.einsum("lm,lm->l", observed, observed, dtype=np.int32)
-    return Looks(places[order], observed, squares)
+    count, dimensions = descriptors[0].shape
+    places, observed = [np.empty(0, np.int32)], [np.empty((0, dimensions), np.int16)]
+    for each, shown in zip(descriptors[1:], place_of[1:], strict=True):
+        at, frames = _nearest_frames(shown, count)
+        places.append(at)
+        observed.append(quantize(each, DESCRIPTOR_UNIT)[frames])
+    all_places = np.concatenate(places)
+    order = np.argsort(all_places, kind="stable")
+    return all_places[order], np.concatenate(observed)[order]
+
+
+def _nearest_frames(
+    shown: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+    """Return the places near those that frames show, (F,), and the nearest frame of each."""
+    if not len(shown):
+        return np.empty(0, np.int32), np.empty(0, np.intp)
+    order = np.argsort(shown, kind="stable")
+    all_places = np.arange(count, dtype=np.int32)
+    after = np.searchsorted(shown[order], all_places).clip(max=len(shown) - 1)
+    before = (after - 1).clip(min=0)
+    apart = [np.abs(shown[order[each]] - all_places) for each in (before, after)]
+    nearest = np.where(apart[0] <= apart[1], before, after)
+    is_near = np.minimum(*apart) <= _NEAR
+    return all_places[is_near], order[nearest[is_near]]
 
 
 def probes_of(

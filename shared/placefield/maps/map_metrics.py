@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, MapMetric
 from placefield.search.coarse import coarse_index
-from placefield.search.looks import Looks
+from placefield.search.looks import looks_at, squared_lengths
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
     Quantized,
@@ -44,34 +44,22 @@ def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = Fals
     return _metric(True, projection, unit, places, coarse)
 
 
-def with_looks(metric: MapMetric, looks: Looks | None) -> MapMetric:
-    """Return a metric with the looks of its places.
+def with_looks(metric: MapMetric, shown: NDArray[np.int32], observed: Quantized) -> MapMetric:
+    """Return a metric with looks of its places.
 
     Args:
         metric: without looks.
-        looks: under the identity metric; None: there are none.
+        shown: (L,) int32, the place of each look, ascending; at least one.
+        observed: (L, N) int16, the quantized descriptors of the looks, not projected.
     """
-    if looks is None:
-        return metric
-    descriptors = looks.descriptors
+    descriptors = observed
     if metric.learned:
         project = QuantizedProjection(metric.projection, metric.unit)
-        descriptors = np.empty((len(looks.places), len(metric.projection)), np.int16)
-        for block in blocks(len(descriptors), _BLOCK):
-            descriptors[block] = project(looks.descriptors[block])
-    return replace(
-        metric,
-        looks=Looks(
-            looks.places,
-            descriptors,
-            _squares(descriptors),
-            None if metric.coarse is None else metric.coarse.encode(descriptors),
-        ),
-    )
-
-
-def _squares(vectors: Quantized) -> NDArray[np.int32]:
-    return np.asarray(np.einsum("km,km->k", vectors, vectors, dtype=np.int32))
+        descriptors = np.empty((len(observed), len(metric.projection)), np.int16)
+        for block in blocks(len(observed), _BLOCK):
+            descriptors[block] = project(observed[block])
+    codes = None if metric.coarse is None else metric.coarse.encode(descriptors)
+    return replace(metric, looks=looks_at(metric.places, metric.squares, shown, descriptors, codes))
 
 
 def _metric(
@@ -82,7 +70,7 @@ def _metric(
         projection,
         unit,
         places,
-        squares=_squares(places),
+        squares=squared_lengths(places),
         steps=_steps(places, unit),
         coarse=coarse_index(places) if coarse else None,
     )

@@ -27,7 +27,7 @@ from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric, Places, fingerprint
 from placefield.search.coarse import CoarseIndex
-from placefield.search.looks import Looks
+from placefield.search.looks import MOST_BIAS, Looks
 
 _QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
 # The longest file that is accepted; the largest files hold some kB per place.
@@ -171,10 +171,13 @@ def _check_same(path: Path, same: NDArray[np.int32]) -> None:
         raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
-def _check_looks(folder: Path, looks: NDArray[np.int32], count: int) -> None:
-    if looks[0] < 0 or looks[-1] >= count or (looks[1:] < looks[:-1]).any():
+def _check_looks(folder: Path, looks: Looks) -> None:
+    places, biases = looks.places, looks.biases
+    if places[0] < 0 or places[-1] >= len(biases) or (places[1:] < places[:-1]).any():
         file = folder / "places.npy"
         raise MapError(f"{file}: does not name places of the map in ascending order; {REBUILD}")
+    if biases.min() < 0 or biases.max() > MOST_BIAS:
+        raise MapError(f"{folder / 'biases.npy'}: no squared distances; {REBUILD}")
 
 
 def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
@@ -240,7 +243,7 @@ class _Channels(Sequence[MapChannel]):
         if record.looks:
             files = look_files(coarse)
             looks = Looks(*self._files.load(f"{folder}/looks", files, sizes | {"L": record.looks}))
-            _check_looks(self._files.path / folder / "looks", looks.places, len(places))
+            _check_looks(self._files.path / folder / "looks", looks)
         return MapMetric(
             record.learned, projection, record.unit, places, squares, steps, coarse, looks
         )

@@ -36,7 +36,7 @@ class Comparison:
         metric: that they are under.
         descriptor: (M,) int16, of the frame, quantized.
         distances: (K,) int32, squared distance to each place, ||v x - v r_j||², in squared units of
-            the metric; if a place has looks, that of the nearest of all its descriptors.
+            the metric; if a place has looks, see ``Looks``.
         deviation: standard deviation of the exact distances to the places without their looks.
         is_exact: whether all distances are exact; else only those to the nearest places are.
         is_reversed: whether the places are in reverse order.
@@ -154,7 +154,7 @@ class SampledPlaces:
 def _lower(
     products: Distances, unit: float, looks: Looks, descriptor: Quantized, distances: Distances
 ) -> None:
-    """Lower the distances of places, (K,), to those of their nearest looks.
+    """Turn the distances of places, (K,), into those with their looks and biases.
 
     Args:
         products: (L,) of the looks with the descriptor, times the unit; receives the distances.
@@ -165,6 +165,7 @@ def _lower(
     """
     _to_distances(products, unit, looks.squares, descriptor)
     _to_least(looks.places, products, distances)
+    distances += looks.biases
 
 
 @kernel
@@ -214,6 +215,7 @@ def _measure(
         looked = np.empty(len(looks.places), np.int32)
         _measure_places(looks.descriptors, looks.squares, descriptor, rows, looked)
         _to_least(chosen[at], looked[rows], distances)
+        distances[chosen] += looks.biases[chosen]
 
 
 @kernel

@@ -10,7 +10,7 @@ import pytest
 
 from placefield.config import Config
 from placefield.maps.build import build_map
-from placefield.maps.map_metrics import learned_metric
+from placefield.maps.map_metrics import learned_metric, with_looks
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
@@ -66,8 +66,8 @@ def traverse() -> Traverse:
     )
 
 
-@pytest.fixture(scope="module")
-def map_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["one look", "looks"])
+def map_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a channel under a learned metric, and of one with a coarse index."""
     built = build_map(
         [traverse()],
@@ -80,6 +80,9 @@ def map_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
         learned_metric(projection.astype(np.float32), descriptors, coarse=coarse)
         for coarse in (False, True)
     ]
+    if request.param == "looks":
+        shown = np.arange(150, 220, dtype=np.int32)
+        metrics = [with_looks(each, shown, first.metric.places[shown]) for each in metrics]
     channels = [replace(c, metric=m) for c, m in zip((first, other), metrics, strict=True)]
     path = tmp_path_factory.mktemp("warm-up") / "walk.pfmap"
     save_map(replace(built, channels=tuple(channels)), path)

@@ -7,6 +7,7 @@ import numpy as np
 from placefield.config import MetricConfig
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map
+from placefield.maps.map_metrics import with_looks
 from placefield_tools.inspect.map_facts import map_facts
 
 
@@ -58,3 +59,14 @@ def test_why_a_metric_was_not_kept_is_reported(route_map: Map) -> None:
 def test_a_map_is_reported_by_its_digest(map_path: Path, route_map: Map) -> None:
     written = (map_path / "manifest.json").read_bytes()
     assert map_facts(route_map)["digest"] == sha256(written).hexdigest()[:16]
+
+
+def test_how_many_looks_there_are_and_what_they_cost_is_reported(route_map: Map) -> None:
+    assert map_facts(route_map)["looks"] == "one of each place"
+    metric = route_map.metrics[0]
+    shown = np.arange(20, 45, dtype=np.int32)
+    looked = with_looks(metric, shown, metric.places[shown])
+    channels = tuple(replace(channel, metric=looked) for channel in route_map.channels)
+    reported = map_facts(replace(route_map, channels=channels))["looks"]
+    assert reported.startswith("25 more of 25 places, 0.0 MB; a frame is compared with 85 ")
+    assert "instead of 60 in each metric" in reported

@@ -319,3 +319,18 @@ def test_a_coarse_look_reads_a_fraction(map_path: Path) -> None:
     assert load.mapped_bytes == sum(named.values())
     with pytest.raises(MapError, match=r"metrics/0/coarse/axes\.npy: not in the manifest"):
         loads_of(coarse, {name: size for name, size in named.items() if "axes" not in name})
+
+
+def test_looks_are_read_like_places(map_path: Path) -> None:
+    manifest = read_manifest(map_path)
+    sizes = {"places": 64_000, "squares": 400, "steps": 800, "projection": 5000}
+    coarse = {"codes": 6400, "axes": 700, "spread": 90}
+    looks = {"places": 40, "descriptors": 6400, "squares": 40, "biases": 400, "codes": 640}
+    named = {f"metrics/0/{name}.npy": size for name, size in sizes.items()}
+    named |= {f"metrics/0/coarse/{name}.npy": size for name, size in coarse.items()}
+    named |= {f"metrics/0/looks/{name}.npy": size for name, size in looks.items()}
+    for unit, read in ((None, 64_000 + 6400), (1.0, 6400 + 640 + 1100)):
+        record = manifest.metrics[0].model_copy(update={"coarse_unit": unit, "looks": 10})
+        [load] = loads_of(manifest.model_copy(update={"metrics": (record,)}), named)
+        assert load.read_bytes == read
+    assert load.mapped_bytes == sum(named.values())
