@@ -124,7 +124,8 @@ def test_inspect_shows_the_preset_the_variance_that_is_kept_and_the_smallest_sca
     kept = f"{paper_map.model.variance_kept:.1%} of the variance"
     assert shown["descriptor"] == f"gist, plain PCA, 16 dimensions that keep {kept}"
     assert shown["smallest scale"] == "4 frames"
-    assert shown["metric"] == f"lmnn, push {paper_map.metric.push_share:.3g}"
+    learned = f"lmnn, push {paper_map.metric.push_share:.3g}"
+    assert shown["metric"] == f"{learned}: kept in 3 of 3 channels"
 
 
 def test_config_shows_all_that_the_preset_sets() -> None:

@@ -21,7 +21,7 @@ from placefield_tools.chaos.garbage import (
 
 SERVICES = ("featurizer", "channel", "fuser")
 MALFORMED = ("noise", "cut", "another version", "other values", "large")
-EACH = 2000
+EACH = 1000
 GROWTH = 64 * 2**20
 """Bytes that a process may grow by, however many messages come: queues and allocators fill up."""
 
