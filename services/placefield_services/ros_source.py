@@ -35,7 +35,7 @@ class RosSource:
         spacing: DistanceSampler | None = None,
     ) -> None:
         self._frames = frames
-        self._tell_odometry = put_odometry
+        self._put_odometry = put_odometry
         self._counts = counts
         self._spacing = spacing
         self._stream = uuid.uuid4().hex
@@ -87,7 +87,7 @@ class RosSource:
             raise MessageError(f"odometry at {position} m is too far away to be plausible")
         self._position, self._metres = position, self._metres + step
         self._is_published = False
-        self._tell_odometry(OdometryMessage(metres=self._metres))
+        self._put_odometry(OdometryMessage(metres=self._metres))
 
     def end(self) -> None:
         """Publish the end of the stream, if the stream has begun."""

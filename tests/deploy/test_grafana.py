@@ -1,4 +1,4 @@
-"""The board: what it asks Prometheus for is what services tell."""
+"""The board: it asks Prometheus for what services report."""
 
 import json
 import re

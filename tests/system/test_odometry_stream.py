@@ -18,7 +18,7 @@ from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
 CAMERA, ODOM = "/camera/image_raw/compressed", "/odom"
 
 
-def hear_readings(listener: Listener) -> dict[int, float | None]:
+def received_readings(listener: Listener) -> dict[int, float | None]:
     """Return what will hold the odometry of each frame that the featurizer passes on."""
     readings: dict[int, float | None] = {}
 
@@ -38,7 +38,7 @@ def test_odometry_of_a_folder_goes_with_every_frame_and_answers_are_those_given_
     files = sorted(folder.iterdir())
     rows = [f"{file.name},{number * 0.75}" for number, file in enumerate(files)]
     (folder / "frames.csv").write_text("\n".join(["file,odometry", *rows]))
-    readings = hear_readings(listener)
+    readings = received_readings(listener)
     host.replay(folder)
     answers = answers_of(listener.answers())
     wait_until(lambda: len(readings) == len(files), "all descriptors have come")
@@ -60,7 +60,7 @@ def test_images_of_ros_carry_its_odometry_until_it_stops(
             listener.keys.odometry,
             lambda _, payload: metres.put(OdometryMessage.decode(payload).metres),
         )
-        readings = hear_readings(listener)
+        readings = received_readings(listener)
         robot = RosNode(listener.bus, 0, "/robot", "camera")
         images = robot.publisher(CAMERA, COMPRESSED_IMAGE)
         positions = robot.publisher(ODOM, ODOMETRY)

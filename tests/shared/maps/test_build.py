@@ -85,7 +85,7 @@ def test_a_channel_is_described_by_its_segments(small_map: Map) -> None:
 
 
 def weathered(seed: int, frames: int = 200) -> Traverse:
-    """A route in weather of its own: 12 dimensions tell its places and 18 are other each time."""
+    """A route in weather of its own: 12 dimensions depend on the place, 18 on the traverse."""
     place = gaussian_filter1d(np.random.default_rng(0).normal(size=(frames, 12)), 2, axis=0)
     rng = np.random.default_rng(seed)
     raw = np.hstack([place / place.std(), rng.normal(size=(frames, 18))])

@@ -1,4 +1,4 @@
-"""The registry of benchmarks, and what commands tell of it."""
+"""The registry of benchmarks, and what commands print of it."""
 
 from pathlib import Path
 from shlex import split
