@@ -24,6 +24,8 @@ def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
     stage = ChannelStage(dict(enumerate(map(beginning_of, channels))), matching)
     stream, frame = stage.new_stream(), np.eye(1, stage.dimensions, dtype=np.float32)[0]
     for compared in stage.compare([frame, -frame, frame]):
+        stream.update(compared)  # the second directly after the first: a step between two frames
+    for compared in stage.compare([frame, -frame, frame]):
         stream.update(compared)
         stream.update(None)
 

@@ -45,7 +45,7 @@ for shards in (1, 2):
     stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards)
     stream = stage.new_stream()
     for compared in stage.compare(list(frames)):
-        for observed in (compared, None):
+        for observed in (compared, compared, None):  # with and without a step between two
             partials = stream.local(observed, stream.next)
             stream.reduce({number: [one] * shards for number, one in partials.items()})
 assert before and compiled() == before, compiled() - before
