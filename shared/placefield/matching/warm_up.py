@@ -21,13 +21,22 @@ def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
 
     This compiles all that whole channels use; shards use nothing else.
     """
-    stage = ChannelStage(dict(enumerate(map(beginning_of, channels))), matching)
+    short = dict(enumerate(map(beginning_of, channels)))
+    places = len(next(iter(short.values())).labels)
+    for travelled in (None, np.arange(places, dtype=np.float64)):
+        _match(ChannelStage(short, matching, travelled=travelled))
+
+
+def _match(stage: ChannelStage) -> None:
+    """Match frames that follow each other, and frames after ones that were missed."""
     stream, frame = stage.new_stream(), np.eye(1, stage.dimensions, dtype=np.float32)[0]
-    for compared in stage.compare([frame, -frame, frame]):
-        stream.update(compared)  # the second directly after the first: a step between two frames
-    for compared in stage.compare([frame, -frame, frame]):
-        stream.update(compared)
-        stream.update(None)
+    metres = 0.0
+    for missed in (False, True):
+        for compared in stage.compare([frame, -frame, frame]):
+            metres += 1
+            stream.update(compared, metres)
+            if missed:
+                stream.update(None)
 
 
 def beginning_of(channel: MapChannel) -> MapChannel:

@@ -41,12 +41,14 @@ warm_up(opened.channels, matching)
 before = compiled()
 frames = np.random.default_rng(0).normal(size=(6, len(opened.model.components)))
 frames = (frames / np.linalg.norm(frames, axis=1, keepdims=True)).astype(np.float32)
-for shards in (1, 2):
-    stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards)
+travelled = np.arange(float(opened.places.count))
+for shards, metres in ((1, None), (2, None), (1, travelled)):
+    stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards, metres)
     stream = stage.new_stream()
     for compared in stage.compare(list(frames)):
         for observed in (compared, compared, None):  # with and without a step between two
-            partials = stream.local(observed, stream.next)
+            reading = None if observed is None else float(stream.next)
+            partials = stream.local(observed, stream.next, reading)
             stream.reduce({number: [one] * shards for number, one in partials.items()})
 assert before and compiled() == before, compiled() - before
 """
