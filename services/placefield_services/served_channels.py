@@ -42,6 +42,7 @@ class ServedChannels:
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
+        self._travelled = placemap.places.travelled
         self.digest = placemap.digest
         """Digest of the map."""
         places = placemap.places
@@ -55,7 +56,7 @@ class ServedChannels:
 
     def warm_up(self) -> None:
         """Match frames of no stream, so that everything is loaded and compiled before serving."""
-        warm_up(self._channels.values(), self._matching)
+        warm_up(self._channels.values(), self._matching, self._travelled)
 
     def new_stream(self, outputs: ChannelOutputs, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number.

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
@@ -16,27 +17,38 @@ _PLACES = 100  # compiled code is the same for any number of them
 Part = TypeVar("Part", bound=Any)
 
 
-def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig) -> None:
+def warm_up(
+    channels: Iterable[MapChannel],
+    matching: MatchingConfig,
+    travelled: NDArray[np.float64] | None = None,
+) -> None:
     """Match frames of no stream along the first places of each channel.
 
     This compiles all that whole channels use; shards use nothing else.
+
+    Args:
+        channels: of one map.
+        matching: how candidates are made.
+        travelled: (K,) metres up to each place of the map; None or empty: unknown.
     """
     short = dict(enumerate(map(beginning_of, channels)))
-    places = len(next(iter(short.values())).labels)
-    for travelled in (None, np.arange(places, dtype=np.float64)):
-        _match(ChannelStage(short, matching, travelled=travelled))
+    metres = None if travelled is None else travelled[:_PLACES]
+    stage = ChannelStage(short, matching, travelled=metres)
+    _match(stage, measured=False)
+    if metres is not None and len(metres):
+        _match(stage, measured=True)
 
 
-def _match(stage: ChannelStage) -> None:
-    """Match frames that follow each other, and frames after ones that were missed."""
+def _match(stage: ChannelStage, *, measured: bool) -> None:
+    """Match frames that follow each other, then frames after missing observations.
+
+    ``measured`` says whether frames have readings of the odometry.
+    """
     stream, frame = stage.new_stream(), np.eye(1, stage.dimensions, dtype=np.float32)[0]
-    metres = 0.0
-    for missed in (False, True):
-        for compared in stage.compare([frame, -frame, frame]):
-            metres += 1
-            stream.update(compared, metres)
-            if missed:
-                stream.update(None)
+    compared = list(stage.compare([frame, -frame, frame]))
+    for observed in (*compared, *(one for each in compared for one in (None, each))):
+        reading = float(stream.next) if measured and observed is not None else None
+        stream.update(observed, reading)
 
 
 def beginning_of(channel: MapChannel) -> MapChannel:
