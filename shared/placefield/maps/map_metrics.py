@@ -83,8 +83,19 @@ def _steps(places: Quantized, unit: float) -> Array:
             arrived = places[start : start + _BLOCK].astype(np.float64)
             left = places[start - step : start - step + len(arrived)]
             row[start : start + _BLOCK] = unit * np.linalg.norm(arrived - left, axis=1)
-        if len(places) > step:
+    fill_first_steps(steps)
+    return steps
+
+
+def fill_first_steps(steps: Array) -> None:
+    """Write the steps of places that have no place so far before them, see ``MapMetric``.
+
+    Args:
+        steps: (STEPS, K) float32; in row s, counted from 1, the first s columns are written.
+    """
+    count = steps.shape[1]
+    for step, row in enumerate(steps, 1):
+        if count > step:
             row[:step] = row[step:].mean(dtype=np.float64)
         elif step > 1:  # a map that is shorter than the step
             row[:] = steps[step - 2]
-    return steps
