@@ -33,14 +33,7 @@ def _loops(
             show_default=str(MatchingConfig().tolerance),
         ),
     ] = None,
-    precision: Annotated[
-        float | None,
-        typer.Option(
-            metavar="P",
-            help="a frame is in a loop if its place is right with at least this probability",
-            show_default=f"{MatchingConfig().precision:g}",
-        ),
-    ] = None,
+    precision: options_map.Precision = None,
     as_json: options.Json = False,
     start: options_frames.Start = 0,
     stop: options_frames.Stop = None,

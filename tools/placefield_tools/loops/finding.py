@@ -20,7 +20,7 @@ from placefield_tools.sources import Source
 log = logging.getLogger(__name__)
 
 
-class Taken(NamedTuple):
+class DriveFrame(NamedTuple):
     """A frame of a drive, without its image.
 
     Attributes:
@@ -47,7 +47,7 @@ class DriveLoops:
         tolerance: places within which an answer is right.
     """
 
-    frames: Sequence[Taken]
+    frames: Sequence[DriveFrame]
     causal: Sequence[Answer]
     smoothed: Sequence[Answer]
     tolerance: int
@@ -79,21 +79,21 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     feature = feature_of(config.features.kind)
     faults: list[FrameError] = []
 
-    def describe(frame: Frame) -> tuple[Taken, NDArray[np.float32] | None]:
-        taken = Taken(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
+    def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:
+        kept = DriveFrame(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
         try:
-            return taken, feature.describe(frame.pixels())
+            return kept, feature.describe(frame.pixels())
         except FrameError as error:
             faults.append(FrameError(f"{frame.name}: {error}"))
-            return taken, None
+            return kept, None
 
     explorer = Explorer(config.matching)
-    frames: list[Taken] = []
+    frames: list[DriveFrame] = []
     causal: list[Answer] = []
     smoothed: list[Answer] = []
     with source, tracked(source, f"finding loops in {name}", source.count) as read:
-        for taken, raw in map_in_order(describe, read):
-            frames.append(taken)
+        for kept, raw in map_in_order(describe, read):
+            frames.append(kept)
             causal.append(explorer.update(raw))
             smoothed += explorer.smoothed()
     smoothed += explorer.finish()

@@ -6,7 +6,7 @@ place, once smoothed. The latter say "the same pose"; the surer the answer, the 
 information.
 
 An edge from frame to frame is as good as what the drive knows of its motion. Poses are taken as
-odometry with an error. An odometer tells how far the vehicle went, but not where to. Without
+odometry with an error. An odometer gives the distance, and no direction. Without
 either, every step is one unit long: the graph has the right loops, and no scale.
 """
 
@@ -99,7 +99,7 @@ def _straight(along: NDArray[np.generic]) -> Array:
 
 
 def _relative(one: Array, other: Array) -> Array:
-    """Return the pose of the second frame as the first one sees it, (3,)."""
+    """Return the pose of the second frame relative to the first, (3,)."""
     (x, y), yaw = (other - one)[:2], one[2]
     cosine, sine = math.cos(yaw), math.sin(yaw)
     turned = math.remainder(other[2] - yaw, math.tau)
