@@ -1,5 +1,6 @@
 """Replays against stand-ins for the services, in one process."""
 
+import re
 import threading
 import time
 from collections import Counter
@@ -286,7 +287,7 @@ def test_an_answer_to_a_frame_whose_match_has_not_come_gives_no_credit(
             wait_for_end(services)
     assert {*services.sequences} == {*range(2 * WINDOW)}
     # on a busy machine the source may have sent a frame again, which was answered twice
-    assert any("answers or matches were not due" in message for message in caplog.messages)
+    assert any(re.search("[12] answers or matches were not due", each) for each in caplog.messages)
 
 
 @pytest.mark.parametrize("end", [False, True])
