@@ -49,7 +49,7 @@ class Services:
         self.answering = answering
         self.headers: list[Header] = []
         self.images: list[bytes] = []
-        self.odometry: list[float | None] = []
+        self._odometry: dict[tuple[str, int], float | None] = {}
         self._matched: set[tuple[str, int]] = set()
         self._matches, self._acks = bus.publisher(KEYS.match), bus.publisher(KEYS.ack)
         bus.subscribe(KEYS.frame, self._receive, Counter())
@@ -61,7 +61,8 @@ class Services:
         if not received.header.end:
             message = FrameMessage.decode(received.payload)
             image = message.image
-            self.odometry.append(message.odometry_m)
+            frame = received.header.stream, received.header.sequence
+            assert self._odometry.setdefault(frame, message.odometry_m) == message.odometry_m
             self.images.append(image if isinstance(image, bytes) else image.tobytes())
         if self.answering:
             self.answer(received.header)
@@ -82,6 +83,11 @@ class Services:
 
     def acknowledge(self, header: Header) -> None:
         self._acks.put(header)
+
+    @property
+    def odometry(self) -> list[float | None]:
+        """Of each frame, once: on a busy machine the source may send one again."""
+        return list(self._odometry.values())
 
     @property
     def sequences(self) -> list[int]:
