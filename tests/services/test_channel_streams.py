@@ -29,10 +29,10 @@ from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.sharding import ChannelShard
-from placefield_services import channel as channel_module
 from placefield_services import channel_streams
-from placefield_services.channel import ChannelWorker
+from placefield_services import channel_worker as worker_module
 from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_worker import ChannelWorker
 from placefield_services.served_channels import ServedChannels
 
 SHARDS = 3
@@ -65,7 +65,7 @@ class Shards:
         outputs = ChannelOutputs(
             candidates=CachedPublisher(self.answered[shard], ReplayCache()),
             fetch=self.features.fetch,
-            store=ReplayCache().store,
+            features=ReplayCache(),
             halos=CachedPublisher(self.partials[shard], self.halos[shard]),
             fetch_halos=self._fetch_halos,
             counts=self.counts,
@@ -74,9 +74,7 @@ class Shards:
         matching = MatchingConfig(rule=self._rule)
         served = ServedChannels(self._map, channels, matching, shard, SHARDS)
         served.warm_up()
-        self.workers[shard] = ChannelWorker(
-            self._map.model, served, {"test": outputs}, {"test": Counter()}
-        )
+        self.workers[shard] = ChannelWorker(served, {"test": outputs}, {"test": Counter()})
         self._passed_on = (
             {key: 0 for key in self._passed_on if shard not in key}
             | {(shard, other): 0 for other in range(SHARDS)}
@@ -225,7 +223,7 @@ def test_the_other_shards_join_one_that_was_away_for_longer_than_the_caches_last
 ) -> None:
     monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
     monkeypatch.setattr(channel_streams, "LENGTH", 3)
-    monkeypatch.setattr(channel_module, "LENGTH", 3)
+    monkeypatch.setattr(worker_module, "LENGTH", 3)
     shards = Shards(route_map, "filter")
     del shards.workers[1]
     for sequence, descriptor in enumerate(descriptors):

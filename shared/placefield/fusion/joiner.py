@@ -10,7 +10,7 @@ one deadline, and a channel that is slow but answers is waited for.
 import heapq
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from placefield.matching.candidate import Candidate
@@ -137,6 +137,14 @@ class Joiner:
         heapq.heappop(self._in_order)
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
+
+    def first_complete(self, channels: Collection[int]) -> int | None:
+        """Return the oldest frame that these channels, one at least, have answered; None: none."""
+        for sequence in sorted(self._in_order):
+            candidates = self._pending[sequence].candidates
+            if candidates and candidates.keys() >= set(channels):
+                return sequence
+        return None
 
     def skip_to(self, first: int) -> None:
         """Count the frames before this one as answered by another fuser."""
