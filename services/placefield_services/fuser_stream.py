@@ -67,6 +67,10 @@ class FuserStream:
         """Whether no frame comes any more."""
         return self._has_ended
 
+    def is_complete(self, sequence: int) -> bool:
+        """Whether all living channels have answered a frame that is not released yet."""
+        return self._joiner.is_complete(sequence, self._channels.alive)
+
     def first_complete(self) -> int | None:
         """Return the oldest unanswered frame that all living channels have answered, or None."""
         return self._joiner.first_complete(self._channels.alive)

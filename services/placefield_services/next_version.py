@@ -11,8 +11,8 @@ class NextVersion:
     """Joins the candidates of a new version, and says when it can take the run over.
 
     The workers answer each frame under both versions. The new version is complete from the first
-    frame that all living channels have answered. It takes over when all earlier frames are smoothed
-    by the version before it; so it has all candidates of every frame that it answers or smooths.
+    frame that all living channels have answered. It takes over when the version before it has
+    smoothed all earlier frames, and so has all candidates of each frame that it answers or smooths.
     """
 
     def __init__(
@@ -51,9 +51,13 @@ class NextVersion:
         if self._complete_from is None:
             self._complete_from = self.stream.first_complete()
             self._was_complete |= self._complete_from is not None
-        return (
-            self._complete_from is not None
-            and self._complete_from <= current.oldest_unsmoothed
-            and not current.is_ending
-            and self._is_there()
-        )
+        if self._complete_from is None or current.is_ending or not self._is_there():
+            return False
+        return self._complete_from <= current.oldest_unsmoothed or self._is_ahead_of(current)
+
+    def _is_ahead_of(self, current: FuserStream) -> bool:
+        """Whether only this version has all channels of the oldest unanswered frame.
+
+        A worker that was started again answers by the new version alone.
+        """
+        return self.stream.is_complete(current.next) and not current.is_complete(current.next)

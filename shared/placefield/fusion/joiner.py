@@ -138,13 +138,17 @@ class Joiner:
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
 
+    def is_complete(self, sequence: int, channels: Collection[int]) -> bool:
+        """Whether these channels, one at least, have answered a frame that is not released yet."""
+        pending = self._pending.get(sequence)
+        if pending is None or not pending.candidates:
+            return False
+        return pending.candidates.keys() >= set(channels)
+
     def first_complete(self, channels: Collection[int]) -> int | None:
-        """Return the oldest frame that these channels, one at least, have answered; None: none."""
-        for sequence in sorted(self._in_order):
-            candidates = self._pending[sequence].candidates
-            if candidates and candidates.keys() >= set(channels):
-                return sequence
-        return None
+        """Return the oldest frame that is complete for these channels; None: there is none."""
+        in_order = sorted(self._in_order)
+        return next((each for each in in_order if self.is_complete(each, channels)), None)
 
     def skip_to(self, first: int) -> None:
         """Count the frames before this one as answered by another fuser."""
