@@ -121,7 +121,7 @@ class ChannelWorker:
         cached = run.outputs.features.messages(run.newest.stream, run.follower.next)
         for header, payload in cached:
             with suppress(MessageError):  # it was counted when it came
-                version.wait(self._accepted(run, header, self._decode(payload)))
+                version.wait(self._accepted(run, header, self._decode(payload)), is_new=False)
 
     def newest_answers(self, run: str) -> tuple[ReplayCache, str]:
         """Return the answers of the version that answers a run, and the version's digest."""

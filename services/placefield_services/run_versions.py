@@ -5,6 +5,7 @@ frames, beginning with those in the replay cache, and publishes its candidates, 
 has gone over to it, it is the only one.
 """
 
+import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +21,8 @@ from placefield_services.channel_streams import ChannelOutputs, ChannelStream, P
 from placefield_services.process import counting_failure
 from placefield_services.served_channels import ServedChannels
 
-_MORE = 8  # frames of the past that a new version matches in a batch, besides as many as came
+_CATCH_UP_S = 0.05  # how long a new version matches frames of the past, after each batch
+_AT_ONCE = 8  # frames
 
 
 @dataclass(frozen=True)
@@ -70,31 +72,44 @@ class RunVersion:
     def begin(self, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number."""
         self._waiting.clear()
+        self._came = 0
         self.stream = self.served.new_stream(self.outputs, first)
         return self.stream
 
-    def wait(self, frame: AcceptedFrame) -> None:
-        """Let a frame wait that the version before this one has matched."""
+    def wait(self, frame: AcceptedFrame, *, is_new: bool = True) -> None:
+        """Let a frame wait that the version before this one has matched.
+
+        Args:
+            frame: the frame.
+            is_new: whether it has just come; if not, it is of the replay cache.
+        """
         if self.stream is not None:
             self._waiting.append(replace(frame, served=self.served, stream=self.stream))
-            self._came += 1
+            self._came += is_new
 
     def catch_up(self) -> None:
-        """Match some of the waiting frames, more than came since the last call."""
-        most, self._came = self._came + _MORE, 0
-        self._match(min(most, len(self._waiting)))
+        """Match some of the waiting frames: as many as have come since the last call, and more.
+
+        To match all of the past at once would delay the answers of the version that answers.
+        """
+        count, self._came = self._came + _AT_ONCE, 0
+        end = time.monotonic() + _CATCH_UP_S
+        self._match(count)
+        while self._waiting and time.monotonic() < end:
+            self._match(_AT_ONCE)
 
     def catch_up_all(self) -> None:
         """Match all waiting frames."""
-        self._match(len(self._waiting))
+        while self._waiting:
+            self._match(_AT_ONCE)
 
     def _match(self, count: int) -> None:
-        """Match waiting frames; one that is answered by now only updates the matchers."""
-        if count == 0:
+        """Match the oldest waiting frames; those that are answered by now are not published."""
+        if not self._waiting:
             return
         newest = self._waiting[-1].header
         oldest = newest.sequence - WINDOW if newest.live else newest.oldest
-        frames = [self._waiting.popleft() for _ in range(count)]
+        frames = [self._waiting.popleft() for _ in range(min(count, len(self._waiting)))]
         match_frames(
             [
                 replace(frame, is_awaited=frame.is_awaited and frame.header.sequence >= oldest)

@@ -12,6 +12,7 @@ from map_versions import version_of
 
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map
+from placefield_services import run_versions
 
 
 @pytest.fixture(scope="module")
@@ -110,3 +111,17 @@ def test_a_frame_that_comes_again_is_answered_again_under_both_versions(
         before = stage.candidates(0, of=each.digest)
         stage.send(header(8, oldest=8), descriptors[8])
         assert stage.candidates(0, of=each.digest)[len(before) :] == before[-1:]
+
+
+def test_the_frames_of_the_past_are_matched_a_few_at_a_time(
+    route_map: Map, version: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_versions, "_CATCH_UP_S", 0.0)
+    stage = Stage(route_map, "filter")
+    send(stage, descriptors, 0)
+    stage.offer(version)
+    answered = []
+    for _ in range(4):
+        answered.append(len(stage.candidates(0, of=version.digest)))
+        stage.after_batch()
+    assert answered == [0, 0, 0, 2], "the two frames under way are the last of twenty"
