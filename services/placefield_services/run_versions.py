@@ -21,7 +21,7 @@ from placefield_services.channel_streams import ChannelOutputs, ChannelStream, P
 from placefield_services.process import counting_failure
 from placefield_services.served_channels import ServedChannels
 
-_CATCH_UP_S = 0.05  # how long a new version matches frames of the past, after each batch
+_CATCH_UP_S = 0.1  # how long a new version matches frames of the past, after each batch
 _AT_ONCE = 8  # frames
 
 
