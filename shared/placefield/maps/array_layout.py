@@ -27,6 +27,7 @@ PLACE_FILES: Layout = {
     "thumbnail_ends": ("int64", "K"),
 }
 TRAVERSE_FILES: Layout = {"places": ("int32", "F")}
+GRAPH_FILES: Layout = {"links": ("int32", "l2")}
 METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
@@ -66,6 +67,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     ]
     if built.model.network is not None:
         parts.append(("features", built.model.network, NETWORK_FILES))
+    if len(built.graph.links):
+        parts.append(("graph", built.graph, GRAPH_FILES))
     for number, traverse in built.alignments.items():
         parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):

@@ -21,6 +21,7 @@ from placefield.maps.gathering import (
 )
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import identity_metric, learned_metric, with_looks
+from placefield.maps.route_graph import line
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -188,6 +189,7 @@ def build_map(
         model=model,
         places=_places(first, same),
         channels=channels,
+        graph=line(first.name),
         alignments={
             number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
         },

@@ -11,6 +11,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.manifest import TraverseRecord
+from placefield.maps.route_graph import RouteGraph, line
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
@@ -152,6 +153,7 @@ class Map:
 
     Attributes:
         preset: the preset of the build, for the record; the settings are in the fields below.
+        graph: the routes of the map and the links between its places.
         alignments: how each traverse but the first was aligned to the first, by traverse number.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
@@ -168,6 +170,7 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
+    graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)

@@ -15,6 +15,7 @@ from placefield.maps.array_files import ArrayFile, ArrayHeader, open_inside
 from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
+    GRAPH_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -26,6 +27,7 @@ from placefield.maps.array_layout import (
 from placefield.maps.checksums import checksum_of_opened
 from placefield.maps.manifest import REBUILD, Manifest, read_identified
 from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric, Places, fingerprint
+from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import MOST_BIAS, Looks
 
@@ -84,6 +86,7 @@ def open_map(
         model=model,
         places=places,
         channels=tuple(all_channels) if channels is None else all_channels,
+        graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
         digest=found,
         check_unchanged=files.check_unchanged,
@@ -193,6 +196,26 @@ def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
                 f"{file}: does not fit the map's places or 'aligned' in its manifest; {REBUILD}"
             )
         yield number, MapAlignment(places)
+
+
+def _open_graph(files: _Files) -> RouteGraph:
+    manifest = files.manifest
+    links = NO_LINKS
+    if manifest.links:
+        (links,) = files.load("graph", GRAPH_FILES, {"l": manifest.links, "2": 2})
+    names = tuple(record.name for record in manifest.routes)
+    counts = [record.places for record in manifest.routes]
+    if not names:
+        names, counts = tuple(each.name for each in manifest.traverses[:1]), [manifest.places]
+    first = np.cumsum([0, *counts[:-1]], dtype=np.int32)
+    first.setflags(write=False)
+    graph = RouteGraph(names, first, links)
+    problem = problem_of(graph, manifest.places)
+    if sum(counts) != manifest.places:
+        problem = "the routes have more or fewer places than the map"
+    if problem is not None:
+        raise MapError(f"{files.path}: routes and links: {problem}; {REBUILD}")
+    return graph
 
 
 def _open_network(files: _Files) -> Network | None:

@@ -67,7 +67,7 @@ def test_a_map_comes_back_as_it_was_and_read_only(pristine: Path, posed_map: Map
     opened = open_map(pristine)
     assert_same(posed_map, opened)
     arrays = list(arrays_of(opened))
-    assert len(arrays) == 3 + 6 + 2 * (4 + 4)
+    assert len(arrays) == 3 + 6 + 2 + 2 * (4 + 4)
     for array in arrays:
         assert not array.flags.writeable
 
