@@ -193,6 +193,7 @@ def build_map(
         alignments={
             number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
         },
+        identity=identity,
     )
 
 

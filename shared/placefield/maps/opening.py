@@ -44,8 +44,8 @@ def open_map(
 
     Args:
         path: of the map.
-        channels: the channels that are read and checked now; None: all. The others are read and
-            checked at the first access, which may raise the same errors.
+        channels: the channels that are read and checked now; None: all, and the identity. The
+            others are read and checked at the first access, which may raise the same errors.
         digest: the digest that the map must have, see ``Map.digest``; None accepts any map.
 
     Raises:
@@ -88,6 +88,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        identity=all_channels.open_identity() if channels is None else None,
         digest=found,
         check_unchanged=files.check_unchanged,
     )
@@ -240,6 +241,12 @@ class _Channels(Sequence[MapChannel]):
         """Open the channels of these numbers that exist."""
         for number in set(numbers) & set(range(len(self))):
             self._channel(number)
+
+    def open_identity(self) -> MapMetric | None:
+        """Open the metric that is not learned; None if the map has none."""
+        metrics = enumerate(self._manifest.metrics)
+        number = next((number for number, record in metrics if not record.learned), None)
+        return None if number is None else self._metric(number)
 
     @overload
     def __getitem__(self, index: int) -> MapChannel: ...
