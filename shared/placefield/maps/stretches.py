@@ -82,7 +82,7 @@ def new_stretches(
     if (places == NO_PLACE).all():
         return []
     pace, stretches = _pace(places), []
-    for start, stop in _unknown_runs(places):
+    for start, stop in unknown_runs(places):
         before = int(places[start - 1]) if start else NO_PLACE
         after = int(places[stop]) if stop < len(places) else NO_PLACE
         stretch = Stretch(distinct[(distinct >= start) & (distinct < stop)], before, after)
@@ -96,8 +96,8 @@ def new_stretches(
     return stretches
 
 
-def _unknown_runs(places: Places) -> Iterator[tuple[int, int]]:
-    """Yield first frame and last frame + 1 of each run of frames without a place."""
+def unknown_runs(places: Places) -> Iterator[tuple[int, int]]:
+    """Yield first frame and last frame + 1 of each run of frames, (M,), without a place."""
     edges = np.diff(np.pad((places == NO_PLACE).astype(np.int8), 1))
     yield from zip(
         np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True
