@@ -89,6 +89,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        history=manifest.history,
         identity=all_channels.open_identity() if channels is None else None,
         digest=found,
         check_unchanged=files.check_unchanged,
