@@ -26,7 +26,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
 from placefield.errors import MessageError
-from placefield.fusion.fusion_stage import FusionStage
+from placefield.fusion.fusion_stage import AnyFusionStage, FusionStage
 from placefield.maps.map import Map
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.candidate_decoder import CandidateDecoder
@@ -38,6 +38,7 @@ from placefield_services.match_publisher import FuserOutputs, MatchPublisher
 from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.served import Served
 
 SERVICE = "fuser"
 
@@ -51,17 +52,25 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
         ConfigError: the rule does not follow the map's descriptors.
     """
     placemap.features.check_rule(config.matching.rule)
+    stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
+    serve_fuser(placemap, stage, config, stop)
+
+
+def serve_fuser(
+    served: Served, stage: AnyFusionStage, config: Config, stop: threading.Event
+) -> None:
+    """Serve with a stage until ``stop`` is set; see ``run_fuser``."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
-        process.map = placemap.digest
+        process.map = served.digest
         serve_metrics(config.monitoring, process.report)
-        process.channels = len(placemap.channels)
+        process.channels = len(served.channels)
         inbox = Inbox(process.counts)
         fusers = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run], ends_empty=False)
-            channels = LiveChannels(len(placemap.channels))
+            channels = LiveChannels(len(served.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
             features = replicated_cache(bus, keys.cache(keys.feature))
             moments = cache_moments(bus, keys, process.counts[run])
@@ -73,7 +82,8 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             process.answers[run] = outputs.matches.cache
             candidates = partial(fetch_all, bus, keys.cache(keys.all_candidates))
             fusers[run] = Fuser(
-                placemap,
+                served,
+                stage,
                 config,
                 keys,
                 channels,
@@ -81,7 +91,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 outputs,
                 process.counts[run],
             )
-        FusionStage(placemap.places.same, config.matching).warm_up()
+        stage.warm_up()
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
@@ -124,7 +134,8 @@ class Fuser:
 
     def __init__(
         self,
-        placemap: Map,
+        served: Served,
+        stage: AnyFusionStage,
         config: Config,
         keys: Keys,
         channels: LiveChannels,
@@ -132,14 +143,13 @@ class Fuser:
         outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
-        stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
-        self._map = placemap
+        self._map = served
         self._feature_key = keys.feature
         self.channels = channels
         self._caches = caches
         self._counts = counts
-        self._decoder = CandidateDecoder(placemap, config.matching, stage)
-        self._publisher = MatchPublisher(placemap, stage, outputs, counts)
+        self._decoder = CandidateDecoder(served.digest, config.matching, stage)
+        self._publisher = MatchPublisher(served, stage, outputs, counts)
         self._parts = FusionParts(config, channels, stage, self._decoder, self._publisher, counts)
         self._switch = StreamSwitch(counts)
         self._held = HeldCandidates(counts)

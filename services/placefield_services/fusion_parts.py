@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from placefield.config import Config
-from placefield.fusion.fusion_stage import FusionStage
+from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield_services.candidate_decoder import CandidateDecoder
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import MatchPublisher
@@ -25,7 +25,7 @@ class FusionParts:
 
     config: Config
     channels: LiveChannels
-    stage: FusionStage
+    stage: AnyFusionStage
     decoder: CandidateDecoder
     publisher: MatchPublisher
     counts: Counter[str]

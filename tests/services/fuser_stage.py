@@ -18,6 +18,7 @@ from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache, ReplicatedCache
 from placefield.config import Config, Rule
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
@@ -69,6 +70,7 @@ class Stage:
         self._clock = clock
         self._fuser = Fuser(
             placemap,
+            FusionStage(placemap.places.same, self.config.matching, placemap.places.pose),
             self.config,
             KEYS,
             self.channels,

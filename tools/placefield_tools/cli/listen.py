@@ -78,11 +78,12 @@ def _listen(
 def _as_line(header: Header, match: MatchMessage | None, precision: float) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
-    place = "no place" if match.place < 0 else f"place {match.place}"
     smoothed = isinstance(match, SmoothedMessage)
     frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
-    parts = [f"{frame}: {place}, score {match.score:.2f}"]
-    if match.probability is not None:
+    parts = [f"{frame}: {_place_of(match)}, score {match.score:.2f}"]
+    if match.new is not None and match.new > (match.probability or 0.0):
+        parts.append(percent(match.new))
+    elif match.probability is not None:
         asked = "" if match.known or match.too_fast else f" ({100 * precision:g} % asked)"
         parts.append(f"{certainty_of(match)}, {percent(match.probability)}{asked}")
     if match.pose is not None:
@@ -95,6 +96,14 @@ def _as_line(header: Header, match: MatchMessage | None, precision: float) -> st
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
     return ", ".join(parts)
+
+
+def _place_of(match: MatchMessage) -> str:
+    """Return the words for a place; where a drive is explored, the place is one of its frames."""
+    if match.new is not None:
+        is_new = match.new > (match.probability or 0.0)
+        return "new place" if is_new else f"place of frame {match.place}"
+    return "no place" if match.place < 0 else f"place {match.place}"
 
 
 def _as_json(header: Header, match: MatchMessage | None) -> str:

@@ -20,6 +20,7 @@ from placefield_tools.cli import (
     demo,
     doctor,
     evaluate,
+    explore,
     export,
     fetch,
     inspect,
@@ -68,7 +69,7 @@ def _root(
 
 _PANELS = {
     "Maps": (build, inspect, serve, fetch),
-    "Services": (up, services, router, plan, status, alive),
+    "Services": (up, services, explore, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),
     "Accuracy and tests": (evaluate, study, bench, chaos, datasets),
