@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 SERVICE = "mapper"
 
 _THUMBNAILS = 2 * WINDOW  # of frames that are not described yet
-_NO_PICTURE = small_jpeg(np.zeros((1, 1), np.uint8), 1)
+_NO_PICTURE = small_jpeg(np.zeros((8, 8), np.uint8), 8)
 
 
 def run_mapper(path: Path, config: Config, stop: threading.Event) -> None:
