@@ -36,7 +36,6 @@ from placefield.matching.exploring import Answer, Explorer, SmoothedAnswer
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.channel import SERVICE
 from placefield_services.exploring import check_exploring
-from placefield_services.moments import cache_moments
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.whole_stream import Frame, WholeStream
@@ -63,7 +62,6 @@ def run_exploring_channel(config: Config, stop: threading.Event) -> None:
         inbox = Inbox(process.counts)  # it drops no live frame: all workers must match the same
         keys, counts = process.keys[run], process.counts[run]
         bus.subscribe(keys.feature, inbox.offer, counts)
-        cache_moments(bus, keys, counts)
         outputs = _outputs(bus, keys, process.identity, config.matching.lag)
         process.answers[run] = outputs.candidates.cache
         worker = ExploringWorker(digest, config.matching, outputs, counts)

@@ -1,5 +1,6 @@
 """A drive is explored by real processes; its map is saved and served, whoever dies meanwhile."""
 
+import re
 import signal
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,6 +9,7 @@ import cv2
 import numpy as np
 import psutil
 import pytest
+from hosting import Answer as Received
 from hosting import Host, Listener, Process, placefield, refusal, wait_until
 from laps import FRAMES, images_of_laps
 from numpy.typing import NDArray
@@ -63,7 +65,7 @@ def test_a_drive_is_explored_as_the_library_does_and_its_map_is_served_whoever_i
 ) -> None:
     path = tmp_path / "laps.pfmap"
     with Host(tmp_path, Path(f"--explore={path}")) as host, host.listener() as listener:
-        answers = []
+        answers: list[Received] = []
 
         def images() -> Iterator[NDArray[np.uint8]]:
             for number, image in enumerate(IMAGES):
@@ -78,7 +80,10 @@ def test_a_drive_is_explored_as_the_library_does_and_its_map_is_served_whoever_i
                 yield image
 
         with library.connect(host.endpoint) as client:
-            matches = [*client.stream(images())]
+            with Process(tmp_path, "listen", "--endpoint", host.endpoint) as listening:
+                matches = [*client.stream(images())]
+                wait_until(lambda: "end of stream" in listening.out, "the listener has it all")
+                assert re.search(r"frame \d+: place of frame \d+, known, 99\.\d %", listening.out)
             answers += listener.answers(len(answers))
             stream = answers[0][0].stream
             smoothed = [match for _, match in listener.smoothed(stream)]

@@ -25,7 +25,8 @@ class FeatureMessage(Message):
 
     Attributes:
         model: fingerprint of the model that made the descriptor.
-        descriptor: (N,) of length 1; None: a missing observation.
+        descriptor: (N,) of length 1, or the raw feature (D,) where a drive is explored; None: a
+            missing observation.
         odometry_m: the odometry reading of the frame, metres.
         forgotten: whether no replay cache had enough of the stream for the featurizer to resume it.
     """

@@ -80,9 +80,11 @@ def _as_line(header: Header, match: MatchMessage | None, precision: float) -> st
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
     smoothed = isinstance(match, SmoothedMessage)
     frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
-    parts = [f"{frame}: {_place_of(match)}, score {match.score:.2f}"]
-    if match.new is not None and match.new > (match.probability or 0.0):
-        parts.append(percent(match.new))
+    parts = [f"{frame}: {_place_of(match)}"]
+    if match.new is None:
+        parts.append(f"score {match.score:.2f}")
+    if _is_new(match):
+        parts.append(percent(match.new or 0.0))
     elif match.probability is not None:
         asked = "" if match.known or match.too_fast else f" ({100 * precision:g} % asked)"
         parts.append(f"{certainty_of(match)}, {percent(match.probability)}{asked}")
@@ -101,9 +103,13 @@ def _as_line(header: Header, match: MatchMessage | None, precision: float) -> st
 def _place_of(match: MatchMessage) -> str:
     """Return the words for a place; where a drive is explored, the place is one of its frames."""
     if match.new is not None:
-        is_new = match.new > (match.probability or 0.0)
-        return "new place" if is_new else f"place of frame {match.place}"
+        return "new place" if _is_new(match) else f"place of frame {match.place}"
     return "no place" if match.place < 0 else f"place {match.place}"
+
+
+def _is_new(match: MatchMessage) -> bool:
+    """Whether a place of an explored drive is more likely new than that of an earlier frame."""
+    return match.new is not None and match.new > (match.probability or 0.0)
 
 
 def _as_json(header: Header, match: MatchMessage | None) -> str:

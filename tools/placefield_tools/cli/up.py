@@ -1,5 +1,6 @@
 """``placefield up``: all services of a host."""
 
+import signal
 import sys
 import tempfile
 import threading
@@ -189,7 +190,13 @@ def _explored(
             effective.bus.credentials, {service: service for service in services}
         )
         commands = commands_of(path, workers, common, credentials)
-        return explore(path, effective, commands, stop) and not stop.is_set()
+        is_there = explore(path, effective, commands, stop, _end_at_next_signal)
+        return is_there and not stop.is_set()
+
+
+def _end_at_next_signal() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _common_flags(effective: "Config", folder: Path, *, log_json: bool) -> list[str]:

@@ -1,10 +1,9 @@
 """A host that explores a drive, and has its map at the end."""
 
 import logging
-import signal
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from placefield.bus.keys import Keys
@@ -49,6 +48,7 @@ def explore(
     config: Config,
     commands: Mapping[str, Sequence[str]],
     stop: threading.Event,
+    on_stop: Callable[[], None] = lambda: None,
 ) -> bool:
     """Explore one drive, and save its map; return whether the map is there.
 
@@ -61,6 +61,7 @@ def explore(
         config: of the services and of the map.
         commands: command lines of the services, by name.
         stop: ends the exploration; the map is of the drive so far.
+        on_stop: called then, before the map is built, which may take minutes.
 
     Raises:
         BusError: see ``run_host``.
@@ -89,10 +90,10 @@ def explore(
         )
 
     run_host(commands, 1, config, stop, ready, others=("mapper",), is_over=is_over)
+    if stop.is_set():
+        on_stop()
     builder.join()
     if not builder.is_done and not builder.has_failed and _finish_drive(path):
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_DFL)
         log.warning("%s: building the map; Ctrl-C keeps the drive, for a later --explore", path)
         builder.build()
     return builder.is_done
