@@ -27,6 +27,7 @@ PLACE_FILES: Layout = {
     "thumbnail_ends": ("int64", "K"),
 }
 TRAVERSE_FILES: Layout = {"places": ("int32", "F")}
+GRAPH_FILES: Layout = {"links": ("int32", "l2")}
 METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
@@ -44,6 +45,7 @@ LOOK_FILES: Layout = {
     "squares": ("int32", "L"),
     "biases": ("int32", "K"),
 }
+LOOK_TRAVERSE_FILES: Layout = {"traverses": ("int32", "L")}
 LOOK_CODE_FILES: Layout = {"codes": ("int8", "LR")}
 CHANNEL_FILES: Layout = {
     "labels": ("int32", "K"),
@@ -66,6 +68,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     ]
     if built.model.network is not None:
         parts.append(("features", built.model.network, NETWORK_FILES))
+    if len(built.graph.links):
+        parts.append(("graph", built.graph, GRAPH_FILES))
     for number, traverse in built.alignments.items():
         parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):
@@ -73,7 +77,10 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         if metric.coarse is not None:
             parts.append((f"metrics/{number}/coarse", metric.coarse, COARSE_FILES))
         if metric.looks is not None:
-            parts.append((f"metrics/{number}/looks", metric.looks, look_files(metric.coarse)))
+            looks = (f"metrics/{number}/looks", metric.looks)
+            parts.append((*looks, look_files(metric.coarse)))
+            if metric.looks.traverses is not None:
+                parts.append((*looks, LOOK_TRAVERSE_FILES))
     for number, channel in enumerate(built.channels):
         parts.append((f"channels/{number}", channel, CHANNEL_FILES))
     return {

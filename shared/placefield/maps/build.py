@@ -21,6 +21,7 @@ from placefield.maps.gathering import (
 )
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import identity_metric, learned_metric, with_looks
+from placefield.maps.route_graph import line
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -188,9 +189,11 @@ def build_map(
         model=model,
         places=_places(first, same),
         channels=channels,
+        graph=line(first.name),
         alignments={
             number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
         },
+        identity=identity,
     )
 
 
@@ -202,7 +205,8 @@ def _map_channel(
         coarse = identity.coarse is not None
         metric = learned_metric(learned.projection, places, coarse=coarse)
         if identity.looks is not None:
-            metric = with_looks(metric, identity.looks.places, identity.looks.descriptors)
+            looks = identity.looks
+            metric = with_looks(metric, looks.places, looks.descriptors, looks.traverses)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,

@@ -58,6 +58,18 @@ class TraverseRecord(_Record):
     by: AlignedBy | None = None
 
 
+class RouteRecord(_Record):
+    """One route of a map of several.
+
+    Attributes:
+        name: for a person.
+        places: the number of its places.
+    """
+
+    name: str
+    places: int = Field(ge=1)
+
+
 class MetricRecord(_Record):
     """One metric.
 
@@ -103,6 +115,8 @@ class Manifest(_Record):
         network: input of the network that gives the features; none if no network does.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
+        routes: the routes whose places follow each other; none if there is one route.
+        links: the number of links between places, see ``placefield.maps.route_graph``.
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
@@ -120,6 +134,8 @@ class Manifest(_Record):
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
+    routes: tuple[RouteRecord, ...] = ()
+    links: int = Field(0, ge=0)
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]

@@ -11,6 +11,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.manifest import TraverseRecord
+from placefield.maps.route_graph import RouteGraph, line
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
@@ -152,7 +153,11 @@ class Map:
 
     Attributes:
         preset: the preset of the build, for the record; the settings are in the fields below.
-        alignments: how each traverse but the first was aligned to the first, by traverse number.
+        graph: the routes of the map and the links between its places.
+        alignments: how each traverse but the first was aligned to the places, by traverse number.
+        identity: the metric that is not learned, which has the descriptors of the places as they
+            are; None in an old map whose channels all learned theirs, and in a map of which only
+            some channels were opened.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -168,7 +173,9 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
+    graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
+    identity: MapMetric | None = None
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
@@ -187,8 +194,9 @@ class Map:
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:
-        """The distinct metrics of its channels."""
-        return tuple(dict.fromkeys(channel.metric for channel in self.channels))
+        """The distinct metrics: the identity, if the map has it, then those of its channels."""
+        own = () if self.identity is None else (self.identity,)
+        return tuple(dict.fromkeys((*own, *(channel.metric for channel in self.channels))))
 
 
 def fingerprint(model: DescriptorModel) -> str:

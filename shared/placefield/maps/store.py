@@ -24,6 +24,7 @@ from placefield.maps.manifest import (
     ChannelRecord,
     Manifest,
     MetricRecord,
+    RouteRecord,
     seal_of,
 )
 from placefield.maps.map import Map, fingerprint
@@ -108,6 +109,8 @@ def _write(built: Map, folder: Path) -> None:
         smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,
         traverses=built.traverses,
+        routes=_routes(built),
+        links=len(built.graph.links),
         metrics=tuple(
             MetricRecord(
                 learned=metric.learned,
@@ -136,3 +139,13 @@ def _write(built: Map, folder: Path) -> None:
         )
     write_whole(folder / MANIFEST, written)
     write_whole(folder / SEAL, seal_of(written))
+
+
+def _routes(built: Map) -> tuple[RouteRecord, ...]:
+    """Return the records of the routes; of a map of one route there are none."""
+    graph = built.graph
+    if len(graph.names) == 1:
+        return ()
+    counts = np.diff(graph.first, append=built.places.count).tolist()
+    records = zip(graph.names, counts, strict=True)
+    return tuple(RouteRecord(name=name, places=places) for name, places in records)
