@@ -82,10 +82,8 @@ def _scale(
 def _explore(
     frames: Annotated[
         int,
-        typer.Option(
-            min=2000, help="number of frames, each a new place; 100000 take the better part of 1 h"
-        ),
-    ] = 20_000,
+        typer.Option(min=2000, help="number of frames, each a new place; 100000 take an hour"),
+    ] = 10_000,
     as_json: options.Json = False,
 ) -> None:
     """Exploring without a map: time of a frame, and memory of a place."""
