@@ -123,6 +123,7 @@ def _kept_places(places: Places, kept: Kept, moved: NDArray[np.int32]) -> Places
 
 
 def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32]) -> MapChannel:
+    """Return a channel without the places that are not kept, and without segments there."""
     first, last = channel.segments[:, 0], channel.segments[:, 1] - 1
     is_kept = kept[first]
     numbers = np.cumsum(np.append(0, is_kept), dtype=np.int32)
@@ -131,7 +132,7 @@ def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32])
         channel,
         labels=numbers[channel.labels[kept]],
         segments=segments,
-        scales=np.unique(np.diff(segments, axis=1)).astype(np.int32),
+        scales=channel.scales[channel.scales <= np.count_nonzero(kept)],
     )
 
 
