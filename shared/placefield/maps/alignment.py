@@ -8,6 +8,8 @@ frames was worse.
 Georeferenced poses give the nearest place instead.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -16,6 +18,7 @@ from placefield.config import MatchingConfig
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map_metrics import identity_metric
+from placefield.maps.topology import line_of
 from placefield.maps.traverse import NO_PLACE, Alignment
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -41,11 +44,12 @@ def align_by_smoother(reference: Array, frames: Array) -> Alignment:
         reference: (K, N) float32, descriptors of the places, in the order of travel.
         frames: (M, N) float32, descriptors of the drive's frames, in the order of travel.
     """
-    matching, same = MatchingConfig(), same_places(reference)
+    matching = MatchingConfig()
+    topology = replace(line_of(len(reference)), same=same_places(reference))
     channels = ChannelStage(
-        {0: channel_without_segments(identity_metric(reference))}, matching, same=same
+        {0: channel_without_segments(identity_metric(reference))}, matching, topology=topology
     )
-    stream = FusedStream(channels, FusionStage(same, matching), WHOLE_DRIVE)
+    stream = FusedStream(channels, FusionStage(topology, matching), WHOLE_DRIVE)
     for frame in frames:
         stream.update(next(channels.compare([frame])))
     matches = [smoothed.match for smoothed in stream.finish()]

@@ -140,6 +140,11 @@ class Manifest(_Record):
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]
 
+    @property
+    def is_line(self) -> bool:
+        """Whether the map has one route without links."""
+        return len(self.routes) < 2 and not self.links
+
 
 def seal_of(written: bytes) -> bytes:
     """Return the content of ``SEAL`` for a manifest's bytes, as sha256sum writes it.
