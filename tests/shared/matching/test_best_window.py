@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import network, networks
 from numpy.typing import NDArray
+from route_networks import network, networks
 
 from placefield.maps.topology import Topology
 from placefield.matching.best_window import best_window, vicinity_of

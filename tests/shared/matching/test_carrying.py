@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import Link, network
 from numpy.typing import NDArray
+from route_networks import Link, network
 
 from placefield.matching.carrying import carry, carry_back, reached_by
 from placefield.matching.odometry import Displacement

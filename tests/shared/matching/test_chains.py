@@ -3,8 +3,8 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import network, networks
 from numpy.typing import NDArray
+from route_networks import network, networks
 
 from placefield.maps.topology import Topology
 from placefield.matching.chains import ONE_CHAIN, chains_of, crossed_to

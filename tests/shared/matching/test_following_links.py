@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from comparisons import compared
 from filters import filter_of, posterior_of
-from networks import network
 from numpy.typing import NDArray
+from route_networks import network
 
 from placefield.config import MatchingConfig
 from placefield.errors import ConfigError

@@ -9,9 +9,9 @@ from comparisons import comparison, comparison_at, metric_of_quantized
 from filters import filter_of, posterior_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import networks
 from numpy.typing import NDArray
 from reference_filter import ReferenceFilter
+from route_networks import networks
 
 from placefield.maps.map_metrics import steps_along
 from placefield.maps.topology import Topology

@@ -10,8 +10,8 @@ from comparisons import comparison, metric_of_quantized
 from filters import SCALES, channel_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import network
 from numpy.typing import NDArray
+from route_networks import network
 
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
