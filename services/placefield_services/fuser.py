@@ -18,6 +18,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.config import Config
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
+from placefield.maps.route_graph import check_rule
 from placefield_services.fuser_run import Fuser, FuserCaches
 from placefield_services.live_channels import LiveChannels
 from placefield_services.map_versions import MapVersions, PreparedVersions
@@ -38,13 +39,13 @@ def run_fuser(versions: MapVersions, config: Config, stop: threading.Event) -> N
 
     Raises:
         MapError: the map cannot be opened.
-        ConfigError: the rule does not follow the map's descriptors.
+        ConfigError: the rule does not follow the map's descriptors, or its routes.
     """
 
     def prepare(placemap: Map) -> FuserVersion:
         placemap.features.check_rule(config.matching.rule)
-        places = placemap.places
-        stage = FusionStage(places.same, config.matching, places.pose)
+        check_rule(config.matching.rule, routes=len(placemap.graph.names))
+        stage = FusionStage(placemap.topology, config.matching, placemap.places.pose)
         stage.warm_up()
         return FuserVersion(placemap, stage)
 

@@ -38,8 +38,8 @@ CHANNELS = 3
 
 def version_of(placemap: Map, config: Config) -> FuserVersion:
     """Return a version of a map, as a fuser serves it."""
-    places = placemap.places
-    return FuserVersion(placemap, FusionStage(places.same, config.matching, places.pose))
+    stage = FusionStage(placemap.topology, config.matching, placemap.places.pose)
+    return FuserVersion(placemap, stage)
 
 
 class Clock:

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.changing_looks import with_metrics
 from placefield.maps.growing_metrics import with_places
 from placefield.maps.map import Map, Places
+from placefield.maps.map_metrics import with_metrics
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.stretches import Stretch
 from placefield.maps.traverse import NO_PLACE, Traverse
@@ -37,7 +37,8 @@ def with_routes(
         descriptors: (F, N) int16, the quantized descriptors of the drive.
     """
     routes = [descriptors[stretch.frames] for stretch in stretches]
-    grown = with_metrics(opened, lambda metric: with_places(metric, routes))
+    graph = _with_stretches(opened.graph, traverse.name, stretches, opened.places.count)
+    grown = with_metrics(opened, lambda metric: with_places(metric, routes, graph))
     inactive = np.zeros(sum(map(len, routes)), np.int32)
     return replace(
         grown,
@@ -46,7 +47,7 @@ def with_routes(
             replace(channel, labels=np.append(channel.labels, inactive))
             for channel in grown.channels
         ),
-        graph=_with_stretches(opened.graph, traverse.name, stretches, opened.places.count),
+        graph=graph,
     )
 
 

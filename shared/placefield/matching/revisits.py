@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.maps.map import STEPS, MapChannel, MapMetric
 from placefield.maps.map_metrics import identity_metric
-from placefield.matching.best_window import best_window, twins_in
+from placefield.matching.best_window import Vicinity, best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -129,8 +129,8 @@ def _runs(recognised: _Recognised, same: Same) -> list[_Revisit]:
         recognised: the frames.
         same: (k,) int32, which place each is known to be the same as.
     """
-    shared = twins_in(same)
-    windows = [best_window(*each, _TOLERANCE, shared) for each in recognised.posteriors]
+    vicinity = Vicinity(_TOLERANCE, twins_in(same))
+    windows = [best_window(*each, vicinity) for each in recognised.posteriors]
     places = np.array([place for place, _ in windows])
     probabilities = np.array([probability for _, probability in windows])
     twins = same[places]

@@ -105,6 +105,7 @@ def _up(
     """
     from placefield.errors import ConfigError
     from placefield.maps.manifest import read_manifest
+    from placefield.maps.route_graph import check_rule
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.common.parallel import cores
@@ -142,6 +143,7 @@ def _up(
     options_map.check_preset(effective, map_path)
     manifest = read_manifest(map_path)
     manifest.features.check_rule(effective.matching.rule)
+    check_rule(effective.matching.rule, routes=max(len(manifest.routes), 1))
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "

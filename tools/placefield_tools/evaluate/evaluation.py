@@ -224,7 +224,7 @@ def match_here(
     """Match a query's frames in this process, see ``match_drive``."""
     images = DescriptorStage(placemap.model).new_stream()
     descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
-    metres = Metres(placemap.places, readings)
+    metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
 
 
