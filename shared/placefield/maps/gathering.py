@@ -42,11 +42,16 @@ def chosen_rows(raw: Array, frames: NDArray[np.intp]) -> Array:
 def records_of(
     traverses: Sequence[Traverse], alignments: Sequence[Alignment]
 ) -> tuple[TraverseRecord, ...]:
-    """Return the records of the traverses for a map; the first has no alignment."""
-    first = TraverseRecord(name=traverses[0].name, frames=len(traverses[0].raw))
+    """Return the records of the traverses for a map, each route of the first one by itself.
+
+    The first traverse has no alignment.
+    """
+    first, graph = traverses[0], traverses[0].routes
+    counts = np.diff(graph.first, append=len(first.raw)).tolist()
+    routes = zip(graph.names, counts, strict=True)
     others = zip(traverses[1:], alignments[1:], strict=True)
     return (
-        first,
+        *(TraverseRecord(name=name, frames=count) for name, count in routes),
         *(
             TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
             for each, to in others

@@ -7,9 +7,17 @@ place of a route to the next one, and along links.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from placefield.errors import MapError
+
+Firsts = NDArray[np.int32]
+Link = tuple[int, int]
 Links = NDArray[np.int32]
+
+ONE_ROUTE: Firsts = np.zeros(1, np.int32)
+"""The first place of each route, in a map of one route."""
+ONE_ROUTE.setflags(write=False)
 
 NO_LINKS: Links = np.empty((0, 2), np.int32)
 """The links of a map of one line."""
@@ -29,7 +37,7 @@ class RouteGraph:
     """
 
     names: tuple[str, ...]
-    first: NDArray[np.int32]
+    first: Firsts
     links: Links
 
     @property
@@ -39,12 +47,41 @@ class RouteGraph:
 
     def route_of(self, place: int) -> int:
         """Return the number of the route of a place."""
-        return int(np.searchsorted(self.first, place, side="right")) - 1
+        return int(routes_of(self.first, place))
+
+    def named(self, place: int) -> str:
+        """Name a place for a person: its route, and its number within the route."""
+        route = self.route_of(place)
+        return f"{self.names[route]}, place {place - self.first[route]}"
 
 
 def line(name: str) -> RouteGraph:
     """Return the graph of one route without links."""
-    return RouteGraph((name,), np.zeros(1, np.int32), NO_LINKS)
+    return RouteGraph((name,), ONE_ROUTE, NO_LINKS)
+
+
+def routes_of(first: Firsts, places: ArrayLike) -> NDArray[np.intp]:
+    """Return the number of the route of each place, given the first place of each route."""
+    return np.asarray(np.searchsorted(first, places, side="right")) - 1
+
+
+def as_links(pairs: set[Link]) -> Links:
+    """Return links as an array, (n, 2) int32, in ascending order."""
+    return np.array(sorted(pairs), np.int32).reshape(-1, 2)
+
+
+def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:
+    """Return the place of a map of ``count`` places by its route and its number within the route.
+
+    Raises:
+        MapError: there is no such route, or no such place in it.
+    """
+    if route not in graph.names:
+        raise MapError(f"no route {route!r:.80}: the routes are {', '.join(graph.names)}")
+    start, end = np.append(graph.first, count)[graph.names.index(route) :][:2].tolist()
+    if not 0 <= number < end - start:
+        raise MapError(f"{route} has no place {number}, but places 0 to {end - start - 1}")
+    return int(start + number)
 
 
 def problem_of(graph: RouteGraph, count: int) -> str | None:
