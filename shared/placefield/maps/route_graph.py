@@ -50,7 +50,9 @@ class RouteGraph:
         return int(routes_of(self.first, place))
 
     def named(self, place: int) -> str:
-        """Name a place for a person: its route, and its number within the route."""
+        """Name a place for a person: its route, if there are several, and its number within it."""
+        if len(self.names) == 1:
+            return f"place {place}"
         route = self.route_of(place)
         return f"{self.names[route]}, place {place - self.first[route]}"
 

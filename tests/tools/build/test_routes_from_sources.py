@@ -32,8 +32,8 @@ def test_routes_that_share_a_stretch_are_built_as_one_network(
     graph = open_map(path).graph
     assert graph.names == ("north", "south")
     assert graph.first.tolist() == [0, 40]
-    assert "south, place 0 to 24 shows the same as north, place 15 to 39" in done.output
-    assert "link from north, place 39, to south, place 25" in done.output
+    assert "south, place 0 to 24: the same stretch as north, place 15 to 39" in done.output
+    assert "link: from north, place 39, to south, place 25" in done.output
     assert [39, 65] in graph.links.tolist()
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from placefield.maps.linking import Overlap, overlaps
+from placefield.maps.linking import overlaps
 from placefield.maps.map import Map
 from placefield.maps.route_graph import RouteGraph, routes_of
 from placefield_tools.common.natural_sort import counted
@@ -19,12 +19,15 @@ def route_lines(placemap: Map) -> Iterator[str]:
     if graph.is_line:
         return
     counts = np.diff(graph.first, append=placemap.places.count).tolist()
-    for name, count in zip(graph.names, counts, strict=True):
-        yield f"route {name}: {counted(count, 'place')}"
+    if len(counts) > 1:
+        for name, count in zip(graph.names, counts, strict=True):
+            yield f"route {name}: {counted(count, 'place')}"
     for overlap in overlaps(placemap.places.same, graph.first):
-        yield _overlap_line(graph, overlap)
+        later = _stretch(graph, overlap.first, overlap.last)
+        earlier = _stretch(graph, overlap.twin_of_first, overlap.twin_of_last)
+        yield f"{later}: the same stretch as {earlier}"
     for one, other in graph.links.tolist():
-        yield f"link from {graph.named(one)}, to {graph.named(other)}"
+        yield f"link: from {graph.named(one)}, to {graph.named(other)}"
 
 
 def unlinked(graph: RouteGraph) -> list[str]:
@@ -46,12 +49,5 @@ def warn_of_unlinked(graph: RouteGraph) -> None:
         )
 
 
-def _overlap_line(graph: RouteGraph, overlap: Overlap) -> str:
-    stretches = [
-        f"{graph.named(first)} to {last - graph.first[graph.route_of(last)]}"
-        for first, last in (
-            (overlap.first, overlap.last),
-            (overlap.twin_of_first, overlap.twin_of_last),
-        )
-    ]
-    return " shows the same as ".join(stretches)
+def _stretch(graph: RouteGraph, first: int, last: int) -> str:
+    return f"{graph.named(first)} to {last - graph.first[graph.route_of(last)]}"
