@@ -14,6 +14,7 @@ from placefield.maps.array_layout import (
     GRAPH_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
+    LOOK_TRAVERSE_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -34,6 +35,7 @@ FOLDERS = (
     ("metrics/0/coarse", COARSE_FILES),
     ("metrics/0/looks", LOOK_FILES),
     ("metrics/0/looks", LOOK_CODE_FILES),
+    ("metrics/0/looks", LOOK_TRAVERSE_FILES),
     ("channels/0", CHANNEL_FILES),
 )
 

@@ -156,7 +156,7 @@ def build_map(
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
-    looks = observed_again(descriptors, place_of) if config.build.looks else None
+    looks = observed_again(descriptors, place_of, len(routes)) if config.build.looks else None
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     if looks is not None and len(looks[0]):
@@ -201,6 +201,7 @@ def build_map(
             number: MapAlignment(each.places)
             for number, each in enumerate(alignments[1:], len(routes))
         },
+        identity=identity,
     )
 
 
@@ -212,7 +213,8 @@ def _map_channel(
         coarse = identity.coarse is not None
         metric = learned_metric(learned.projection, places, coarse=coarse)
         if identity.looks is not None:
-            metric = with_looks(metric, identity.looks.places, identity.looks.descriptors)
+            looks = identity.looks
+            metric = with_looks(metric, looks.places, looks.descriptors, looks.traverses)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,

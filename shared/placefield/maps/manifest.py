@@ -10,7 +10,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
 from placefield.maps.array_files import open_inside
-from placefield.maps.digest import short_digest
+from placefield.maps.digest import DIGEST_LENGTH, short_digest
 from placefield.presets import Preset
 
 SUFFIX = ".pfmap"
@@ -56,6 +56,24 @@ class TraverseRecord(_Record):
     frames: int = Field(ge=0)
     aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
+
+    def is_named(self, name: str) -> bool:
+        """Return whether this is its name, with or without a slash at the end."""
+        return self.name.rstrip("/") == name.rstrip("/")
+
+
+class ChangeRecord(_Record):
+    """One change of a map after it was built.
+
+    Attributes:
+        change: what was done with the drive.
+        drive: the name of the traverse.
+        before: the digest of the map before the change.
+    """
+
+    change: Literal["added", "dropped"]
+    drive: str
+    before: str = Field(pattern=rf"^[0-9a-f]{{{DIGEST_LENGTH}}}$")
 
 
 class RouteRecord(_Record):
@@ -115,6 +133,7 @@ class Manifest(_Record):
         network: input of the network that gives the features; none if no network does.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
+        history: the changes since the map was built, in their order.
         routes: the routes whose places follow each other; none if there is one route.
         links: the number of links between places, see ``placefield.maps.route_graph``.
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
@@ -134,6 +153,7 @@ class Manifest(_Record):
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
+    history: tuple[ChangeRecord, ...] = ()
     routes: tuple[RouteRecord, ...] = ()
     links: int = Field(0, ge=0)
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)
