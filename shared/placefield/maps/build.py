@@ -115,7 +115,8 @@ def build_map(
     """Build a map from one or more traverses of one route, or of a network of routes.
 
     PCA and metrics learn from all traverses; the places are the first's. A first traverse of
-    several routes has a graph; each route is standardised by its own mean and deviation. With
+    several routes has a graph; each route is standardised by its own mean and deviation, and a
+    query at its start by their mean. With
     ``build.looks``, the other traverses give looks of the places.
 
     Args:
@@ -148,6 +149,7 @@ def build_map(
         standardise=features.standardise,
         plain=features.plain_pca,
         network=network,
+        routes=len(routes),
     )
     places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
     descriptors = [places, *described[len(routes) :]]
@@ -156,7 +158,9 @@ def build_map(
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
-    looks = observed_again(descriptors, place_of, len(routes)) if config.build.looks else None
+    looks = (
+        observed_again(descriptors, place_of, first.routes.first) if config.build.looks else None
+    )
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     if looks is not None and len(looks[0]):

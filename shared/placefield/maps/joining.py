@@ -3,6 +3,8 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain, count
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ def joined(
 ) -> Traverse:
     """Join traverses of different routes to one traverse of all their routes.
 
+    A route is named by the last part of its name, with a number if another has this name.
     The poses are those of all routes in the coordinate frame of the first one that has some, if
     they are georeferenced or ``same_frame`` says that they share a frame. Otherwise they are left
     out, which is logged. The metres travelled go on from route to route.
@@ -33,11 +36,9 @@ def joined(
         same_frame: whether poses that are not georeferenced share one frame.
 
     Raises:
-        MapError: two routes have one name, or a link leads from or to no place.
+        MapError: a link leads from or to no place.
     """
-    graph, count = _side_by_side(routes), sum(len(route.raw) for route in routes)
-    if doubles := [name for name in graph.names if graph.names.count(name) > 1]:
-        raise MapError(f"two routes are named {doubles[0]}: rename the folder or file of one")
+    graph, places = _side_by_side(routes), sum(len(route.raw) for route in routes)
     poses, frame = _in_one_frame(routes, same_frame)
     return Traverse(
         ", ".join(graph.names),
@@ -47,7 +48,7 @@ def joined(
         _travelled_on(routes),
         tuple(image for route in routes for image in route.thumbnails),
         frame,
-        graph=_with_links(graph, count, links),
+        graph=_with_links(graph, places, links),
     )
 
 
@@ -56,10 +57,19 @@ def _side_by_side(routes: Sequence[Traverse]) -> RouteGraph:
     starts = np.cumsum([0, *(len(route.raw) for route in routes[:-1])], dtype=np.int32)
     graphs = [route.routes for route in routes]
     return RouteGraph(
-        tuple(name for graph in graphs for name in graph.names),
+        _distinct([name for graph in graphs for name in graph.names]),
         np.concatenate([graph.first + start for graph, start in zip(graphs, starts, strict=True)]),
         np.concatenate([graph.links + start for graph, start in zip(graphs, starts, strict=True)]),
     )
+
+
+def _distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the last parts of names; one that was there before gets a number from 2 on."""
+    found: list[str] = []
+    for name in (PurePath(each).name for each in names):
+        numbered = (f"{name} {number}" for number in count(2))
+        found.append(next(each for each in chain([name], numbered) if each not in found))
+    return tuple(found)
 
 
 def _with_links(graph: RouteGraph, count: int, given: Sequence[GivenLink]) -> RouteGraph:

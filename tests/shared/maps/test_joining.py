@@ -36,6 +36,11 @@ def test_networks_are_joined_with_the_links_that_they_have(make_traverse: Make) 
     assert network.routes.links.tolist() == [[29, 30], [89, 90]]
 
 
+def test_routes_of_one_name_are_told_apart_by_a_number(make_traverse: Make) -> None:
+    routes = [make_traverse(30, name=name) for name in ("day/A", "night/A/", "B", "A")]
+    assert joined(routes).routes.names == ("A", "A 2", "B", "A 3")
+
+
 def test_georeferenced_poses_are_converted_to_the_frame_of_the_first(make_traverse: Make) -> None:
     here, there = Origin(-27.5, 153.0), Origin(-27.49, 153.01)
     one = replace(make_traverse(30, name="A", spacing=1), pose_frame=here.frame)
@@ -61,20 +66,19 @@ def test_a_route_without_poses_has_none_among_others(make_traverse: Make) -> Non
 
 
 @pytest.mark.parametrize(
-    ("names", "link", "reason"),
+    ("link", "reason"),
     [
-        ("AA", None, "two routes are named A"),
-        ("AB", ("A", 30, "B", 0), "link A:30,B:0: A has no place 30, but places 0 to 29"),
-        ("AB", ("A", 3, "C", 0), "no route 'C': the routes are A, B"),
-        ("AB", ("A", 3, "A", 4), "link A:3,A:4: is the next place already"),
+        (("A", 30, "B", 0), "link A:30,B:0: A has no place 30, but places 0 to 29"),
+        (("A", 3, "C", 0), "no route 'C': the routes are A, B"),
+        (("A", 3, "A", 4), "link A:3,A:4: is the next place already"),
     ],
 )
-def test_unclear_names_and_links_are_refused(
-    make_traverse: Make, names: str, link: tuple[str, int, str, int] | None, reason: str
+def test_a_link_from_or_to_no_place_is_refused(
+    make_traverse: Make, link: tuple[str, int, str, int], reason: str
 ) -> None:
-    routes = [make_traverse(30, name=name) for name in names]
+    routes = [make_traverse(30, name=name) for name in "AB"]
     with pytest.raises(MapError, match=reason):
-        joined(routes, [link] if link else [])
+        joined(routes, [link])
 
 
 def test_no_segment_of_a_map_lies_in_two_routes_and_a_record_names_each(

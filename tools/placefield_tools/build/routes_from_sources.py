@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 from placefield.config import Config
 from placefield.errors import ConfigError
@@ -53,7 +52,7 @@ def build_routes(
 ) -> Map:
     """Build a map of several routes, each from a source of its own, showing progress.
 
-    A route has the name of its source's folder or file.
+    A route has the name of its source's folder or file, with a number if another has this name.
 
     Args:
         references: sources of frames.
@@ -72,6 +71,6 @@ def build_routes(
     for reference in references:
         source = open_reference((reference,), spacing_m, parts)
         described = describe_reference(source, reference, feature, leave_out_bad=leave_out_bad)
-        routes.append(replace(described.traverse(), name=Path(reference).name))
+        routes.append(described.traverse())
     network = joined(routes, options.links, same_frame=options.same_frame)
     return built_of([network], config, feature.network)

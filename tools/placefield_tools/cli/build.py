@@ -24,9 +24,7 @@ def _build(
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="replace a map of this name")
-    ] = False,
+    overwrite: options_map.Overwrite = False,
     start: options_frames.Start = 0,
     stop: options_frames.Stop = None,
     stride: options_frames.Stride = 1,
@@ -79,7 +77,7 @@ def _build(
       placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
-    from placefield.maps.store import check_map_path, save_map
+    from placefield.maps.store import save_map
     from placefield_tools.build.map_from_sources import build_from
     from placefield_tools.build.routes_from_sources import build_routes
     from placefield_tools.inspect.map_facts import traverse_line
@@ -99,12 +97,7 @@ def _build(
         metric__kind=metric,
         seed=seed,
     )
-    check_map_path(output)
-    if output.exists() and not overwrite:
-        raise ConfigError(
-            f"{output}: is there already, and services may be using it; choose another name, or "
-            "give --overwrite"
-        )
+    options_map.check_new_map(output, overwrite=overwrite)
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     if routes:
         _refuse_with_routes(one_drive, poses)
