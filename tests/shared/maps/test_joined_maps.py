@@ -61,8 +61,6 @@ def test_places_resemble_each_other_as_in_a_map_that_is_built_of_the_frames(
     assert [record.name for record in made.traverses] == ["A", "B"]
     ours, theirs = similarities(made), similarities(built)
     assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.95
-    # Places of both maps that show the same frame are each other's nearest.
-    np.testing.assert_array_equal(ours[100:130, :100].argmax(axis=1), range(70, 100))
 
 
 def test_looks_and_alignments_of_all_maps_are_kept(make_traverse: Make) -> None:
