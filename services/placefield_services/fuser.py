@@ -28,6 +28,7 @@ from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
+from placefield.maps.route_graph import check_rule
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.candidate_decoder import CandidateDecoder
 from placefield_services.fuser_stream import FuserStream
@@ -48,9 +49,10 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over.
 
     Raises:
-        ConfigError: the rule does not follow the map's descriptors.
+        ConfigError: the rule does not follow the map's descriptors, or its links.
     """
     placemap.features.check_rule(config.matching.rule)
+    check_rule(config.matching.rule, len(placemap.graph.names))
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         process.map = placemap.digest
@@ -81,7 +83,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 outputs,
                 process.counts[run],
             )
-        FusionStage(placemap.places.same, config.matching).warm_up()
+        FusionStage(placemap.topology, config.matching).warm_up()
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
@@ -132,7 +134,7 @@ class Fuser:
         outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
-        stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
+        stage = FusionStage(placemap.topology, config.matching, placemap.places.pose)
         self._map = placemap
         self._feature_key = keys.feature
         self.channels = channels

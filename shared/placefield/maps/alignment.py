@@ -8,6 +8,8 @@ frames was worse.
 Georeferenced poses give the nearest place instead.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -15,6 +17,7 @@ from scipy.spatial import KDTree
 from placefield.config import MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import MapMetric
+from placefield.maps.topology import line_of
 from placefield.maps.traverse import NO_PLACE, Alignment
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -43,8 +46,9 @@ def align_by_smoother(metric: MapMetric, same: NDArray[np.int32], frames: Array)
         frames: (M, N) float32, descriptors of the drive's frames, in the order of travel.
     """
     matching = MatchingConfig(exact=True)
-    fusion = FusionStage(same, matching)
-    shard = ChannelShard(channel_without_segments(metric), matching, same=same)
+    topology = replace(line_of(len(same)), same=same)
+    fusion = FusionStage(topology, matching)
+    shard = ChannelShard(channel_without_segments(metric), matching, topology=topology)
     matcher = shard.new_matcher(WHOLE_DRIVE)
     for frame in MetricPlaces(metric, exact=True).compare(frames):
         matcher.update(frame)

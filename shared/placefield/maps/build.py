@@ -21,7 +21,7 @@ from placefield.maps.gathering import (
 )
 from placefield.maps.linking import linked, same_by_poses
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
-from placefield.maps.map_metrics import identity_metric, learned_metric, with_looks
+from placefield.maps.map_metrics import identity_metric, learned_metric, with_graph, with_looks
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -183,13 +183,13 @@ def build_map(
         learned(1)
         return channel
 
-    # Found by the rule filter, which does not follow plain descriptors.
-    starts, same = first.routes.first, np.arange(len(places), dtype=np.int32)
+    # Found by the rule filter, and followed by it alone; it does not serve plain descriptors.
+    graph, same = first.routes, np.arange(len(places), dtype=np.int32)
     if not model.plain:
-        same = same_places(places, starts)
-    same = same_by_poses(same, first.poses, starts)
+        same = same_by_poses(same_places(places, graph.first), first.poses, graph.first)
+        graph = linked(graph, same, first.poses)
     channels = tuple(run(learn, range(len(encoded))))
-    return Map(
+    built = Map(
         preset=config.preset,
         seed=config.seed,
         features=features,
@@ -200,13 +200,14 @@ def build_map(
         model=model,
         places=_places(first, same),
         channels=channels,
-        graph=linked(first.routes, same, first.poses),
         alignments={
             number: MapAlignment(each.places)
             for number, each in enumerate(alignments[1:], len(routes))
         },
+        graph=graph,
         identity=identity,
     )
+    return built if graph.is_line else with_graph(built, graph)
 
 
 def _map_channel(

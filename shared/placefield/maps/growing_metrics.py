@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
-from placefield.maps.map_metrics import projected, steps_between
+from placefield.maps.map_metrics import projected, steps_along
+from placefield.maps.route_graph import line
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import squared_lengths
 from placefield.search.quantized import Quantized
@@ -27,7 +28,7 @@ def with_places(metric: MapMetric, routes: list[Quantized]) -> MapMetric:
         places=places,
         squares=np.concatenate([metric.squares, *map(squared_lengths, added)]),
         steps=np.concatenate(
-            [metric.steps, *(steps_between(route, metric.unit) for route in added)], axis=1
+            [metric.steps, *(steps_along(route, metric.unit, line("")) for route in added)], axis=1
         ),
         coarse=metric.coarse and _with_codes(metric.coarse, added, places),
         looks=None,

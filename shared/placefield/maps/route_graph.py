@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from placefield.errors import MapError
+from placefield.config import Rule
+from placefield.errors import ConfigError, MapError
 
 Firsts = NDArray[np.int32]
 Link = tuple[int, int]
@@ -56,6 +57,33 @@ class RouteGraph:
         route = self.route_of(place)
         return f"{self.names[route]}, place {place - self.first[route]}"
 
+    def edges(self, count: int) -> Links:
+        """Return all steps of one place in a graph of ``count`` places, (n, 2) int32.
+
+        First come those from each place of a route to the next one, ascending, then the links.
+        """
+        following = np.setdiff1d(np.arange(1, count, dtype=np.int32), self.first)
+        return np.concatenate([np.stack([following - 1, following], axis=1), self.links])
+
+    def before(self, count: int) -> NDArray[np.int32]:
+        """Return the likeliest place before each of ``count`` places, (K,) int32; -1 if none.
+
+        It is the one with the fewest ways on; of several, the one before in the route.
+        """
+        edges = self.edges(count)
+        ways = np.bincount(edges[:, 0], minlength=count)[edges[:, 0]]
+        order = np.lexsort((np.arange(len(ways)), ways))[::-1]
+        before = np.full(count, -1, np.int32)
+        before[edges[order, 1]] = edges[order, 0]  # the last one of each place stays
+        return before
+
+    def reversed(self, count: int) -> "RouteGraph":
+        """Return the graph of the same ``count`` places in reverse order, driven in reverse."""
+        ends = np.append(self.first[1:], np.int32(count))
+        links = np.int32(count - 1) - self.links[:, ::-1]
+        order = np.lexsort((links[:, 1], links[:, 0]))
+        return RouteGraph(self.names[::-1], np.int32(count) - ends[::-1], links[order])
+
 
 def line(name: str) -> RouteGraph:
     """Return the graph of one route without links."""
@@ -84,6 +112,20 @@ def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:
     if not 0 <= number < end - start:
         raise MapError(f"{route} has no place {number}, but places 0 to {end - start - 1}")
     return int(start + number)
+
+
+def check_rule(rule: Rule, routes: int) -> None:
+    """Refuse a rule that cannot follow a map of so many routes.
+
+    In one route, a rule of windows of consecutive places does not follow links.
+
+    Raises:
+        ConfigError: the rule compares windows, and there are several routes.
+    """
+    if rule != "filter" and routes > 1:
+        raise ConfigError(
+            f"rule {rule}: does not follow several routes, as this map has: give --rule filter"
+        )
 
 
 def problem_of(graph: RouteGraph, count: int) -> str | None:

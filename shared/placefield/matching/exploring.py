@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.features.local_descriptors import SPAN, LocalDescriptor, LocalDescriptors
-from placefield.matching.best_window import best_window
+from placefield.matching.best_window import Vicinity, best_window
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.filter_matcher import FilterMatcher, WholeMap
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
@@ -132,17 +132,18 @@ class Explorer:
             return
         self._mapped = count
         self._metric = self._places.first(count)
-        lengths, same = lengths_of(self._metric), self._shared()
+        lengths, vicinity = lengths_of(self._metric), self._vicinity()
         if self._matcher is None:
-            smoother = Smoother(lengths, self._config.lag, self._config.tolerance, same=same)
-            whole = WholeMap(lengths, None, None, None, unmapped=_UNMAPPED)
+            smoother = Smoother(lengths, self._config.lag, vicinity)
+            whole = WholeMap(lengths, None, None, unmapped=_UNMAPPED)
             self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
         else:
-            self._matcher.grow(lengths, same)
+            self._matcher.grow(lengths, vicinity)
 
-    def _shared(self) -> NDArray[np.int32] | None:
-        """Return which place of the map each is the same as, (K,); None: all differ."""
-        return self._same[: self._mapped].copy() if self._has_twins else None
+    def _vicinity(self) -> Vicinity:
+        """Return what is near a place of the map so far."""
+        same = self._same[: self._mapped].copy() if self._has_twins else None
+        return Vicinity(self._config.tolerance, same)
 
     def _smooth(self, candidates: Sequence[SmoothedCandidate]) -> None:
         for smoothed in candidates:
@@ -154,10 +155,7 @@ class Explorer:
     def _answer(self, candidate: Candidate) -> Answer:
         if not len(candidate.places):
             return NEW
-        tolerance = self._config.tolerance
-        place, probability = best_window(
-            candidate.places, candidate.evidence, tolerance, self._shared()
-        )
+        place, probability = best_window(candidate.places, candidate.evidence, self._vicinity())
         new = max(1 - float(candidate.evidence.sum()), 0.0)
         known = probability >= self._config.precision and candidate.too_fast < _TOO_FAST
         return Answer(self._frame_of[place], min(probability, 1.0), new, known)

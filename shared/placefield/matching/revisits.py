@@ -20,7 +20,7 @@ from placefield.config import MatchingConfig
 from placefield.maps.map import STEPS, MapChannel, MapMetric
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
-from placefield.matching.best_window import best_window, twins_in
+from placefield.matching.best_window import Vicinity, best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -147,8 +147,8 @@ def _runs(recognised: _Recognised, same: Same, starts: Firsts) -> list[_Revisit]
     """
     frames = np.arange(len(same))
     route = routes_of(starts, frames)
-    shared = twins_in(same)
-    windows = [best_window(*each, _TOLERANCE, shared) for each in recognised.posteriors]
+    vicinity = Vicinity(_TOLERANCE, twins_in(same))
+    windows = [best_window(*each, vicinity) for each in recognised.posteriors]
     places = np.array([place for place, _ in windows])
     probabilities = np.array([probability for _, probability in windows])
     twins = same[places]

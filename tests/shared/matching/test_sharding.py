@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from comparisons import comparison, metric_of_quantized
-from filters import SCALES, channel_of
+from filters import SCALES, channel_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -304,7 +304,10 @@ def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: boo
     channel, matching = channel_of(identity_metric(places)), MatchingConfig(reverse=reverse)
     travelled = np.cumsum(rng.uniform(0, 2, 400))
     made = [
-        [ChannelShard(channel, matching, shard, of, travelled=travelled) for shard in range(of)]
+        [
+            ChannelShard(channel, matching, shard, of, topology=topology_of(travelled))
+            for shard in range(of)
+        ]
         for of in (1, 4)
     ]
     (whole,), parts = ([shard.new_matcher() for shard in shards] for shards in made)

@@ -63,9 +63,15 @@ def build_routes(
         leave_out_bad: see ``build_from``.
 
     Raises:
+        ConfigError: the descriptors are of plain PCA, which no rule serves on several routes.
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
         MapError: no map can be built of the routes, see ``joined`` and ``build_map``.
     """
+    if config.features.plain_pca:
+        raise ConfigError(
+            "--routes: only --rule filter follows routes, and it does not serve descriptors of "
+            "plain PCA: leave out --preset paper and features.plain_pca"
+        )
     feature = feature_of(config.features.kind)
     routes = []
     for reference in references:

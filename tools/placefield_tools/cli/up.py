@@ -82,6 +82,7 @@ def _up(
     from placefield.config import MonitoringConfig
     from placefield.errors import ConfigError
     from placefield.maps.manifest import read_identified
+    from placefield.maps.route_graph import check_rule
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.common.parallel import cores
@@ -107,6 +108,7 @@ def _up(
     options_map.check_preset(effective, map_path)
     manifest, digest = read_identified(map_path)
     manifest.features.check_rule(effective.matching.rule)
+    check_rule(effective.matching.rule, len(manifest.routes))
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "
