@@ -44,7 +44,7 @@ def run_fuser(versions: MapVersions, config: Config, stop: threading.Event) -> N
 
     def prepare(placemap: Map) -> FuserVersion:
         placemap.features.check_rule(config.matching.rule)
-        check_rule(config.matching.rule, routes=len(placemap.graph.names))
+        check_rule(config.matching.rule, len(placemap.graph.names))
         stage = FusionStage(placemap.topology, config.matching, placemap.places.pose)
         stage.warm_up()
         return FuserVersion(placemap, stage)

@@ -23,20 +23,21 @@ def number_of(traverses: Sequence[TraverseRecord], drive: str) -> int:
     """Return the number of a traverse of a map, by its name or its number.
 
     Raises:
-        MapError: there is none, or several, of this name; or it is the first.
+        MapError: there is none, or several, of this name; or its frames are the places.
     """
     names = [record.name for record in traverses]
     found = [number for number, record in enumerate(traverses) if record.is_named(drive)]
     if not found and drive.isdecimal() and int(drive) < len(names):
         found = [int(drive)]
     if not found:
-        known = ", ".join(names[1:]) or "none that can be dropped"
+        droppable = [record.name for record in traverses if record.aligned is not None]
+        known = ", ".join(droppable) or "none that can be dropped"
         raise MapError(f"{drive}: no drive of the map; there is {known}")
     if len(found) > 1:
         numbers = " or ".join(map(str, found))
         raise MapError(f"{drive}: several drives have this name; give the number, {numbers}")
-    if found == [0]:
-        raise MapError(f"{drive}: the first drive gives the places and cannot be dropped")
+    if traverses[found[0]].aligned is None:
+        raise MapError(f"{drive}: its frames are the places, so it cannot be dropped")
     return found[0]
 
 

@@ -118,7 +118,7 @@ class ChannelShard:
         self._in_order = self._reordered(self.own)
         self._observed = self._in_order
         topology = topology or line_of(self._places)
-        check_rule(matching.rule, routes=len(topology.graph.names))
+        check_rule(matching.rule, len(topology.graph.names))
         if matching.rule == "filter":
             topology = topology.reversed() if matching.reverse else topology
             has_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)

@@ -53,8 +53,8 @@ def test_steps_of_a_map_follow_its_links() -> None:
 
 
 def test_rules_that_compare_windows_are_refused_on_a_map_that_is_no_line() -> None:
-    check_rule("filter", routes=2)
-    check_rule("evidence", routes=1)
+    check_rule("filter", 2)
+    check_rule("evidence", 1)
     for rule in ("evidence", "ams"):
         with pytest.raises(ConfigError, match=f"^rule {rule}: .* give --rule filter$"):
-            check_rule(rule, routes=2)  # type: ignore[arg-type]
+            check_rule(rule, 2)  # type: ignore[arg-type]

@@ -26,6 +26,7 @@ from placefield_tools.cli import (
     export,
     fetch,
     inspect,
+    join,
     listen,
     loops,
     plan,
@@ -70,7 +71,7 @@ def _root(
 
 
 _PANELS = {
-    "Maps": (build, add, drop, inspect, serve, fetch),
+    "Maps": (build, add, drop, join, inspect, serve, fetch),
     "Services": (up, services, explore, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),

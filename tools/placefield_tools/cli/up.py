@@ -143,7 +143,7 @@ def _up(
     options_map.check_preset(effective, map_path)
     manifest = read_manifest(map_path)
     manifest.features.check_rule(effective.matching.rule)
-    check_rule(effective.matching.rule, routes=max(len(manifest.routes), 1))
+    check_rule(effective.matching.rule, len(manifest.routes))
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "
