@@ -58,7 +58,7 @@ PUBLISHES = {
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
     "featurizer": {"frame"},
-    "channel": {"feature", "moments", "halo/x"},
+    "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
     "mapper": {"frame", "feature"},
