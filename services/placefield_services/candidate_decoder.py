@@ -4,17 +4,26 @@ from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage
 from placefield.bus.message import Header
 from placefield.config import MatchingConfig
 from placefield.errors import MessageError
-from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import Map
+from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield.matching.candidate import Candidate
+
+
+def decode_candidates(header: Header, payload: bytes) -> CandidatesMessage | FinishedMessage:
+    """Return a message of a channel worker, unchecked.
+
+    Raises:
+        MessageError: it does not parse.
+    """
+    kind = FinishedMessage if header.end else CandidatesMessage
+    return kind.decode(payload)
 
 
 class CandidateDecoder:
     """Decodes the messages of channel workers; a message is accepted as a whole or not at all."""
 
-    def __init__(self, placemap: Map, matching: MatchingConfig, stage: FusionStage) -> None:
-        """Take the fuser's own map and rule, which the workers must have, too."""
-        self._map = placemap
+    def __init__(self, digest: str, matching: MatchingConfig, stage: AnyFusionStage) -> None:
+        """Take the digest of the fuser's own map and its rule, which the workers must have, too."""
+        self._digest = digest
         self._matching = matching
         self._stage = stage
 
@@ -24,9 +33,17 @@ class CandidateDecoder:
         Raises:
             MessageError: it does not parse, or it is of another map, rule or lag.
         """
-        kind = FinishedMessage if header.end else CandidatesMessage
-        message = kind.decode(payload)
-        message.check_map(self._map.digest)
+        message = decode_candidates(header, payload)
+        self.check_message(message)
+        return message
+
+    def check_message(self, message: CandidatesMessage | FinishedMessage) -> None:
+        """Check the whole of a decoded message.
+
+        Raises:
+            MessageError: it is of another map, rule or lag.
+        """
+        message.check_map(self._digest)
         rule = self._matching.rule
         if message.rule != rule:
             raise MessageError(
@@ -37,7 +54,6 @@ class CandidateDecoder:
         if isinstance(message, CandidatesMessage):
             for each in message.candidates:
                 self.check(each.candidate, message.shards)
-        return message
 
     def check(self, candidate: Candidate, shards: int = 1) -> None:
         """Check a candidate of a channel, or of one of its shards.
@@ -46,8 +62,7 @@ class CandidateDecoder:
             MessageError: it is of another map.
         """
         if not self._stage.fits(candidate, shards):
-            places = self._map.places.count
-            raise MessageError(f"candidate of another map: this fuser's has {places} places")
+            raise MessageError("candidate of another map than this fuser's")
 
     def check_smoothed(self, frame: SmoothedFrame, shards: int = 1) -> None:
         """Check what a channel, or one of its shards, smoothed.

@@ -45,6 +45,8 @@ class ServedChannels:
         self._travelled = placemap.places.travelled
         self.digest = placemap.digest
         """Digest of the map."""
+        self.model = placemap.model
+        """The descriptor model of the map."""
         self._stage = ChannelStage(self._channels, matching, shard, shards, placemap.topology)
         # Called before reading, because reading a truncated file kills the process, and after.
         self._check_unchanged = placemap.check_unchanged

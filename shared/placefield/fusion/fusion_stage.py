@@ -6,6 +6,7 @@ candidates to wait for.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -21,6 +22,22 @@ from placefield.pose import Pose
 
 def _unposed(place: int) -> None:
     """Return None: no place has a known pose."""
+
+
+class AnyFusionStage(Protocol):
+    """What a fuser makes matches with; all streams share it. See ``FusionStage``."""
+
+    def warm_up(self) -> None:
+        """Compile all that fusion uses."""
+
+    def fits(self, candidate: Candidate, shards: int = 1) -> bool:
+        """Whether a candidate of another process may be of the map and the rule."""
+
+    def new_joiner(self) -> ShardJoiner:
+        """Return a joiner of the shards' candidates, for a new stream."""
+
+    def fuse(self, candidates: Sequence[Candidate], missing: Collection[int] = ()) -> Match:
+        """Make one match of the candidates of a frame."""
 
 
 class FusionStage:

@@ -38,13 +38,19 @@ def fuse(
         return Match(UNANSWERED, 0.0, absent)
     if config.rule == "filter":
         place, probability = _mean_belief(answered, vicinity)
-        score = float(np.log(probability) - np.log1p(-probability))
+        score = log_odds(probability)
         too_fast = sum(each.too_fast for each in answered) / len(answered) >= TOO_FAST
         known = probability >= config.precision and not too_fast
         return Match(place, score, absent, probability, known, too_fast)
     if config.rule == "evidence":
         return Match(*_mean_evidence(answered, config.neighbourhood, vicinity.same), absent)
     return Match(*_ams(answered), absent)
+
+
+def log_odds(probability: float) -> float:
+    """Return the log odds of a probability, which are finite even at 0 and 1."""
+    within = min(max(probability, 1 - _SUREST), _SUREST)
+    return float(np.log(within) - np.log1p(-within))
 
 
 def _ams(candidates: Sequence[Candidate]) -> tuple[int, float]:

@@ -19,7 +19,7 @@ from placefield.maps.map import Map, MapAlignment, MapMetric
 from placefield.maps.new_routes import takes_places, with_routes
 from placefield.maps.pruning import looks_that_add
 from placefield.maps.same_route import align_to_map, poses_in_map
-from placefield.maps.stretches import KnownRoads, Stretch, new_stretches
+from placefield.maps.stretches import LEAST_FRAMES, KnownRoads, Stretch, new_stretches, unknown_runs
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 from placefield.matching.comparing import MetricPlaces
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
@@ -121,8 +121,10 @@ def _stretches(
     poses: NDArray[np.float64],
     is_clear: NDArray[np.bool_],
 ) -> list[Stretch]:
-    identity = check_growable(opened)
-    is_usable = is_clear
+    longest = max((stop - start for start, stop in unknown_runs(alignment.places)), default=0)
+    if longest < LEAST_FRAMES:
+        return []
+    identity, is_usable = check_growable(opened), is_clear
     if alignment.by == "poses":
         is_usable = is_clear & np.isfinite(poses).all(axis=1)
     compared = MetricPlaces(identity, exact=True).compare(descriptors)

@@ -13,10 +13,11 @@ import numpy as np
 
 from placefield.config import BuildConfig, Config
 from placefield.errors import MapError
-from placefield.maps.changing_looks import look_rows, with_metrics
+from placefield.maps.changing_looks import look_rows
 from placefield.maps.joining import GivenLink, joined
 from placefield.maps.manifest import REBUILD
 from placefield.maps.map import Array, Map, MapAlignment, MapMetric
+from placefield.maps.map_metrics import with_metrics
 from placefield.maps.traverse import NO_PLACE, ROUTE, Alignment, Traverse
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized
 

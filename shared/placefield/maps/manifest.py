@@ -10,7 +10,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
 from placefield.maps.array_files import open_inside
-from placefield.maps.digest import DIGEST_LENGTH, short_digest
+from placefield.maps.digest import DIGEST_LENGTH, lineage_of, short_digest
 from placefield.presets import Preset
 
 SUFFIX = ".pfmap"
@@ -160,6 +160,11 @@ class Manifest(_Record):
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]
 
+    @property
+    def lineage(self) -> str:
+        """The lineage of the map, see ``lineage_of``."""
+        return lineage_of(self.model, len(self.channels))
+
 
 def seal_of(written: bytes) -> bytes:
     """Return the content of ``SEAL`` for a manifest's bytes, as sha256sum writes it.
@@ -194,15 +199,15 @@ def read_manifest(path: Path) -> Manifest:
     return read_identified(path)[0]
 
 
-def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, str]:
+def read_identified(path: Path, lineage: str | None = None) -> tuple[Manifest, str]:
     """Read a map's manifest and return it with the map's digest, see ``short_digest``.
 
     Args:
         path: of the map.
-        digest: the digest that the map must have; None accepts any map.
+        lineage: the lineage that the map must have; None accepts any map.
 
     Raises:
-        MapError: it is missing, too long, damaged, of another format, or of another map.
+        MapError: it is missing, too long, damaged, of another format or lineage.
     """
     try:
         written = _read(path, MANIFEST)
@@ -215,13 +220,12 @@ def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, st
         raise MapError(f"{path / SEAL}: missing or unreadable; {REBUILD}") from None
     if seal != seal_of(written):
         raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {REBUILD}")
-    found = short_digest(written)
-    if digest not in (None, found):
+    if lineage not in (None, manifest.lineage):
         raise MapError(
-            f"{path}: is now the map {found}, but the services serve {digest}: put that map back, "
-            "or stop all services of it and start them with the new map"
+            f"{path}: is no version of the served map: its descriptor model or its number of "
+            "channels differs; put that map back, or start all services again with the new map"
         )
-    return manifest, found
+    return manifest, short_digest(written)
 
 
 def _read(path: Path, name: str) -> bytes:

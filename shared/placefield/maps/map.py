@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.digest import NO_DIGEST
+from placefield.maps.digest import NO_DIGEST, lineage_of
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.route_graph import RouteGraph, line
 from placefield.maps.topology import Topology
@@ -195,6 +195,11 @@ class Map:
     def is_saved(self) -> bool:
         """Whether the map was opened from disk, and so has a digest."""
         return self.digest != NO_DIGEST
+
+    @property
+    def lineage(self) -> str:
+        """What all versions of the map have in common, see ``lineage_of``."""
+        return lineage_of(fingerprint(self.model), len(self.channels))
 
     @property
     def topology(self) -> Topology:

@@ -1,5 +1,6 @@
 """The metrics of a map: the places under the identity or under a learned projection."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -122,12 +123,22 @@ def fill_steps(steps: Array, known: NDArray[np.bool_]) -> None:
             row[:] = steps[step - 1]
 
 
-def with_graph(placemap: Map, graph: RouteGraph) -> Map:
+def with_metrics(opened: Map, change: Callable[[MapMetric], MapMetric]) -> Map:
+    """Return a map with each of its metrics changed; channels that shared one still do."""
+    changed = {metric: change(metric) for metric in opened.metrics}
+    return replace(
+        opened,
+        identity=None if opened.identity is None else changed[opened.identity],
+        channels=tuple(
+            replace(channel, metric=changed[channel.metric]) for channel in opened.channels
+        ),
+    )
+
+
+def with_graph(opened: Map, graph: RouteGraph) -> Map:
     """Return a map with another graph of its places, so that its steps follow the graph."""
-    along = {
-        metric: replace(metric, steps=steps_along(metric.places, metric.unit, graph))
-        for metric in placemap.metrics
-    }
-    channels = [replace(each, metric=along[each.metric]) for each in placemap.channels]
-    identity = None if placemap.identity is None else along[placemap.identity]
-    return replace(placemap, channels=channels, graph=graph, identity=identity)
+
+    def along(metric: MapMetric) -> MapMetric:
+        return replace(metric, steps=steps_along(metric.places, metric.unit, graph))
+
+    return replace(with_metrics(opened, along), graph=graph)

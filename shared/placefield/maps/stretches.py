@@ -6,6 +6,7 @@ only if the known road is too short for it: between the places before and after 
 less than half as many places as the vehicle drove.
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -40,6 +41,19 @@ class Stretch(NamedTuple):
     frames: Numbers
     before: int
     after: int
+
+
+class _Run(NamedTuple):
+    """The frames from ``start`` up to ``stop``, between two places; see ``Stretch``."""
+
+    start: int
+    stop: int
+    before: int
+    after: int
+
+    def among(self, frames: Numbers) -> Numbers:
+        """Return those of the frames that are in the run."""
+        return frames[(frames >= self.start) & (frames < self.stop)]
 
 
 class KnownRoads:
@@ -82,22 +96,29 @@ def new_stretches(
     if (places == NO_PLACE).all():
         return []
     pace, stretches = _pace(places), []
-    for start, stop in _unknown_runs(places):
-        before = int(places[start - 1]) if start else NO_PLACE
-        after = int(places[stop]) if stop < len(places) else NO_PLACE
-        stretch = Stretch(distinct[(distinct >= start) & (distinct < stop)], before, after)
+    for run in _unknown(places):
         if alignment.by != "poses":
-            driven = min(len(stretch.frames), pace * (stop - start))
-            if driven < _RATIO * _between(roads, before, after):
+            driven = min(len(run.among(distinct)), pace * (run.stop - run.start))
+            way = _between(roads, run.before, run.after)
+            if way is not None and driven < _RATIO * way:
                 continue
-            stretch = _without_known(stretch, (start, stop), pace, nearest, roads)
-        if len(stretch.frames) >= LEAST_FRAMES:
-            stretches.append(stretch)
+            most = len(places) if way is None else math.ceil(way / pace)
+            run = _without_known(run, most, pace, nearest, roads)
+        frames = run.among(distinct)
+        if len(frames) >= LEAST_FRAMES:
+            stretches.append(Stretch(frames, run.before, run.after))
     return stretches
 
 
-def _unknown_runs(places: Places) -> Iterator[tuple[int, int]]:
-    """Yield first frame and last frame + 1 of each run of frames without a place."""
+def _unknown(places: Places) -> Iterator[_Run]:
+    for start, stop in unknown_runs(places):
+        before = int(places[start - 1]) if start else NO_PLACE
+        after = int(places[stop]) if stop < len(places) else NO_PLACE
+        yield _Run(start, stop, before, after)
+
+
+def unknown_runs(places: Places) -> Iterator[tuple[int, int]]:
+    """Yield first frame and last frame + 1 of each run of frames, (M,), without a place."""
     edges = np.diff(np.pad((places == NO_PLACE).astype(np.int8), 1))
     yield from zip(
         np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True
@@ -109,39 +130,35 @@ def _pace(places: Places) -> float:
     is_known = places != NO_PLACE
     steps = np.diff(places)[is_known[1:] & is_known[:-1]]
     steps = steps[(steps >= 0) & (steps <= STEPS)]
-    return float(steps.mean()) if len(steps) else 1.0
+    return max(float(steps.mean()), 1 / STEPS) if len(steps) else 1.0
 
 
-def _between(roads: KnownRoads, before: int, after: int) -> float:
+def _between(roads: KnownRoads, before: int, after: int) -> float | None:
     """Return how many places of the map the vehicle may have passed between two places.
 
-    Without one of them, these are all places that may follow, or precede, the other one.
+    Without one of them, these are all places that may follow, or precede, the other one. None if
+    there is no way.
     """
     if before == NO_PLACE or after == NO_PLACE:
         steps = roads.to_place(after) if before == NO_PLACE else roads.from_place(before)
         return float(steps[np.isfinite(steps)].max())
     steps = roads.from_place(before)[after]
-    return max(float(steps) - 1, 0.0) if np.isfinite(steps) else 0.0
+    return max(float(steps) - 1, 0.0) if np.isfinite(steps) else None
 
 
-def _without_known(
-    stretch: Stretch, run: tuple[int, int], pace: float, nearest: Places, roads: KnownRoads
-) -> Stretch:
-    """Leave out the frames at both ends that resemble the known road there.
+def _without_known(run: _Run, most: int, pace: float, nearest: Places, roads: KnownRoads) -> _Run:
+    """Leave out the frames at both ends that resemble the known road there, ``most`` at each.
 
     The smoother needs some frames to recognise a road, and to be sure that it was left.
     """
-    start, stop = run
-    frames, before, after = stretch
+    start, stop, before, after = run
     if before != NO_PLACE:
-        known = _known_first(nearest[start:stop], roads.from_place(before), pace)
-        if known:
-            start, before = start + known, int(nearest[start + known - 1])
+        known = _known_first(nearest[start:stop][:most], roads.from_place(before), pace)
+        start, before = start + known, int(nearest[start + known - 1]) if known else before
     if after != NO_PLACE:
-        known = _known_first(nearest[start:stop][::-1], roads.to_place(after), pace)
-        if known:
-            stop, after = stop - known, int(nearest[stop - known])
-    return Stretch(frames[(frames >= start) & (frames < stop)], before, after)
+        known = _known_first(nearest[start:stop][::-1][:most], roads.to_place(after), pace)
+        stop, after = stop - known, int(nearest[stop - known]) if known else after
+    return _Run(start, stop, before, after)
 
 
 def _known_first(nearest: Places, steps: NDArray[np.float64], pace: float) -> int:

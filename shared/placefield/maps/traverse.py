@@ -25,7 +25,8 @@ ROUTE = "route"
 NO_PLACE = -1
 """The place of a frame that shows no place."""
 
-_THUMBNAIL = 160  # pixels of a side, at most
+THUMBNAIL = 160
+"""Pixels of a thumbnail's side, at most."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
         raw = feature.describe(pixels)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = small_jpeg(pixels, _THUMBNAIL)
+    thumbnail = small_jpeg(pixels, THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
 
 

@@ -23,6 +23,7 @@ Places = NDArray[np.int32]
 _SCALE = 0.05  # deviation of odometry, as a fraction of the metres travelled
 _LEAST = 0.02  # likewise, as a fraction of the mean gap between two places
 _SLIP = 0.02  # chance that the wheels slipped: any part of the displacement is as likely
+_GRAIN = 1 / 8  # ways that differ by less may count as one, as a fraction of the noise
 _BOX = 3**0.5  # half the width of a uniform density of deviation 1
 
 
@@ -44,9 +45,8 @@ class Leg(NamedTuple):
 
 def reached_by(displacement: Displacement, roads: Roads, places: Places) -> Places:
     """Return the places that a displacement may lead to from these places, ascending."""
+    assert roads.cells is not None
     cells = roads.cells
-    if cells is None:
-        return places
     count = len(cells.middles)
     open_ranges = np.zeros(count + 1, np.int32)
     for rows, leg in _legs(displacement, roads, cells, places):
@@ -122,11 +122,11 @@ def _legs(
     bounds = np.searchsorted(places, edges)
     sources = np.flatnonzero(bounds[:-1] < bounds[1:]).astype(np.int32)
     ends = cells.edges[np.minimum(edges, len(cells.middles))]
-    reach = abs(displacement.metres) + _noise(cells, displacement)
-    reach = min(reach, float(ends[-1] - ends[0]))
+    noise = _noise(cells, displacement)
+    reach = min(abs(displacement.metres) + noise, float(ends[-1] - ends[0]))
     itself = Passages(sources, sources, np.zeros(len(sources)), np.ones(len(sources), np.float32))
-    ahead = passages_ahead(roads.junctions, ends, sources, reach)
-    behind = passages_behind(roads.junctions, ends, sources, reach)
+    ahead = passages_ahead(roads.junctions, ends, sources, reach, noise * _GRAIN)
+    behind = passages_behind(roads.junctions, ends, sources, reach, noise * _GRAIN)
     for found in (itself, ahead, behind):
         for source, target, shift, chance in zip(*found, strict=True):
             leg = Leg(int(edges[target]), int(edges[target + 1]), float(shift), float(chance))

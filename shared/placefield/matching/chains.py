@@ -122,7 +122,9 @@ def chains_between(edges: Places, junctions: Junctions, reach: int = REACH) -> C
     )
 
 
-def passages_ahead(junctions: Junctions, edges: Vector, sources: Places, reach: float) -> Passages:
+def passages_ahead(
+    junctions: Junctions, edges: Vector, sources: Places, reach: float, grain: float = 1.0
+) -> Passages:
     """Return the passages from the ends of some chains to all chains nearer than ``reach``.
 
     Args:
@@ -130,16 +132,19 @@ def passages_ahead(junctions: Junctions, edges: Vector, sources: Places, reach: 
         edges: (C + 1,) where each chain begins, and the last one ends, in any unit of length.
         sources: (n,) int32, numbers of chains.
         reach: in that unit, from the end of the source to the beginning of the target.
+        grain: in that unit; ways to a chain whose lengths differ by less may count as one.
     """
     found = [
         (source, target, edges[source + 1] + distance - edges[target], chance)
         for source in sources.tolist()
-        for target, distance, chance in _within(junctions.ahead, edges, source, reach)
+        for target, distance, chance in _within(junctions.ahead, edges, source, (reach, grain))
     ]
     return _passages(found)
 
 
-def passages_behind(junctions: Junctions, edges: Vector, sources: Places, reach: float) -> Passages:
+def passages_behind(
+    junctions: Junctions, edges: Vector, sources: Places, reach: float, grain: float = 1.0
+) -> Passages:
     """Return the passages from the beginnings of some chains back to the ends of all chains.
 
     See ``passages_ahead`` for the arguments.
@@ -147,7 +152,7 @@ def passages_behind(junctions: Junctions, edges: Vector, sources: Places, reach:
     found = [
         (source, target, edges[source] - distance - edges[target + 1], chance)
         for source in sources.tolist()
-        for target, distance, chance in _within(junctions.behind, edges, source, reach)
+        for target, distance, chance in _within(junctions.behind, edges, source, (reach, grain))
     ]
     return _passages(found)
 
@@ -180,20 +185,22 @@ def _passages(found: list[tuple[int, int, float, float]]) -> Passages:
 
 
 def _within(
-    ways: Ways, edges: Vector, source: int, reach: float
+    ways: Ways, edges: Vector, source: int, limits: tuple[float, float]
 ) -> Iterator[tuple[int, float, float]]:
     """Yield the chains after one, how far away they are, and the chance to come there.
 
-    A chain is yielded once for each distance.
+    A chain is yielded once for each distance, rounded to the grain; ``limits`` are reach and grain.
     """
-    ahead = {(0.0, chain): chance for chain, chance in ways[source]}
+    reach, grain = limits
+    ahead = {(0, chain): (0.0, chance) for chain, chance in ways[source]}
     while ahead:
         nearest = min(ahead)
-        distance, chain = nearest
-        chance = ahead.pop(nearest)
+        (_, chain), (distance, chance) = nearest, ahead.pop(nearest)
         if distance >= reach or chance < _LEAST:
             continue
         yield chain, distance, chance
         end = distance + float(edges[chain + 1] - edges[chain])
         for following, share in ways[chain]:
-            ahead[end, following] = ahead.get((end, following), 0.0) + chance * share
+            there = round(end / grain), following
+            first, before = ahead.get(there, (end, 0.0))
+            ahead[there] = first, before + chance * share

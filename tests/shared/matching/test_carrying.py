@@ -7,14 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from route_networks import Link, network
 
-from placefield.maps.route_graph import RouteGraph
-from placefield.maps.topology import Topology
 from placefield.matching.carrying import carry, carry_back, reached_by
 from placefield.matching.odometry import Displacement
 from placefield.matching.roads import Roads, RouteCells, roads_of
-
-Link = tuple[int, int]
 
 VEHICLES = 400_000
 
@@ -30,11 +27,7 @@ def cells_of(roads: Roads) -> RouteCells:
 
 def road_of(*travelled: float, first: Sequence[int] = (0,), links: Sequence[Link] = ()) -> Roads:
     """Places at these metres, on routes that begin with these places."""
-    names = tuple(map(str, first))
-    ordered = np.array(sorted(links), np.int32).reshape(-1, 2)
-    graph = RouteGraph(names, np.array(first, np.int32), ordered)
-    same = np.arange(len(travelled), dtype=np.int32)
-    return roads_of(Topology(graph, np.array(travelled, np.float64), same))
+    return roads_of(network(len(travelled), first, links, travelled))
 
 
 def carried(

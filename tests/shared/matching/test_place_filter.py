@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from reference_filter import ReferenceFilter
+from route_networks import networks
 
 from placefield.maps.map_metrics import steps_along
-from placefield.maps.route_graph import RouteGraph
 from placefield.maps.topology import Topology
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
@@ -112,21 +112,6 @@ def test_posteriors_are_those_of_the_model_with_odometry_as_well(
     assert_the_model_is_followed(places, UNIT, query, topology_of(travelled), readings)
 
 
-@st.composite
-def topologies(draw: st.DrawFn, count: int) -> Topology:
-    """Routes of any length, with links from anywhere to anywhere: forks, joins and circuits."""
-    first = {0, *draw(st.lists(st.integers(0, count - 1), max_size=4))}
-    place = st.integers(0, count - 1)
-    drawn = draw(st.lists(st.tuples(place, place), max_size=5))
-    links = sorted({(a, b) for a, b in drawn if b != a + 1 or b in first})
-    graph = RouteGraph(
-        tuple(map(str, first)),
-        np.array(sorted(first), np.int32),
-        np.array(links, np.int32).reshape(-1, 2),
-    )
-    return Topology(graph, np.empty(0), np.arange(count, dtype=np.int32))
-
-
 @pytest.mark.slow
 @given(st.integers(2, 40), st.integers(0, 10**6), st.data())
 @settings(max_examples=40, deadline=None)
@@ -134,7 +119,7 @@ def test_posteriors_are_those_of_the_model_on_any_network_of_routes(
     count: int, seed: int, data: st.DataObject
 ) -> None:
     """The frames come along the places in order, then from anywhere."""
-    topology, places = data.draw(topologies(count)), random_walk(count, seed)
+    topology, places = data.draw(networks(count)), random_walk(count, seed)
     rng = np.random.default_rng(seed)
     positions = [*range(min(count, 12)), *rng.integers(0, count, 8).tolist()]
     noise = rng.integers(-100, 101, (len(positions), 6), np.int16)

@@ -102,11 +102,14 @@ def _as_line(
 ) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
-    place = place_words(match.place, graphs.get(match.map or ""))
     smoothed = isinstance(match, SmoothedMessage)
     frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
-    parts = [f"{frame}: {place}, score {match.score:.2f}"]
-    if match.probability is not None:
+    parts = [f"{frame}: {_place_of(match, graphs)}"]
+    if match.new is None:
+        parts.append(f"score {match.score:.2f}")
+    if _is_new(match):
+        parts.append(percent(match.new or 0.0))
+    elif match.probability is not None:
         asked = "" if match.known or match.too_fast else f" ({100 * precision:g} % asked)"
         parts.append(f"{certainty_of(match)}, {percent(match.probability)}{asked}")
     if match.pose is not None:
@@ -119,6 +122,18 @@ def _as_line(
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
     return ", ".join(parts)
+
+
+def _place_of(match: MatchMessage, graphs: "Mapping[str, RouteGraph]") -> str:
+    """Return the words for a place; where a drive is explored, the place is one of its frames."""
+    if match.new is not None:
+        return "new place" if _is_new(match) else f"place of frame {match.place}"
+    return place_words(match.place, graphs.get(match.map or ""))
+
+
+def _is_new(match: MatchMessage) -> bool:
+    """Whether a place of an explored drive is more likely new than that of an earlier frame."""
+    return match.new is not None and match.new > (match.probability or 0.0)
 
 
 def _as_json(header: Header, match: MatchMessage | None) -> str:

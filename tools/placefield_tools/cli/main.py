@@ -22,6 +22,7 @@ from placefield_tools.cli import (
     doctor,
     drop,
     evaluate,
+    explore,
     export,
     fetch,
     inspect,
@@ -71,7 +72,7 @@ def _root(
 
 _PANELS = {
     "Maps": (build, add, drop, join, inspect, serve, fetch),
-    "Services": (up, services, router, plan, status, alive),
+    "Services": (up, services, explore, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),
     "Accuracy and tests": (evaluate, study, bench, chaos, datasets),

@@ -49,12 +49,19 @@ ROLES = {
     "channel": _service(
         "channel",
         publishes=(_ANY.all_candidates, _ANY.all_halos),
-        reads=(_ANY.feature, _ANY.moments, _ANY.all_halos),
+        reads=(_ANY.feature, _ANY.moments, _ANY.all_halos, _ANY.match),
     ),
     "fuser": _service(
         "fuser",
         publishes=(_ANY.match, _ANY.smoothed, _ANY.ack),
         reads=(_ANY.feature, _ANY.moments, _ANY.all_candidates),
+    ),
+    "mapper": Role(
+        publishes=(_ANY.stats("mapper", "*"),),
+        reads=(_ANY.frame, _ANY.feature),
+        is_alive_as=(_ANY.all_alive("mapper"),),
+        asks=(_CACHES,),
+        answers=(_CACHES,),
     ),
     "camera": Role(
         publishes=(_ANY.frame, _ANY.odometry),
