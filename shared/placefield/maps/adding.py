@@ -18,8 +18,9 @@ from placefield.maps.manifest import REBUILD, ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapMetric
 from placefield.maps.new_routes import takes_places, with_routes
 from placefield.maps.pruning import looks_that_add
+from placefield.maps.route_distances import RouteDistances
 from placefield.maps.same_route import align_to_map, poses_in_map
-from placefield.maps.stretches import LEAST_FRAMES, KnownRoads, Stretch, new_stretches, unknown_runs
+from placefield.maps.stretches import LEAST_FRAMES, Stretch, new_stretches, unknown_runs
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 from placefield.matching.comparing import MetricPlaces
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
@@ -131,7 +132,7 @@ def _stretches(
     nearest = np.array([frame.distances.argmin() for frame in compared], np.int32)
     distinct = _distinct(descriptors, alignment, is_usable, identity)
     return new_stretches(
-        alignment, distinct, nearest, KnownRoads(opened.graph, opened.places.count)
+        alignment, distinct, nearest, RouteDistances(opened.graph, opened.places.count)
     )
 
 

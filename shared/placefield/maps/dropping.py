@@ -15,7 +15,7 @@ from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
 from placefield.maps.map_metrics import with_metrics
 from placefield.maps.new_routes import route_name
-from placefield.maps.route_graph import RouteGraph
+from placefield.maps.route_graph import RouteGraph, routes_of
 from placefield.maps.traverse import NO_PLACE
 
 Kept = NDArray[np.bool_]
@@ -60,7 +60,7 @@ def drop_traverse(opened: Map, number: int) -> Map:
     rows = look_rows(check_growable(opened))
     name = opened.traverses[number].name
     routes = _routes_of(opened, number)
-    kept = ~np.isin(_route_numbers(opened.graph, opened.places.count), routes)
+    kept = ~np.isin(routes_of(opened.graph.first, np.arange(opened.places.count)), routes)
     for other, alignment in opened.alignments.items():
         shown = alignment.places[alignment.places != NO_PLACE]
         if other != number and not kept[shown].all():
@@ -99,11 +99,6 @@ def _routes_of(opened: Map, number: int) -> list[int]:
         return []
     own = {route_name(name, number) for number in range(1, len(opened.graph.names))}
     return [route for route, named in enumerate(opened.graph.names) if named in own]
-
-
-def _route_numbers(graph: RouteGraph, count: int) -> NDArray[np.intp]:
-    """Return the number of each place's route, (K,)."""
-    return np.searchsorted(graph.first, np.arange(count), side="right") - 1
 
 
 def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[np.int32]) -> Map:

@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from placefield.maps.map import STEPS
-from placefield.maps.route_graph import RouteGraph
+from placefield.maps.route_distances import RouteDistances
 from placefield.maps.traverse import NO_PLACE, Alignment
 
 LEAST_FRAMES = 20
@@ -56,32 +54,8 @@ class _Run(NamedTuple):
         return frames[(frames >= self.start) & (frames < self.stop)]
 
 
-class KnownRoads:
-    """How many places there are between the places of a map, along its routes and links."""
-
-    def __init__(self, graph: RouteGraph, count: int) -> None:
-        """Prepare for a map of ``count`` places."""
-        here = np.setdiff1d(np.arange(count - 1), graph.first[1:] - 1)
-        steps = np.concatenate([np.column_stack([here, here + 1]), graph.links])
-        self._steps = coo_array((np.ones(len(steps)), tuple(steps.T)), shape=(count, count)).tocsr()
-        self._back = self._steps.T.tocsr()
-
-    def from_place(self, place: int) -> NDArray[np.float64]:
-        """Return the least number of steps from a place to each, (K,); infinite without a way."""
-        return _steps_from(self._steps, place)
-
-    def to_place(self, place: int) -> NDArray[np.float64]:
-        """Return the least number of steps to a place from each, (K,); infinite without a way."""
-        return _steps_from(self._back, place)
-
-
-def _steps_from(graph: csr_array, place: int) -> NDArray[np.float64]:
-    (steps,) = dijkstra(graph, unweighted=True, indices=np.array([place]))
-    return np.asarray(steps)
-
-
 def new_stretches(
-    alignment: Alignment, distinct: Numbers, nearest: Places, roads: KnownRoads
+    alignment: Alignment, distinct: Numbers, nearest: Places, steps: RouteDistances
 ) -> list[Stretch]:
     """Return the stretches of a drive of M frames that a map does not have, in their order.
 
@@ -90,7 +64,7 @@ def new_stretches(
         distinct: (n,) the numbers of the frames that may become places, ascending; with poses, only
             frames whose pose is known.
         nearest: (M,) int32, the place whose descriptor is nearest to that of each frame.
-        roads: of the map.
+        steps: between the places of the map.
     """
     places = alignment.places
     if (places == NO_PLACE).all():
@@ -99,11 +73,11 @@ def new_stretches(
     for run in _unknown(places):
         if alignment.by != "poses":
             driven = min(len(run.among(distinct)), pace * (run.stop - run.start))
-            way = _between(roads, run.before, run.after)
+            way = _between(steps, run.before, run.after)
             if way is not None and driven < _RATIO * way:
                 continue
             most = len(places) if way is None else math.ceil(way / pace)
-            run = _without_known(run, most, pace, nearest, roads)
+            run = _without_known(run, most, pace, nearest, steps)
         frames = run.among(distinct)
         if len(frames) >= LEAST_FRAMES:
             stretches.append(Stretch(frames, run.before, run.after))
@@ -133,30 +107,32 @@ def _pace(places: Places) -> float:
     return max(float(steps.mean()), 1 / STEPS) if len(steps) else 1.0
 
 
-def _between(roads: KnownRoads, before: int, after: int) -> float | None:
+def _between(steps: RouteDistances, before: int, after: int) -> float | None:
     """Return how many places of the map the vehicle may have passed between two places.
 
     Without one of them, these are all places that may follow, or precede, the other one. None if
     there is no way.
     """
     if before == NO_PLACE or after == NO_PLACE:
-        steps = roads.to_place(after) if before == NO_PLACE else roads.from_place(before)
-        return float(steps[np.isfinite(steps)].max())
-    steps = roads.from_place(before)[after]
-    return max(float(steps) - 1, 0.0) if np.isfinite(steps) else None
+        all_steps = steps.to_place(after) if before == NO_PLACE else steps.from_place(before)
+        return float(all_steps[np.isfinite(all_steps)].max())
+    needed = steps.from_place(before)[after]
+    return max(float(needed) - 1, 0.0) if np.isfinite(needed) else None
 
 
-def _without_known(run: _Run, most: int, pace: float, nearest: Places, roads: KnownRoads) -> _Run:
+def _without_known(
+    run: _Run, most: int, pace: float, nearest: Places, steps: RouteDistances
+) -> _Run:
     """Leave out the frames at both ends that resemble the known road there, ``most`` at each.
 
     The smoother needs some frames to recognise a road, and to be sure that it was left.
     """
     start, stop, before, after = run
     if before != NO_PLACE:
-        known = _known_first(nearest[start:stop][:most], roads.from_place(before), pace)
+        known = _known_first(nearest[start:stop][:most], steps.from_place(before), pace)
         start, before = start + known, int(nearest[start + known - 1]) if known else before
     if after != NO_PLACE:
-        known = _known_first(nearest[start:stop][::-1][:most], roads.to_place(after), pace)
+        known = _known_first(nearest[start:stop][::-1][:most], steps.to_place(after), pace)
         stop, after = stop - known, int(nearest[stop - known]) if known else after
     return _Run(start, stop, before, after)
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from placefield.maps.route_distances import RouteDistances
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, line
-from placefield.maps.stretches import KnownRoads, Stretch, new_stretches
+from placefield.maps.stretches import Stretch, new_stretches
 from placefield.maps.traverse import Alignment
 
 PLACES = 100
@@ -22,8 +23,8 @@ def stretches(
     places = np.concatenate(parts).astype(np.int32)
     nearest = np.random.default_rng(4).integers(0, PLACES, len(places)).astype(np.int32)
     alignment = Alignment(places, np.ones(len(places), np.float32), by)  # type: ignore[arg-type]
-    roads = KnownRoads(graph or line("road"), PLACES)
-    return new_stretches(alignment, np.arange(len(places)), nearest, roads)
+    steps = RouteDistances(graph or line("road"), PLACES)
+    return new_stretches(alignment, np.arange(len(places)), nearest, steps)
 
 
 def ends(found: list[Stretch]) -> list[tuple[int, int, int, int]]:
@@ -72,7 +73,7 @@ def test_links_are_roads_and_there_is_none_between_routes_without_one() -> None:
     first = np.array([0, 50], np.int32)
     drive = (np.arange(20), [NOWHERE] * 30, np.arange(75, PLACES))
     linked = RouteGraph(("a", "b"), first, np.array([[30, 60]], np.int32))
-    assert KnownRoads(linked, PLACES).from_place(19)[75] == 11 + 1 + 15
+    assert RouteDistances(linked, PLACES).from_place(19)[75] == 11 + 1 + 15
     assert stretches(*drive, graph=linked) == []
     apart = RouteGraph(("a", "b"), first, NO_LINKS)
     assert len(stretches(*drive, graph=apart)) == 1
@@ -82,5 +83,7 @@ def test_frames_at_the_ends_that_show_the_road_are_not_part_of_it() -> None:
     places = np.r_[np.arange(90), np.full(60, NOWHERE)].astype(np.int32)
     nearest = np.r_[np.arange(100), np.random.default_rng(4).integers(0, 80, 50)].astype(np.int32)
     alignment = Alignment(places, np.ones(150, np.float32), "smoother")
-    (found,) = new_stretches(alignment, np.arange(150), nearest, KnownRoads(line("road"), PLACES))
+    (found,) = new_stretches(
+        alignment, np.arange(150), nearest, RouteDistances(line("road"), PLACES)
+    )
     assert ends([found]) == [(100, 149, 99, NOWHERE)]

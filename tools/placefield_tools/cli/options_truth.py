@@ -115,8 +115,8 @@ def places_near_in(map_path: Path, tolerance: int) -> Near:
         map_path: the map.
         tolerance: steps of one place.
     """
-    from placefield.maps.near_places import places_near
     from placefield.maps.opening import open_map
+    from placefield.maps.route_distances import places_near
     from placefield.maps.route_graph import place_in
 
     opened = open_map(map_path, channels=())
