@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.features.descriptors import is_blank
-from placefield.maps.changing_looks import LookRows, joined, look_rows, with_rows
 from placefield.maps.gathering import nearest_frames
+from placefield.maps.look_rows import LookRows, look_rows, merged, replace_looks
 from placefield.maps.manifest import REBUILD, ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapMetric
 from placefield.maps.new_routes import takes_places, with_routes
@@ -107,7 +107,7 @@ def add_traverse(opened: Map, traverse: Traverse) -> Addition:
     grown = with_routes(opened, traverse, stretches, quantized) if stretches else opened
     grown = _recorded(grown, opened, traverse, alignment, stretches)
     return Addition(
-        with_rows(grown, joined(look_rows(identity), seen.chosen(adds))),
+        replace_looks(grown, merged(look_rows(identity), seen.chosen(adds))),
         looks=int(adds.sum()),
         pruned=int((~adds).sum()),
         places=grown.places.count - opened.places.count,

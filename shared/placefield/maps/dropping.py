@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.adding import check_growable
-from placefield.maps.changing_looks import look_rows, with_rows
-from placefield.maps.growing_metrics import without_places
+from placefield.maps.look_rows import look_rows, replace_looks
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
-from placefield.maps.map_metrics import with_metrics
+from placefield.maps.map_metrics import change_metrics, without_places
 from placefield.maps.new_routes import route_name
 from placefield.maps.route_graph import RouteGraph, routes_of
 from placefield.maps.traverse import NO_PLACE
@@ -76,7 +75,7 @@ def drop_traverse(opened: Map, number: int) -> Map:
     )
     shrunk = opened if kept.all() else _without_places(opened, kept, routes, moved)
     return replace(
-        with_rows(shrunk, others),
+        replace_looks(shrunk, others),
         traverses=(*opened.traverses[:number], *opened.traverses[number + 1 :]),
         alignments={
             other - (other > number): MapAlignment(
@@ -103,7 +102,7 @@ def _routes_of(opened: Map, number: int) -> list[int]:
 
 def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[np.int32]) -> Map:
     graph = _without_routes(opened.graph, routes, kept, moved)
-    shrunk = with_metrics(opened, lambda metric: without_places(metric, kept, graph))
+    shrunk = change_metrics(opened, lambda metric: without_places(metric, kept, graph))
     return replace(
         shrunk,
         places=_kept_places(opened.places, kept, moved),

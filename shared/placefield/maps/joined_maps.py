@@ -13,11 +13,11 @@ import numpy as np
 
 from placefield.config import BuildConfig, Config
 from placefield.errors import MapError
-from placefield.maps.changing_looks import look_rows
 from placefield.maps.joining import GivenLink, joined
+from placefield.maps.look_rows import look_rows
 from placefield.maps.manifest import REBUILD
 from placefield.maps.map import Array, Map, MapAlignment, MapMetric
-from placefield.maps.map_metrics import with_metrics
+from placefield.maps.map_metrics import change_metrics
 from placefield.maps.traverse import NO_PLACE, ROUTE, Alignment, Traverse
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized
 
@@ -96,7 +96,7 @@ def with_records(built: Map, maps: Sequence[Map]) -> Map:
         return replace(metric, looks=replace(looks, traverses=numbered[looks.traverses]))
 
     return replace(
-        with_metrics(built, renumbered),
+        change_metrics(built, renumbered),
         traverses=tuple(record for opened in maps for record in opened.traverses),
         alignments=alignments,
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, Map, MapMetric
 from placefield.maps.route_graph import RouteGraph, line
-from placefield.search.coarse import coarse_index
+from placefield.search.coarse import CoarseIndex, coarse_index
 from placefield.search.looks import looks_at, squared_lengths
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
@@ -18,6 +18,7 @@ from placefield.search.quantized import (
     projected_unit,
     quantize,
 )
+from placefield.search.spread import spread_of
 
 _BLOCK = 1024  # places held as floats at once
 
@@ -123,7 +124,53 @@ def fill_steps(steps: Array, known: NDArray[np.bool_]) -> None:
             row[:] = steps[step - 1]
 
 
-def with_metrics(opened: Map, change: Callable[[MapMetric], MapMetric]) -> Map:
+def with_places(metric: MapMetric, routes: list[Quantized], graph: RouteGraph) -> MapMetric:
+    """Return a metric with the places of further routes after its own, and without looks.
+
+    Args:
+        metric: with K places.
+        routes: the quantized descriptors of each route, (n, N) int16, not projected; at least one.
+        graph: of all places.
+    """
+    added = [projected(metric, route) for route in routes]
+    places = np.concatenate([metric.places, *added])
+    return replace(
+        metric,
+        places=places,
+        squares=np.concatenate([metric.squares, *map(squared_lengths, added)]),
+        steps=steps_along(places, metric.unit, graph),
+        coarse=metric.coarse and _with_codes(metric.coarse, added, places),
+        looks=None,
+    )
+
+
+def _with_codes(coarse: CoarseIndex, added: list[Quantized], places: Quantized) -> CoarseIndex:
+    codes = np.concatenate([coarse.codes, *map(coarse.encode, added)])
+    return replace(coarse, codes=codes, spread=spread_of(places))
+
+
+def without_places(metric: MapMetric, kept: NDArray[np.bool_], graph: RouteGraph) -> MapMetric:
+    """Return a metric with some of its K places, and without looks.
+
+    Args:
+        metric: with K places.
+        kept: (K,) bool, which of them stay.
+        graph: of those that stay.
+    """
+    places, coarse = metric.places[kept], metric.coarse
+    if coarse is not None:
+        coarse = replace(coarse, codes=coarse.codes[kept], spread=spread_of(places))
+    return replace(
+        metric,
+        places=places,
+        squares=metric.squares[kept],
+        steps=steps_along(places, metric.unit, graph),
+        coarse=coarse,
+        looks=None,
+    )
+
+
+def change_metrics(opened: Map, change: Callable[[MapMetric], MapMetric]) -> Map:
     """Return a map with each of its metrics changed; channels that shared one still do."""
     changed = {metric: change(metric) for metric in opened.metrics}
     return replace(
@@ -141,4 +188,4 @@ def with_graph(opened: Map, graph: RouteGraph) -> Map:
     def along(metric: MapMetric) -> MapMetric:
         return replace(metric, steps=steps_along(metric.places, metric.unit, graph))
 
-    return replace(with_metrics(opened, along), graph=graph)
+    return replace(change_metrics(opened, along), graph=graph)

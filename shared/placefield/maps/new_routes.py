@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.growing_metrics import with_places
 from placefield.maps.map import Map, Places
-from placefield.maps.map_metrics import with_metrics
+from placefield.maps.map_metrics import change_metrics, with_places
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.stretches import Stretch
 from placefield.maps.traverse import NO_PLACE, Traverse
@@ -38,7 +37,7 @@ def with_routes(
     """
     routes = [descriptors[stretch.frames] for stretch in stretches]
     graph = _with_stretches(opened.graph, traverse.name, stretches, opened.places.count)
-    grown = with_metrics(opened, lambda metric: with_places(metric, routes, graph))
+    grown = change_metrics(opened, lambda metric: with_places(metric, routes, graph))
     inactive = np.zeros(sum(map(len, routes)), np.int32)
     return replace(
         grown,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import Map, MapMetric
-from placefield.maps.map_metrics import with_looks, with_metrics
+from placefield.maps.map_metrics import change_metrics, with_looks
 from placefield.search.quantized import Quantized
 
 
@@ -38,7 +38,7 @@ def look_rows(identity: MapMetric) -> LookRows:
     return LookRows(looks.places, looks.descriptors, looks.traverses)
 
 
-def joined(one: LookRows, other: LookRows) -> LookRows:
+def merged(one: LookRows, other: LookRows) -> LookRows:
     """Return all looks of both; at each place, those of ``one`` come first."""
     both = LookRows(
         np.concatenate([one.places, other.places]),
@@ -48,11 +48,11 @@ def joined(one: LookRows, other: LookRows) -> LookRows:
     return both.chosen(np.argsort(both.places, kind="stable"))
 
 
-def with_rows(opened: Map, rows: LookRows) -> Map:
-    """Return a map whose metrics have these looks, and no others."""
+def replace_looks(opened: Map, rows: LookRows) -> Map:
+    """Return a map whose metrics have these looks, and none of their own."""
 
     def change(metric: MapMetric) -> MapMetric:
         alone = replace(metric, looks=None)
         return with_looks(alone, *rows) if len(rows.places) else alone
 
-    return with_metrics(opened, change)
+    return change_metrics(opened, change)
