@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import chain, count
 from pathlib import PurePath
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.geography import Origin
-from placefield.maps.route_graph import RouteGraph, as_links, place_in
+from placefield.maps.route_graph import RouteGraph, place_in
 from placefield.maps.traverse import ROUTE, Traverse
 
 log = logging.getLogger(__name__)
@@ -74,7 +73,7 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
 
 def _with_links(graph: RouteGraph, count: int, given: Sequence[GivenLink]) -> RouteGraph:
     """Return a graph of ``count`` places with further links; see ``joined`` for the errors."""
-    links = {(int(one), int(other)) for one, other in graph.links}
+    links = []
     for route, number, to, to_number in given:
         try:
             one = place_in(graph, count, route, number)
@@ -83,8 +82,8 @@ def _with_links(graph: RouteGraph, count: int, given: Sequence[GivenLink]) -> Ro
             raise MapError(f"link {route}:{number},{to}:{to_number}: {error}") from None
         if other == one + 1 and other not in graph.first:
             raise MapError(f"link {route}:{number},{to}:{to_number}: is the next place already")
-        links.add((one, other))
-    return replace(graph, links=as_links(links))
+        links.append((one, other))
+    return graph.with_links(links)
 
 
 def _in_one_frame(routes: Sequence[Traverse], same_frame: bool) -> tuple[NDArray[np.float64], str]:

@@ -9,8 +9,7 @@ If the end of a route has no way on, it links to the place that lies ahead by th
 of a circuit, or another route. Likewise the start of a route.
 """
 
-from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from placefield.maps.alignment import NEAR_M, align_by_poses
 from placefield.maps.map import STEPS
-from placefield.maps.route_graph import Firsts, Link, RouteGraph, as_links, routes_of
+from placefield.maps.route_graph import Firsts, Link, RouteGraph, routes_of
 from placefield.maps.traverse import NO_PLACE
 
 _APART = 40  # places of one route between the ends of a link by poses: nearer ones are neighbours
@@ -102,12 +101,10 @@ def linked(graph: RouteGraph, same: Same, poses: Poses) -> RouteGraph:
         same: (K,) int32, see ``overlaps``.
         poses: (K, 3) float64, as in ``same_by_poses``.
     """
-    links = {(int(one), int(other)) for one, other in graph.links}
-    for overlap in overlaps(same, graph.first):
-        links |= _links_of(overlap, graph.first, len(same))
-    if len(poses):
-        links |= _links_by_poses(graph.first, poses, links)
-    return replace(graph, links=as_links(links))
+    shared = overlaps(same, graph.first)
+    found = [_links_of(overlap, graph.first, len(same)) for overlap in shared]
+    graph = graph.with_links(chain.from_iterable(found))
+    return graph.with_links(_links_by_poses(graph, poses)) if len(poses) else graph
 
 
 def _links_of(overlap: Overlap, first: Firsts, count: int) -> set[Link]:
@@ -120,10 +117,10 @@ def _links_of(overlap: Overlap, first: Firsts, count: int) -> set[Link]:
     return entered | left
 
 
-def _links_by_poses(first: Firsts, poses: Poses, links: set[Link]) -> set[Link]:
+def _links_by_poses(graph: RouteGraph, poses: Poses) -> set[Link]:
     """Return links at those ends and starts of routes that no link leaves or enters."""
-    found = set()
-    left, entered = {one for one, _ in links}, {other for _, other in links}
+    first, found = graph.first, set()
+    left, entered = (set(side.tolist()) for side in graph.links.T)
     for spacing, (start, end) in zip(
         _spacings(poses, first), _bounds(first, len(poses)), strict=True
     ):

@@ -11,7 +11,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.digest import NO_DIGEST, lineage_of
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
-from placefield.maps.route_graph import RouteGraph, line
+from placefield.maps.route_graph import RouteGraph
 from placefield.maps.topology import Topology
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
@@ -176,7 +176,7 @@ class Map:
     model: DescriptorModel
     places: Places
     channels: Sequence[MapChannel]
-    graph: RouteGraph = field(default_factory=lambda: line(""))
+    graph: RouteGraph = field(default_factory=lambda: RouteGraph.line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
     identity: MapMetric | None = None
     history: tuple[ChangeRecord, ...] = ()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.maps.map import STEPS, Map, MapMetric
-from placefield.maps.route_graph import RouteGraph, line
+from placefield.maps.route_graph import RouteGraph
 from placefield.search.coarse import CoarseIndex, coarse_index
 from placefield.search.looks import looks_at, squared_lengths
 from placefield.search.quantized import (
@@ -87,7 +87,7 @@ def _metric(
         unit,
         places,
         squares=squared_lengths(places),
-        steps=steps_along(places, unit, line("")),
+        steps=steps_along(places, unit, RouteGraph.line("")),
         coarse=coarse_index(places) if coarse else None,
     )
 

@@ -95,17 +95,15 @@ def _with_stretches(
     graph: RouteGraph, name: str, stretches: Sequence[Stretch], count: int
 ) -> RouteGraph:
     """Append a route for each stretch, with links from the place before and to the one after."""
-    first, links = graph.first.tolist(), {(one, other) for one, other in graph.links.tolist()}
+    first, links = graph.first.tolist(), []
     for stretch in stretches:
         last = count + len(stretch.frames) - 1
         if stretch.before != NO_PLACE:
-            links.add((stretch.before, count))
+            links.append((stretch.before, count))
         if stretch.after != NO_PLACE:
-            links.add((last, stretch.after))
+            links.append((last, stretch.after))
         first.append(count)
         count = last + 1
-    return RouteGraph(
-        (*graph.names, *(route_name(name, number) for number in range(1, len(stretches) + 1))),
-        np.array(first, np.int32),
-        np.array(sorted(links), np.int32).reshape(-1, 2),
-    )
+    added = [route_name(name, number) for number in range(1, len(stretches) + 1)]
+    grown = RouteGraph((*graph.names, *added), np.array(first, np.int32), graph.links)
+    return grown.with_links(links)

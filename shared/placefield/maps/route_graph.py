@@ -4,7 +4,8 @@ The places of a map are those of its routes, one route after the other. A vehicl
 place of a route to the next one, and along links.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,11 @@ class RouteGraph:
     names: tuple[str, ...]
     first: Firsts
     links: Links
+
+    @classmethod
+    def line(cls, name: str) -> "RouteGraph":
+        """Return the graph of one route without links."""
+        return cls((name,), ONE_ROUTE, NO_LINKS)
 
     @property
     def is_line(self) -> bool:
@@ -77,6 +83,12 @@ class RouteGraph:
         before[edges[order, 1]] = edges[order, 0]  # the last one of each place stays
         return before
 
+    def with_links(self, links: Iterable[Link]) -> "RouteGraph":
+        """Return the graph with these links besides its own."""
+        own: list[list[int]] = self.links.tolist()
+        pairs = sorted({*links, *((one, other) for one, other in own)})
+        return replace(self, links=np.array(pairs, np.int32).reshape(-1, 2))
+
     def reversed(self, count: int) -> "RouteGraph":
         """Return the graph of the same ``count`` places in reverse order, driven in reverse."""
         ends = np.append(self.first[1:], np.int32(count))
@@ -85,19 +97,9 @@ class RouteGraph:
         return RouteGraph(self.names[::-1], np.int32(count) - ends[::-1], links[order])
 
 
-def line(name: str) -> RouteGraph:
-    """Return the graph of one route without links."""
-    return RouteGraph((name,), ONE_ROUTE, NO_LINKS)
-
-
 def routes_of(first: Firsts, places: ArrayLike) -> NDArray[np.intp]:
     """Return the number of the route of each place, given the first place of each route."""
     return np.asarray(np.searchsorted(first, places, side="right")) - 1
-
-
-def as_links(pairs: set[Link]) -> Links:
-    """Return links as an array, (n, 2) int32, in ascending order."""
-    return np.array(sorted(pairs), np.int32).reshape(-1, 2)
 
 
 def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:

@@ -21,7 +21,7 @@ from placefield.maps.alignment import align_by_number, align_by_poses, align_by_
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, MapMetric
 from placefield.maps.map_metrics import identity_metric
-from placefield.maps.topology import line_of
+from placefield.maps.topology import Topology
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 from placefield.matching.revisits import same_places
 
@@ -80,7 +80,9 @@ def _align(first: Traverse, reference: Array, other: Traverse, kind: FeatureKind
         standardise=True,
     )
     smoothed = align_by_smoother(
-        identity_metric(places), replace(line_of(len(places)), same=same_places(places)), frames
+        identity_metric(places),
+        replace(Topology.line(len(places)), same=same_places(places)),
+        frames,
     )
     if _shows_route(smoothed, count):
         return smoothed

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.route_graph import RouteGraph, line
+from placefield.maps.route_graph import RouteGraph
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,11 @@ class Topology:
     travelled: NDArray[np.float64]
     same: NDArray[np.int32]
 
+    @classmethod
+    def line(cls, count: int) -> "Topology":
+        """Return the topology of one route of ``count`` different places, of unknown metres."""
+        return cls(RouteGraph.line(""), np.empty(0), np.arange(count, dtype=np.int32))
+
     @property
     def count(self) -> int:
         """K."""
@@ -35,8 +40,3 @@ class Topology:
             travelled = travelled[-1] - travelled[::-1]
         same = np.int32(self.count - 1) - self.same[::-1]
         return Topology(self.graph.reversed(self.count), travelled, same)
-
-
-def line_of(count: int) -> Topology:
-    """Return the topology of one route of so many places, all different, of unknown metres."""
-    return Topology(line(""), np.empty(0), np.arange(count, dtype=np.int32))

@@ -14,7 +14,7 @@ from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
-from placefield.maps.route_graph import RouteGraph, line
+from placefield.maps.route_graph import RouteGraph
 from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
@@ -104,7 +104,7 @@ class Traverse:
     @property
     def routes(self) -> RouteGraph:
         """The routes of the frames; without a graph there is one, of the traverse's name."""
-        return line(self.name) if self.graph is None else self.graph
+        return RouteGraph.line(self.name) if self.graph is None else self.graph
 
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape

@@ -8,7 +8,7 @@ from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.route_graph import check_rule
-from placefield.maps.topology import Topology, line_of
+from placefield.maps.topology import Topology
 from placefield.matching.ams import AmsMatcher
 from placefield.matching.best_window import vicinity_of
 from placefield.matching.comparing import SampledPlaces
@@ -117,7 +117,7 @@ class ChannelShard:
         self._number = shards - 1 - shard if matching.reverse else shard
         self._in_order = self._reordered(self.own)
         self._observed = self._in_order
-        topology = topology or line_of(self._places)
+        topology = topology or Topology.line(self._places)
         check_rule(matching.rule, len(topology.graph.names))
         if matching.rule == "filter":
             topology = topology.reversed() if matching.reverse else topology

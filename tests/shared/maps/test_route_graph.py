@@ -5,7 +5,7 @@ import pytest
 
 from placefield.errors import ConfigError
 from placefield.maps.map_metrics import identity_metric, steps_along
-from placefield.maps.route_graph import RouteGraph, check_rule, line, problem_of
+from placefield.maps.route_graph import RouteGraph, check_rule, problem_of
 
 
 def graph_of(first: list[int], links: list[list[int]]) -> RouteGraph:
@@ -49,7 +49,9 @@ def test_steps_of_a_map_follow_its_links() -> None:
     assert steps[4, 0] == pytest.approx(apart(2, 0), abs=1e-3)
     known = [apart(place, int(GRAPH.before(10)[place])) for place in range(10) if place != 4]
     assert steps[0, 4] == pytest.approx(np.mean(known), abs=1e-3)
-    np.testing.assert_array_equal(steps_along(metric.places, metric.unit, line("")), metric.steps)
+    np.testing.assert_array_equal(
+        steps_along(metric.places, metric.unit, RouteGraph.line("")), metric.steps
+    )
 
 
 def test_rules_that_compare_windows_are_refused_on_a_map_that_is_no_line() -> None:

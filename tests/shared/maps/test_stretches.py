@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.maps.route_distances import RouteDistances
-from placefield.maps.route_graph import NO_LINKS, RouteGraph, line
+from placefield.maps.route_graph import NO_LINKS, RouteGraph
 from placefield.maps.stretches import Stretch, new_stretches
 from placefield.maps.traverse import Alignment
 
@@ -23,7 +23,7 @@ def stretches(
     places = np.concatenate(parts).astype(np.int32)
     nearest = np.random.default_rng(4).integers(0, PLACES, len(places)).astype(np.int32)
     alignment = Alignment(places, np.ones(len(places), np.float32), by)  # type: ignore[arg-type]
-    steps = RouteDistances(graph or line("road"), PLACES)
+    steps = RouteDistances(graph or RouteGraph.line("road"), PLACES)
     return new_stretches(alignment, np.arange(len(places)), nearest, steps)
 
 
@@ -84,6 +84,6 @@ def test_frames_at_the_ends_that_show_the_road_are_not_part_of_it() -> None:
     nearest = np.r_[np.arange(100), np.random.default_rng(4).integers(0, 80, 50)].astype(np.int32)
     alignment = Alignment(places, np.ones(150, np.float32), "smoother")
     (found,) = new_stretches(
-        alignment, np.arange(150), nearest, RouteDistances(line("road"), PLACES)
+        alignment, np.arange(150), nearest, RouteDistances(RouteGraph.line("road"), PLACES)
     )
     assert ends([found]) == [(100, 149, 99, NOWHERE)]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.map import MapChannel, MapMetric
-from placefield.maps.topology import Topology, line_of
+from placefield.maps.topology import Topology
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.matcher import Matcher
 from placefield.matching.sharding import ChannelShard
@@ -45,7 +45,7 @@ def filter_of(
 
 def topology_of(travelled: NDArray[np.float64]) -> Topology:
     """A line of places at these metres."""
-    return replace(line_of(len(travelled)), travelled=travelled)
+    return replace(Topology.line(len(travelled)), travelled=travelled)
 
 
 def posterior_of(candidate: Candidate, places: int) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.topology import Topology, line_of
+from placefield.maps.topology import Topology
 from placefield.matching.carrying import carry
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE
 from placefield.matching.odometry import Displacement, speeds_of
@@ -96,7 +96,7 @@ class ReferenceFilter:
     def __init__(self, places: Points, topology: Topology | None = None) -> None:
         """Prepare for places (K, M)."""
         count = len(places)
-        topology = topology or line_of(count)
+        topology = topology or Topology.line(count)
         self.roads, self.route = roads_of(topology), roads_of(topology).cells
         self.places, self.graph = places, topology.graph
         self.ways = ways_of(self.graph, count)
