@@ -13,7 +13,7 @@ from placefield.features.extract import feature_of
 from placefield.features.frames import Frame
 from placefield.fusion.match import Match
 from placefield.maps.build import build_map
-from placefield.maps.joining import joined
+from placefield.maps.joining_routes import join_routes
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.recognizer import Recognizer
@@ -68,7 +68,7 @@ def test_behind_a_junction_a_vehicle_is_known_as_soon_as_after_a_jump(data_dir: 
     day, query = (
         described(data_dir / "gardens_point" / name) for name in ("day_left", "day_right")
     )
-    network = build_map([joined([part(day, name, cut) for name, cut in CUTS.items()])], CONFIG)
+    network = build_map([join_routes([part(day, name, cut) for name, cut in CUTS.items()])], CONFIG)
     assert network.graph.links.tolist() == [[59, 90], [89, 120], [149, 180], [179, 210]]
     frame_of = np.concatenate([np.arange(cut.start, cut.stop) for cut in CUTS.values()])
     frames = np.arange(len(query.raw))

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.features.descriptors import is_blank
+from placefield.maps.appending_routes import takes_places, with_routes
 from placefield.maps.gathering import nearest_frames
-from placefield.maps.look_rows import LookRows, look_rows, merged, replace_looks
-from placefield.maps.manifest import REBUILD, ChangeRecord, TraverseRecord
+from placefield.maps.look_rows import LookRows, identity_of, look_rows, merged, replace_looks
+from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapMetric
-from placefield.maps.new_routes import takes_places, with_routes
 from placefield.maps.pruning import looks_that_add
 from placefield.maps.route_distances import RouteDistances
 from placefield.maps.same_route import align_to_map, poses_in_map
@@ -61,10 +61,7 @@ def check_growable(opened: Map) -> MapMetric:
             "has descriptors of plain PCA (features.plain_pca), which no drive can be aligned by; "
             "build the map without"
         )
-    identity = opened.identity
-    if identity is None or (identity.looks is not None and identity.looks.traverses is None):
-        raise MapError(f"an earlier version built it, so its drives cannot be changed; {REBUILD}")
-    return identity
+    return identity_of(opened, "its drives cannot be changed")
 
 
 def check_name(opened: Map, name: str) -> None:

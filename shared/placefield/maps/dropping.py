@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.adding import check_growable
+from placefield.maps.appending_routes import route_name
 from placefield.maps.look_rows import look_rows, replace_looks
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
 from placefield.maps.map_metrics import change_metrics, without_places
-from placefield.maps.new_routes import route_name
 from placefield.maps.route_graph import RouteGraph, routes_of
 from placefield.maps.traverse import NO_PLACE
 

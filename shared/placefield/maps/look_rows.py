@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.errors import MapError
+from placefield.maps.manifest import REBUILD
 from placefield.maps.map import Map, MapMetric
 from placefield.maps.map_metrics import change_metrics, with_looks
 from placefield.search.quantized import Quantized
@@ -27,6 +29,22 @@ class LookRows(NamedTuple):
     def chosen(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "LookRows":
         """Return some of them."""
         return LookRows(self.places[rows], self.observed[rows], self.traverses[rows])
+
+
+def identity_of(opened: Map, refused: str) -> MapMetric:
+    """Return the identity metric of a map, if the traverse of each of its looks is known.
+
+    Args:
+        opened: the map, with all its channels.
+        refused: what cannot be done otherwise, for the error.
+
+    Raises:
+        MapError: an earlier version built the map.
+    """
+    identity = opened.identity
+    if identity is None or (identity.looks is not None and identity.looks.traverses is None):
+        raise MapError(f"an earlier version built it, so {refused}; {REBUILD}")
+    return identity
 
 
 def look_rows(identity: MapMetric) -> LookRows:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield.errors import MapError
-from placefield.maps.joined_maps import check_joinable, config_of, traverses_of, with_records
+from placefield.maps.joining_maps import check_joinable, config_of, traverses_of, with_records
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import built_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.features.extract import feature_of
-from placefield.maps.joining import GivenLink, joined
+from placefield.maps.joining_routes import GivenLink, join_routes
 from placefield.maps.map import Map
 from placefield_tools.build.map_from_sources import built_of, open_reference
 from placefield_tools.build.references import describe_reference
@@ -65,7 +65,7 @@ def build_routes(
     Raises:
         ConfigError: the descriptors are of plain PCA, which no rule serves on several routes.
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
-        MapError: no map can be built of the routes, see ``joined`` and ``build_map``.
+        MapError: no map can be built of the routes, see ``join_routes`` and ``build_map``.
     """
     if config.features.plain_pca:
         raise ConfigError(
@@ -78,5 +78,5 @@ def build_routes(
         source = open_reference((reference,), spacing_m, parts)
         described = describe_reference(source, reference, feature, leave_out_bad=leave_out_bad)
         routes.append(described.traverse())
-    network = joined(routes, options.links, same_frame=options.same_frame)
+    network = join_routes(routes, options.links, same_frame=options.same_frame)
     return built_of([network], config, feature.network)

@@ -45,7 +45,7 @@ def _add(
       placefield add route.pfmap night/
       placefield add route.pfmap rain.mcap --topic /camera/image_raw -o route-rain.pfmap
     """
-    from placefield.maps.changing import map_to_change
+    from placefield.maps.map_lock import open_locked
     from placefield.maps.store import save_map
     from placefield_tools.build.added_drive import add_drive
     from placefield_tools.inspect.map_facts import traverse_line
@@ -53,7 +53,7 @@ def _add(
 
     output = options_map.changed_map(map_path, output)
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
-    with map_to_change(map_path) as opened:
+    with open_locked(map_path) as opened:
         added = add_drive(
             opened,
             drive,

@@ -30,12 +30,12 @@ def _drop(
     Examples:
       placefield drop route.pfmap night/
     """
-    from placefield.maps.changing import map_to_change
     from placefield.maps.dropping import drop_traverse, number_of
+    from placefield.maps.map_lock import open_locked
     from placefield.maps.store import save_map
 
     output = options_map.changed_map(map_path, output)
-    with map_to_change(map_path) as opened:
+    with open_locked(map_path) as opened:
         dropped = drop_traverse(opened, number_of(opened.traverses, drive))
         save_map(dropped, output)
     removed = opened.places.count - dropped.places.count

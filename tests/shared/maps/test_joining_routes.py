@@ -10,7 +10,7 @@ from placefield.config import Config
 from placefield.errors import MapError
 from placefield.maps.build import build_map
 from placefield.maps.geography import Origin
-from placefield.maps.joining import joined
+from placefield.maps.joining_routes import join_routes
 from placefield.maps.traverse import Traverse
 
 Make = Callable[..., Traverse]
@@ -18,7 +18,7 @@ Make = Callable[..., Traverse]
 
 def test_routes_stand_side_by_side_with_metres_that_go_on(make_traverse: Make) -> None:
     one, other = make_traverse(30, name="A", spacing=2), make_traverse(20, name="B", spacing=2)
-    network = joined([one, other], [("A", 29, "B", 5)], same_frame=True)
+    network = join_routes([one, other], [("A", 29, "B", 5)], same_frame=True)
     assert network.routes.names == ("A", "B")
     assert network.routes.first.tolist() == [0, 30]
     assert network.routes.links.tolist() == [[29, 35]]
@@ -29,8 +29,8 @@ def test_routes_stand_side_by_side_with_metres_that_go_on(make_traverse: Make) -
 
 def test_networks_are_joined_with_the_links_that_they_have(make_traverse: Make) -> None:
     parts = [make_traverse(30, name=name) for name in "ABCD"]
-    pair = [joined(parts[at : at + 2], [("ABCD"[at], 29, "ABCD"[at + 1], 0)]) for at in (0, 2)]
-    network = joined(pair)
+    pair = [join_routes(parts[at : at + 2], [("ABCD"[at], 29, "ABCD"[at + 1], 0)]) for at in (0, 2)]
+    network = join_routes(pair)
     assert network.routes.names == ("A", "B", "C", "D")
     assert network.routes.first.tolist() == [0, 30, 60, 90]
     assert network.routes.links.tolist() == [[29, 30], [89, 90]]
@@ -38,14 +38,14 @@ def test_networks_are_joined_with_the_links_that_they_have(make_traverse: Make) 
 
 def test_routes_of_one_name_are_told_apart_by_a_number(make_traverse: Make) -> None:
     routes = [make_traverse(30, name=name) for name in ("day/A", "night/A/", "B", "A")]
-    assert joined(routes).routes.names == ("A", "A 2", "B", "A 3")
+    assert join_routes(routes).routes.names == ("A", "A 2", "B", "A 3")
 
 
 def test_georeferenced_poses_are_converted_to_the_frame_of_the_first(make_traverse: Make) -> None:
     here, there = Origin(-27.5, 153.0), Origin(-27.49, 153.01)
     one = replace(make_traverse(30, name="A", spacing=1), pose_frame=here.frame)
     other = replace(make_traverse(20, name="B", spacing=1), pose_frame=there.frame)
-    network = joined([one, other])
+    network = join_routes([one, other])
     assert network.pose_frame == here.frame
     assert here.to_degrees(*network.poses[30, :2]) == pytest.approx((-27.49, 153.01), abs=1e-9)
 
@@ -54,12 +54,12 @@ def test_poses_of_unknown_frames_are_left_out_and_that_is_said(
     make_traverse: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
     routes = [make_traverse(30, name=name, spacing=1) for name in "AB"]
-    assert not len(joined(routes).poses)
+    assert not len(join_routes(routes).poses)
     assert "give --same-frame" in caplog.text
 
 
 def test_a_route_without_poses_has_none_among_others(make_traverse: Make) -> None:
-    network = joined([make_traverse(30, name="A", spacing=1), make_traverse(20, name="B")])
+    network = join_routes([make_traverse(30, name="A", spacing=1), make_traverse(20, name="B")])
     assert np.isfinite(network.poses[:30]).all()
     assert np.isnan(network.poses[30:]).all()
     assert not len(network.travelled)
@@ -78,7 +78,7 @@ def test_a_link_from_or_to_no_place_is_refused(
 ) -> None:
     routes = [make_traverse(30, name=name) for name in "AB"]
     with pytest.raises(MapError, match=reason):
-        joined(routes, [link])
+        join_routes(routes, [link])
 
 
 def test_no_segment_of_a_map_lies_in_two_routes_and_a_record_names_each(
@@ -96,7 +96,7 @@ def test_no_segment_of_a_map_lies_in_two_routes_and_a_record_names_each(
         )
         for name, start in (("A", 0), ("B", 60), ("C", 120))
     ]
-    built = build_map([joined(parts)], config)
+    built = build_map([join_routes(parts)], config)
     assert [(record.name, record.frames) for record in built.traverses] == [
         ("A", 60),
         ("B", 60),

@@ -7,17 +7,17 @@ import pytest
 
 from placefield.errors import MapError
 from placefield.locking import take_lock
-from placefield.maps.changing import map_to_change
 from placefield.maps.manifest import MANIFEST
 from placefield.maps.map import Map
+from placefield.maps.map_lock import open_locked
 from placefield.maps.store import save_map
 
 
 def test_a_second_process_is_refused_until_the_first_is_done(saved: Path) -> None:
-    with map_to_change(saved), pytest.raises(MapError) as refused, map_to_change(saved):
+    with open_locked(saved), pytest.raises(MapError) as refused, open_locked(saved):
         pass
     assert str(refused.value).startswith(f"{saved}: another process is changing it; try again")
-    with map_to_change(saved) as opened:
+    with open_locked(saved) as opened:
         assert opened.is_saved
 
 
@@ -28,17 +28,17 @@ def test_a_version_that_was_replaced_while_the_lock_was_awaited_is_not_changed(
         save_map(small_map, saved)
         return take_lock(manifest)
 
-    monkeypatch.setattr("placefield.maps.changing.take_lock", replaced)
-    with pytest.raises(MapError, match="another process has just changed it"), map_to_change(saved):
+    monkeypatch.setattr("placefield.maps.map_lock.take_lock", replaced)
+    with pytest.raises(MapError, match="another process has just changed it"), open_locked(saved):
         pass
 
 
 def test_no_map_and_a_map_that_cannot_grow_are_named(saved: Path, tmp_path: Path) -> None:
     nothing = tmp_path / "nothing.pfmap"
-    with pytest.raises(MapError, match=f"{nothing}: no map there"), map_to_change(nothing):
+    with pytest.raises(MapError, match=f"{nothing}: no map there"), open_locked(nothing):
         pass
     (saved / MANIFEST).write_text("{}")
-    with pytest.raises(MapError, match=str(saved)), map_to_change(saved):
+    with pytest.raises(MapError, match=str(saved)), open_locked(saved):
         pass
 
 

@@ -9,8 +9,8 @@ import pytest
 from placefield.config import Config
 from placefield.errors import MapError
 from placefield.maps.build import build_map
-from placefield.maps.joined_maps import check_joinable, config_of, traverses_of, with_records
-from placefield.maps.joining import joined
+from placefield.maps.joining_maps import check_joinable, config_of, traverses_of, with_records
+from placefield.maps.joining_routes import join_routes
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
@@ -54,7 +54,7 @@ def test_places_resemble_each_other_as_in_a_map_that_is_built_of_the_frames(
 ) -> None:
     whole = make_traverse(160)
     parts = [part(whole, "A", slice(100)), part(whole, "B", slice(70, 160))]
-    built = build_map([joined(parts)], CONFIG)
+    built = build_map([join_routes(parts)], CONFIG)
     made = join([build_map([each], CONFIG) for each in parts])
     assert made.graph.names == ("A", "B")
     assert made.graph.first.tolist() == [0, 100]

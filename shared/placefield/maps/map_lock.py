@@ -1,4 +1,4 @@
-"""Changing a map on disk: by one process at a time."""
+"""Locks a map on disk, so that one process at a time changes it."""
 
 import os
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from placefield.maps.opening import open_map
 
 
 @contextmanager
-def map_to_change(path: Path) -> Iterator[Map]:
+def open_locked(path: Path) -> Iterator[Map]:
     """Open a map that no other process may change until the end of the block.
 
     The lock is on the manifest's file, and ends with the process. Reading is not affected.

@@ -19,7 +19,7 @@ GivenLink = tuple[str, int, str, int]
 """A link that a person gives: a route and the number of a place in it, and those it leads to."""
 
 
-def joined(
+def join_routes(
     routes: Sequence[Traverse], links: Sequence[GivenLink] = (), *, same_frame: bool = False
 ) -> Traverse:
     """Join traverses of different routes to one traverse of all their routes.
@@ -72,7 +72,7 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _with_links(graph: RouteGraph, count: int, given: Sequence[GivenLink]) -> RouteGraph:
-    """Return a graph of ``count`` places with further links; see ``joined`` for the errors."""
+    """Return a graph of ``count`` places with further links; see ``join_routes`` for the errors."""
     links = []
     for route, number, to, to_number in given:
         try:
@@ -87,7 +87,7 @@ def _with_links(graph: RouteGraph, count: int, given: Sequence[GivenLink]) -> Ro
 
 
 def _in_one_frame(routes: Sequence[Traverse], same_frame: bool) -> tuple[NDArray[np.float64], str]:
-    """Return the poses of all routes and the name of their frame, see ``joined``."""
+    """Return the poses of all routes and the name of their frame, see ``join_routes``."""
     posed = [route for route in routes if len(route.poses)]
     if not posed:
         return np.empty((0, 3)), ROUTE

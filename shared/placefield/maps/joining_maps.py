@@ -13,9 +13,8 @@ import numpy as np
 
 from placefield.config import BuildConfig, Config
 from placefield.errors import MapError
-from placefield.maps.joining import GivenLink, joined
-from placefield.maps.look_rows import look_rows
-from placefield.maps.manifest import REBUILD
+from placefield.maps.joining_routes import GivenLink, join_routes
+from placefield.maps.look_rows import identity_of, look_rows
 from placefield.maps.map import Array, Map, MapAlignment, MapMetric
 from placefield.maps.map_metrics import change_metrics
 from placefield.maps.traverse import NO_PLACE, ROUTE, Alignment, Traverse
@@ -48,10 +47,10 @@ def traverses_of(
     Args:
         maps: two or more, each with its identity metric.
         links: between places of their routes, besides their own.
-        same_frame: see ``joined``.
+        same_frame: see ``join_routes``.
 
     Raises:
-        MapError: see ``joined``.
+        MapError: see ``join_routes``.
     """
     starts = accumulate((opened.places.count for opened in maps), initial=0)
     looks = [
@@ -59,7 +58,7 @@ def traverses_of(
         for opened, start in zip(maps, starts, strict=False)
         for traverse in _looks_of(opened, start)
     ]
-    return [joined(list(map(_places_of, maps)), links, same_frame=same_frame), *looks]
+    return [join_routes(list(map(_places_of, maps)), links, same_frame=same_frame), *looks]
 
 
 def config_of(maps: Sequence[Map]) -> Config:
@@ -149,10 +148,7 @@ def _restored(opened: Map, descriptors: Quantized) -> Array:
 
 
 def _identity_of(opened: Map) -> MapMetric:
-    identity = opened.identity
-    if identity is None or (identity.looks is not None and identity.looks.traverses is None):
-        raise MapError(f"an earlier version built it, so it cannot be joined; {REBUILD}")
-    return identity
+    return identity_of(opened, "it cannot be joined")
 
 
 def _feature_of(opened: Map) -> tuple[object, ...]:
