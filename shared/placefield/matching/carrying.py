@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
+from placefield.matching.belief_kernels import pick
 from placefield.matching.chains import Passages, passages_ahead, passages_behind
-from placefield.matching.motion import Array
+from placefield.matching.motion import LOSE, Array
 from placefield.matching.odometry import Displacement
 from placefield.matching.roads import Roads, RouteCells
+from placefield.matching.trace import NEGLIGIBLE, Trace
 
 Places = NDArray[np.int32]
 
@@ -60,6 +62,37 @@ def reached_by(displacement: Displacement, roads: Roads, places: Places) -> Plac
         np.add.at(open_ranges, begins, 1)
         np.add.at(open_ranges, ends, -1)
     return np.flatnonzero(np.cumsum(open_ranges)).astype(np.int32)
+
+
+def carried_to(
+    own: slice, by_place: Array, last: Trace | None, roads: Roads, displacement: Displacement
+) -> Array:
+    """Carry the beliefs of all shards to one shard's own places.
+
+    Args:
+        own: the shard's places in the map.
+        by_place: (2, K) float32, the shard's beliefs, on the map and on its reverse.
+        last: trace of the frame before, which has the beliefs of the other shards; None if there
+            is none.
+        roads: of the whole map, with cells.
+        displacement: of the vehicle.
+
+    Returns:
+        The beliefs that stay at a place and those that come to it, (2, 2, K) float32.
+    """
+    assert roads.cells is not None
+    carried = np.zeros((2, *by_place.shape), np.float32)
+    least = NEGLIGIBLE / len(roads.cells.middles)
+    picked = np.empty(by_place.shape[1], np.int32)
+    inside = picked[: pick(by_place[0] + by_place[1], least, picked)]
+    first = own.start
+    places, belief = inside + np.int32(first), by_place.T[inside].copy()
+    carry(places, belief, roads, displacement, first, carried)
+    if last is not None:
+        outside = (last.places < first) | (last.places >= own.stop)
+        belief = (1 - LOSE) * last.belief[outside].sum(axis=2)
+        carry(last.places[outside], belief.astype(np.float32), roads, displacement, first, carried)
+    return carried
 
 
 def carry(

@@ -26,9 +26,10 @@ from placefield.matching.motion import (
     evenly_spaced,
     step_lengths,
 )
+from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, Odometer, measures_length
 from placefield.matching.partial_results import FilterPartial, fits, pack, unpack
-from placefield.matching.place_filter import Observation, PlaceFilter
+from placefield.matching.place_filter import PlaceFilter
 from placefield.matching.roads import LINE, Roads
 from placefield.matching.smoother import SmoothedPosterior, Smoother
 from placefield.matching.trace import NEGLIGIBLE, Trace

@@ -15,7 +15,6 @@ hypothesis: the same places in reverse order, which chance follows as often.
 import math
 from collections.abc import Sequence
 from functools import reduce
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from placefield.matching.belief_kernels import (
     resolve,
     step_likelihood_when_lost,
 )
-from placefield.matching.carrying import carry
+from placefield.matching.carrying import carried_to
 from placefield.matching.drive_statistics import DriveStatistics
 from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import (
@@ -44,6 +43,7 @@ from placefield.matching.motion import (
     motion,
     step_likelihood,
 )
+from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, speeds_of
 from placefield.matching.odometry_kernel import spread
 from placefield.matching.partial_results import FilterPartial
@@ -54,25 +54,6 @@ from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace, mos
 _NOVEL = 0.25  # the evidence of a frame of at least this novelty counts in full
 
 Vector = NDArray[np.float64]
-
-
-class Observation(NamedTuple):
-    """What the filter observes of a frame.
-
-    Attributes:
-        step: distance from the frame before, in descriptor space, or ``UNKNOWN``.
-        displacement: since the frame before; None if the odometry is not known.
-        novelty: how much the frame differs from the frame before, 0 to 1.
-        evidence: (K,) float32, nats by which the frame is likelier at each place of the shard than
-            when lost.
-        lost_evidence: nats by which the frame is likelier when lost than at an average place.
-    """
-
-    step: float
-    displacement: Displacement | None
-    novelty: float
-    evidence: Array
-    lost_evidence: float
 
 
 class PlaceFilter:
@@ -208,7 +189,8 @@ class PlaceFilter:
         """Predict by odometry, which gives the speed on the map and when lost, and update."""
         self._prior = self.statistics.prior.astype(np.float32)
         speeds = speeds_of(displacement.pace / cells.spacing)
-        carried = self._carried(cells, displacement)
+        by_place = self._by_place * np.float32((1 - LOSE) / self._total)
+        carried = carried_to(self._own, by_place, self._last_trace, self._roads, displacement)
         steps, self._lost_likelihood, self._jump_likelihood = self._likelihoods_of_displacement(
             displacement, cells
         )
@@ -227,26 +209,6 @@ class PlaceFilter:
             self._by_place,
             by_speed,
         )
-
-    def _carried(self, cells: RouteCells, displacement: Displacement) -> Array:
-        """Carry the beliefs of all shards to the shard's own places, see ``carry``."""
-        by_place = self._by_place * np.float32((1 - LOSE) / self._total)
-        carried = np.zeros((2, *by_place.shape), np.float32)
-        least = NEGLIGIBLE / self._all_places
-        picked = np.empty(by_place.shape[1], np.int32)
-        own = picked[: pick(by_place[0] + by_place[1], least, picked)]
-        first = self._own.start
-        carry(
-            own + np.int32(first), by_place.T[own].copy(), self._roads, displacement, first, carried
-        )
-        if self._last_trace is not None:
-            places = self._last_trace.places
-            others = (places < first) | (places >= self._own.stop)
-            belief = (1 - LOSE) * self._last_trace.belief[others].sum(axis=2)
-            carry(
-                places[others], belief.astype(np.float32), self._roads, displacement, first, carried
-            )
-        return np.asarray(carried)
 
     def _likelihoods_of_displacement(
         self, displacement: Displacement, cells: RouteCells
