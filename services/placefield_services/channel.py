@@ -1,25 +1,15 @@
 """The channel worker: it receives descriptors and publishes the candidates of its channels."""
 
 import threading
-from collections import Counter
 from collections.abc import Sequence
 
-from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import CAPACITY, Inbox
-from placefield.bus.keys import Keys, Part
-from placefield.bus.replay_cache import (
-    CachedPublisher,
-    ReplayCache,
-    fetch_all,
-    replicated_cache,
-    serve_caches,
-)
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.keys import Part
+from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.maps.map import Map
-from placefield_services.background_query import BackgroundQuery
-from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_outputs import channel_outputs
 from placefield_services.channel_worker import ChannelWorker
 from placefield_services.map_versions import MapVersions, PreparedVersions
 from placefield_services.moments import cache_moments
@@ -67,7 +57,7 @@ def run_channels(
             if shards > 1:
                 bus.subscribe(keys.all_halos, inbox.offer, process.counts[run])
             cache_moments(bus, keys, process.counts[run])
-            outputs[run] = _outputs(
+            outputs[run] = channel_outputs(
                 bus, keys, process.identity, config.matching.lag, process.counts[run]
             )
         worker = ChannelWorker(first, outputs, process.counts)
@@ -99,23 +89,3 @@ def _check(placemap: Map, channels: Sequence[int], config: Config) -> None:
             raise ConfigError(
                 f"--channel {channel}: the map has channels 0 to {len(placemap.channels) - 1}"
             )
-
-
-def _outputs(bus: Bus, keys: Keys, identity: str, lag: int, counts: Counter[str]) -> ChannelOutputs:
-    # The cache holds frames under way, and frames that a restarted fuser may have to smooth.
-    candidates = CachedPublisher(
-        bus.publisher(keys.candidates(identity)), ReplayCache(2 * WINDOW + lag)
-    )
-    serve_caches(bus, keys.cache(keys.all_candidates), candidates.caches)
-    halos = CachedPublisher(bus.publisher(keys.halo(identity)), ReplayCache())
-    cache = keys.cache(keys.all_halos)
-    serve_caches(bus, cache, halos.caches)
-    features = replicated_cache(bus, keys.cache(keys.feature))
-    return ChannelOutputs(
-        candidates=candidates,
-        fetch=BackgroundQuery(features.fetch),
-        features=features.cache,
-        halos=halos,
-        fetch_halos=BackgroundQuery(lambda *asked: list(fetch_all(bus, cache, *asked))),
-        counts=counts,
-    )

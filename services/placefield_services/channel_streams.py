@@ -9,9 +9,9 @@ descriptors and partial results, and then all shards continue.
 """
 
 import time
-from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections import defaultdict, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 from placefield.bus.candidate_messages import (
@@ -25,46 +25,16 @@ from placefield.bus.candidate_messages import (
 )
 from placefield.bus.message import Header
 from placefield.bus.refusing import count_refused
-from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, ReplayCache
+from placefield.bus.replay_cache import LENGTH
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.matcher import Partial, SmoothedCandidate
 from placefield_services.background_query import NotYet
+from placefield_services.channel_outputs import ChannelOutputs
 
 _ASK_AFTER_S = 0.5  # without progress: a message from another shard may be lost
-
-
-@dataclass(frozen=True)
-class ChannelOutputs:
-    """How a worker publishes its results for a run, and fetches the messages that it missed.
-
-    Attributes:
-        candidates: publishes the candidates.
-        fetch: fetches descriptors from other replay caches, or raises ``NotYet``.
-        features: keeps the descriptors, for the other services and for a new version of the map.
-        halos: publishes the partial results of the worker's shards.
-        fetch_halos: fetches the partial results of all shards for a range of frames, or raises
-            ``NotYet``.
-        counts: of the run.
-    """
-
-    candidates: CachedPublisher
-    fetch: Fetch
-    features: ReplayCache
-    halos: CachedPublisher
-    fetch_halos: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
-    counts: Counter[str]
-
-    def another(self) -> "ChannelOutputs":
-        """Return outputs on the same keys for another version of the map."""
-        return replace(self, candidates=self.candidates.another(), halos=self.halos.another())
-
-    def retire(self) -> None:
-        """Keep no more results of this version for other services."""
-        self.candidates.retire()
-        self.halos.retire()
 
 
 @dataclass(frozen=True)
@@ -207,9 +177,8 @@ class ChannelStream:
                     return
                 self._reduce(frame, partials)
             except Exception:
-                if (
-                    self._waiting and self._waiting[0] is frame
-                ):  # so that it does not stop the next frames
+                # It must not stop the next frames.
+                if self._waiting and self._waiting[0] is frame:
                     self._waiting.popleft()
                 raise
 

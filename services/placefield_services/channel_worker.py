@@ -17,11 +17,12 @@ from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
-from placefield.bus.replay_cache import LENGTH, ReplayCache
+from placefield.bus.replay_cache import LENGTH, ReplayCache, fetched_frame
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import FrameError, MessageError, OtherMapError
 from placefield.maps.map import fingerprint
-from placefield_services.channel_streams import ChannelOutputs, ChannelStream
+from placefield_services.channel_outputs import ChannelOutputs
+from placefield_services.channel_streams import ChannelStream
 from placefield_services.run_versions import (
     AcceptedFrame,
     AnsweringVersion,
@@ -215,11 +216,10 @@ class ChannelWorker:
         """Fetch the frames before this one from other replay caches."""
         frames = []
         for old, payload in run.outputs.fetch(header.stream, first, header.sequence).values():
-            is_awaited = not header.live and old.sequence >= header.oldest
             try:
                 observed = self._decode(payload)
                 run.outputs.features.store(old, payload)
-                old = old.model_copy(update={"oldest": min(header.oldest, old.sequence)})
+                old, is_awaited = fetched_frame(old, header)
                 frames.append(self._accepted(run, old, observed, is_awaited=is_awaited))
             except MessageError as error:
                 count_refused(run.counts, error)

@@ -13,7 +13,6 @@ from placefield.bus.candidate_messages import (
     SmoothedFrame,
     SmoothedFrames,
 )
-from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Header
@@ -24,7 +23,6 @@ from placefield.bus.replay_cache import (
     Fetch,
     ReplayCache,
     replicated_cache,
-    serve_cache,
 )
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import Turn
@@ -35,10 +33,11 @@ from placefield.matching.explored_candidate import to_candidate
 from placefield.matching.exploring import Answer, Explorer, SmoothedAnswer
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.channel import SERVICE
-from placefield_services.exploring import check_exploring
+from placefield_services.channel_outputs import candidates_publisher
+from placefield_services.exploring_services import check_exploring
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
-from placefield_services.whole_stream import Frame, WholeStream
+from placefield_services.whole_stream import StreamFrame, WholeStream
 
 _CHANNEL = 0  # the only one
 _FORGOTTEN_AFTER = 50  # unobserved frames; see ``FilterMatcher.horizon``
@@ -94,12 +93,9 @@ class ExploringOutputs:
 
 
 def _outputs(bus: Bus, keys: Keys, identity: str, lag: int) -> ExploringOutputs:
-    # The cache holds frames under way, and frames that a restarted fuser may have to smooth.
-    candidates = ReplayCache(2 * WINDOW + lag)
-    serve_cache(bus, keys.cache(keys.all_candidates), candidates)
+    candidates = candidates_publisher(bus, keys, identity, lag)
     features = replicated_cache(bus, keys.cache(keys.feature))
-    publisher = CachedPublisher(bus.publisher(keys.candidates(identity)), candidates)
-    return ExploringOutputs(publisher, features.cache, BackgroundQuery(features.fetch))
+    return ExploringOutputs(candidates, features.cache, BackgroundQuery(features.fetch))
 
 
 class ExploringWorker:
@@ -147,7 +143,7 @@ class ExploringWorker:
         self._smoothed = []
         return 0
 
-    def _match(self, frame: Frame) -> None:
+    def _match(self, frame: StreamFrame) -> None:
         """Match a frame, and publish the candidate if it is awaited."""
         header, feature = frame.header, frame.feature
         self._pass_to(header.sequence)

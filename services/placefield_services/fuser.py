@@ -19,7 +19,7 @@ from placefield.config import Config
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.maps.route_graph import check_rule
-from placefield_services.fuser_run import Fuser, FuserCaches
+from placefield_services.fuser_run import FuserCaches, FuserRun
 from placefield_services.live_channels import LiveChannels
 from placefield_services.map_versions import MapVersions, PreparedVersions
 from placefield_services.match_publisher import FuserOutputs
@@ -31,7 +31,7 @@ from placefield_services.served import FuserVersion
 SERVICE = "fuser"
 
 NewVersion = tuple[FuserVersion, Callable[[], bool]]
-"""A new version of the map, and whether it is still there, see ``Fuser.offer``."""
+"""A new version of the map, and whether it is still there, see ``FuserRun.offer``."""
 
 
 def run_fuser(versions: MapVersions, config: Config, stop: threading.Event) -> None:
@@ -73,7 +73,7 @@ def serve_fuser(
         first: the version of the map that answers at first.
         config: of the fuser.
         stop: ends the fuser.
-        new_versions: returns the versions that are new since the last call, see ``Fuser.offer``.
+        new_versions: returns the versions that are new since the last call, see ``FuserRun.offer``.
     """
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
@@ -95,7 +95,7 @@ def serve_fuser(
             )
             process.answers[run] = outputs.matches.cache
             candidates = partial(fetch_all, bus, keys.cache(keys.all_candidates))
-            fusers[run] = Fuser(
+            fusers[run] = FuserRun(
                 first,
                 config,
                 keys,

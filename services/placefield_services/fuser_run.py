@@ -12,9 +12,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
-from placefield.bus.replay_cache import (
-    ReplicatedCache,
-)
+from placefield.bus.replay_cache import ReplicatedCache
 from placefield.bus.streams import Arrival, StreamSwitch
 from placefield.config import Config
 from placefield.errors import MessageError
@@ -47,7 +45,7 @@ class FuserCaches:
     fetch_candidates: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
 
 
-class Fuser:
+class FuserRun:
     """Follows the streams of a run, one after the other, and hands on what comes of each."""
 
     def __init__(

@@ -26,7 +26,7 @@ from placefield.maps.traverse import THUMBNAIL
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
-from placefield_services.whole_stream import Frame, WholeStream
+from placefield_services.whole_stream import StreamFrame, WholeStream
 
 log = logging.getLogger(__name__)
 
@@ -181,7 +181,7 @@ class Mapper:
         self._is_growing = True
         return 0
 
-    def _keep(self, frame: Frame) -> None:
+    def _keep(self, frame: StreamFrame) -> None:
         header, feature = frame.header, frame.feature
         is_kept = self._file is not None and self._file.drive.stream == header.stream
         if feature is None:

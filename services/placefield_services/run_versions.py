@@ -17,7 +17,8 @@ from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
-from placefield_services.channel_streams import ChannelOutputs, ChannelStream, PendingFrame
+from placefield_services.channel_outputs import ChannelOutputs
+from placefield_services.channel_streams import ChannelStream, PendingFrame
 from placefield_services.process import counting_failure
 from placefield_services.served_channels import ServedChannels
 

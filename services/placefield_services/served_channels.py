@@ -10,7 +10,8 @@ from placefield.config import MatchingConfig
 from placefield.maps.map import Map
 from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.warm_up import warm_up
-from placefield_services.channel_streams import ChannelOutputs, ChannelStream
+from placefield_services.channel_outputs import ChannelOutputs
+from placefield_services.channel_streams import ChannelStream
 
 Descriptor = NDArray[np.float32]
 Comparing = Iterator[Callable[[], Compared | None]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
-from placefield.bus.replay_cache import LENGTH, Fetch, Fetched
+from placefield.bus.replay_cache import LENGTH, Fetch, Fetched, fetched_frame
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError, OtherMapError
 from placefield_services.background_query import NotYet
@@ -18,7 +18,7 @@ _ASK_FOR_S, _ASK_EVERY_S = 3.0, 0.3
 
 
 @dataclass(frozen=True)
-class Frame:
+class StreamFrame:
     """A frame of a stream, or the end of it.
 
     Attributes:
@@ -44,7 +44,7 @@ class WholeStream:
         digest: str,
         fetch: Fetch,
         begin: Callable[[Header], int],
-        hand_on: Callable[[Frame], None],
+        hand_on: Callable[[StreamFrame], None],
         counts: Counter[str],
     ) -> None:
         """Follow one stream after the other.
@@ -82,7 +82,7 @@ class WholeStream:
             self._catch_up(header)
             self._follower.skip_to(header.sequence, gaps=0)
         if turn in (Turn.NEXT, Turn.AFTER_GAP):
-            self._hand_on(Frame(header, feature, is_awaited=True))
+            self._hand_on(StreamFrame(header, feature, is_awaited=True))
         return turn
 
     def _join(self, header: Header) -> int:
@@ -123,14 +123,12 @@ class WholeStream:
         self._ask_until = time.monotonic() + _ASK_FOR_S
 
     def _hand_on_fetched(self, header: Header, fetched: Fetched) -> None:
-        for sequence, (old, payload) in fetched.items():
+        for old, payload in fetched.values():
             try:
                 feature = self._decode(payload)
             except MessageError as error:
                 count_refused(self._counts, error)
                 continue
-            is_awaited = not header.live and sequence >= header.oldest
-            oldest = min(header.oldest, sequence)
-            old = old.model_copy(update={"oldest": oldest})
-            self._hand_on(Frame(old, feature, is_awaited))
+            old, is_awaited = fetched_frame(old, header)
+            self._hand_on(StreamFrame(old, feature, is_awaited))
         self._counts["fetched"] += len(fetched)

@@ -25,7 +25,7 @@ from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.sharding import ChannelShard
-from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_outputs import ChannelOutputs
 from placefield_services.channel_worker import ChannelWorker
 from placefield_services.served_channels import ServedChannels
 

@@ -24,7 +24,7 @@ from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser_run import Fuser, FuserCaches
+from placefield_services.fuser_run import FuserCaches, FuserRun
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import FuserOutputs
 from placefield_services.served import FuserVersion
@@ -76,7 +76,7 @@ class Stage:
         unasked = ReplicatedCache(ReplayCache(), PeerCache().fetch)
         self.counts: Counter[str] = Counter()
         self._clock = clock
-        self._fuser = Fuser(
+        self._fuser = FuserRun(
             version_of(placemap, self.config),
             self.config,
             KEYS,

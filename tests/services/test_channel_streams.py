@@ -36,7 +36,7 @@ from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.sharding import ChannelShard
 from placefield_services import channel_streams
 from placefield_services import channel_worker as worker_module
-from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_outputs import ChannelOutputs
 from placefield_services.channel_worker import ChannelWorker
 from placefield_services.served_channels import ServedChannels
 

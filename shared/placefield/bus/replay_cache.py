@@ -198,3 +198,14 @@ def fetch_all(
             continue
         if header.stream == stream and first <= header.sequence < end:
             yield header, payload
+
+
+def fetched_frame(old: Header, newest: Header) -> tuple[Header, bool]:
+    """Return the header of a fetched frame, and whether its source may still wait for an answer.
+
+    Args:
+        old: the header of the frame, as it was cached.
+        newest: the header of a later frame, which has just come.
+    """
+    is_awaited = not newest.live and old.sequence >= newest.oldest
+    return old.model_copy(update={"oldest": min(newest.oldest, old.sequence)}), is_awaited

@@ -48,11 +48,11 @@ def _explore(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield_services.exploring import (
+    from placefield_services.exploring_channel import run_exploring_channel
+    from placefield_services.exploring_services import (
         run_exploring_featurizer,
         run_exploring_fuser,
     )
-    from placefield_services.exploring_channel import run_exploring_channel
     from placefield_services.mapper import run_mapper
 
     effective = options.effective_config(

@@ -15,7 +15,7 @@ from placefield.maps.drive_file import DriveFile
 from placefield.maps.manifest import check_map_path
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
-from placefield_services.exploring import check_exploring
+from placefield_services.exploring_services import check_exploring
 from placefield_services.host import run_host
 from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
