@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.features.descriptors import is_blank
 from placefield.maps.appending_routes import takes_places, with_routes
-from placefield.maps.gathering import nearest_frames
-from placefield.maps.look_rows import LookRows, identity_of, look_rows, merged, replace_looks
+from placefield.maps.gathering import looks_of
+from placefield.maps.look_rows import identity_of, look_rows, merged, replace_looks
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapMetric
 from placefield.maps.pruning import looks_that_add
@@ -23,7 +23,7 @@ from placefield.maps.same_route import align_to_map, poses_in_map
 from placefield.maps.stretches import LEAST_FRAMES, Stretch, new_stretches, unknown_runs
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 from placefield.matching.comparing import MetricPlaces
-from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
+from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
 
 _LEAST_STEP = 0.5  # typical steps from place to place: a slow drive has fewer places than frames
 
@@ -98,8 +98,16 @@ def add_traverse(opened: Map, traverse: Traverse) -> Addition:
     left_out = 0
     if not takes_places(opened.places, traverse):
         stretches, left_out = [], sum(len(stretch.frames) for stretch in stretches)
-    quantized, number = quantize(descriptors, DESCRIPTOR_UNIT), len(opened.traverses)
-    seen = _looks(opened, alignment, quantized, is_clear, number)
+    quantized = quantize(descriptors, DESCRIPTOR_UNIT)
+    shown = alignment.shown()
+    shown = shown[is_clear[shown]]
+    seen = looks_of(
+        quantized[shown],
+        alignment.places[shown],
+        len(opened.traverses),
+        opened.places.count,
+        opened.graph.first,
+    )
     adds = looks_that_add(identity, seen.places, seen.observed)
     grown = with_routes(opened, traverse, stretches, quantized) if stretches else opened
     grown = _recorded(grown, opened, traverse, alignment, stretches)
@@ -150,22 +158,6 @@ def _distinct(
         if last is None or np.linalg.norm(descriptors[frame] - last) >= _LEAST_STEP * typical:
             distinct.append(frame)
     return np.array(distinct, np.intp)
-
-
-def _looks(
-    opened: Map,
-    alignment: Alignment,
-    quantized: Quantized,
-    is_clear: NDArray[np.bool_],
-    number: int,
-) -> LookRows:
-    """Return how traverse ``number`` shows the places of the map, one look of each at most."""
-    frames = alignment.shown()
-    frames = frames[is_clear[frames]]
-    places, nearest = nearest_frames(
-        alignment.places[frames], opened.places.count, opened.graph.first
-    )
-    return LookRows(places, quantized[frames[nearest]], np.full(len(places), number, np.int32))
 
 
 def _recorded(

@@ -5,16 +5,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config, MetricConfig
+from placefield.config import Config, FeatureConfig, MetricConfig
 from placefield.errors import MapError
-from placefield.features.descriptors import fit_descriptors
+from placefield.features.descriptors import DescriptorModel, fit_descriptors
 from placefield.features.extract import default_dimensions
 from placefield.features.network import Network
 from placefield.maps.gathering import (
     alignment_of,
     centred,
     chosen_rows,
-    observed_again,
+    looks_of_others,
     probes_of,
     records_of,
     trained_first,
@@ -116,8 +116,8 @@ def build_map(
 
     PCA and metrics learn from all traverses; the places are the first's. A first traverse of
     several routes has a graph; each route is standardised by its own mean and deviation, and a
-    query at its start by their mean. With
-    ``build.looks``, the other traverses give looks of the places.
+    query at its start by their mean. With ``build.looks``, the other traverses give looks of
+    the places.
 
     Args:
         traverses: each is aligned to the first, or has the same number of frames.
@@ -137,33 +137,19 @@ def build_map(
     place_of = [
         alignment.places[frames] for alignment, frames in zip(alignments, shown, strict=True)
     ]
-    dimensions = config.features.dimensions or default_dimensions(config.features.kind)
-    features = config.features.model_copy(update={"dimensions": dimensions})
     first = traverses[0]
-    routes = np.split(first.raw, first.routes.first[1:])
-    others = zip(traverses[1:], shown[1:], strict=True)
-    model, described = fit_descriptors(
-        [*routes, *(chosen_rows(traverse.raw, frames) for traverse, frames in others)],
-        features.kind,
-        dimensions=dimensions,
-        standardise=features.standardise,
-        plain=features.plain_pca,
-        network=network,
-        routes=len(routes),
-    )
-    places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
-    descriptors = [places, *described[len(routes) :]]
-    del described
+    model, descriptors = _described(traverses, shown, config.features, network)
+    places = descriptors[0]
     held_back = held_back_places(len(places), config.seed)
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
     looks = (
-        observed_again(descriptors, place_of, first.routes.first) if config.build.looks else None
+        looks_of_others(descriptors, place_of, first.routes.first) if config.build.looks else None
     )
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
-    if looks is not None and len(looks[0]):
+    if looks is not None and len(looks.places):
         identity = with_looks(identity, *looks)
     encoded = cut(places, first, config)
     smallest = smallest_scale(*_lower_limit(first, config))
@@ -192,7 +178,7 @@ def build_map(
     built = Map(
         preset=config.preset,
         seed=config.seed,
-        features=features,
+        features=config.features.model_copy(update={"dimensions": _dimensions(config.features)}),
         scales=config.scales,
         metric=metric_config,
         traverses=records_of(traverses, alignments),
@@ -202,12 +188,39 @@ def build_map(
         channels=channels,
         alignments={
             number: MapAlignment(each.places)
-            for number, each in enumerate(alignments[1:], len(routes))
+            for number, each in enumerate(alignments[1:], len(graph.names))
         },
         graph=graph,
         identity=identity,
     )
     return built if graph.is_line else with_graph(built, graph)
+
+
+def _described(
+    traverses: Sequence[Traverse],
+    shown: Sequence[NDArray[np.intp]],
+    features: FeatureConfig,
+    network: Network | None,
+) -> tuple[DescriptorModel, list[Array]]:
+    """Fit the descriptor model, and describe those frames of each traverse that show a place."""
+    first = traverses[0]
+    routes = np.split(first.raw, first.routes.first[1:])
+    others = zip(traverses[1:], shown[1:], strict=True)
+    model, described = fit_descriptors(
+        [*routes, *(chosen_rows(traverse.raw, frames) for traverse, frames in others)],
+        features.kind,
+        dimensions=_dimensions(features),
+        standardise=features.standardise,
+        plain=features.plain_pca,
+        network=network,
+        routes=len(routes),
+    )
+    places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
+    return model, [places, *described[len(routes) :]]
+
+
+def _dimensions(features: FeatureConfig) -> int:
+    return features.dimensions or default_dimensions(features.kind)
 
 
 def _map_channel(

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.alignment import align_by_number
+from placefield.maps.look_rows import LookRows, merged
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
 from placefield.maps.traverse import Alignment, Traverse
@@ -84,37 +85,44 @@ def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
     return reference
 
 
-def observed_again(
+def looks_of_others(
     descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]], first: Firsts
-) -> tuple[NDArray[np.int32], Quantized, NDArray[np.int32]]:
-    """Return what all traverses but the first observed of the places, by ascending place.
-
-    A place that no frame of a traverse shows has the frame of the nearest place, if that is at most
-    3 places away: a faster traverse has no frame of every place, and the first frames of a traverse
-    are often not aligned.
+) -> LookRows:
+    """Return the looks that all traverses but the first give.
 
     Args:
         descriptors: of each traverse, (F, N) float32; the first's are the places.
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
         first: (R,) int32, the first place of each route; each route has a record of its own.
-
-    Returns:
-        The place of each look, (L,), its quantized descriptor, (L, N) int16, and the number of its
-        traverse, (L,) int32.
     """
     count, dimensions = descriptors[0].shape
-    places, observed = [np.empty(0, np.int32)], [np.empty((0, dimensions), np.int16)]
-    traverses = [np.empty(0, np.int32)]
-    for number, (each, shown) in enumerate(
-        zip(descriptors[1:], place_of[1:], strict=True), len(first)
-    ):
-        at, frames = nearest_frames(shown, count, first)
-        places.append(at)
-        traverses.append(np.full(len(at), number, np.int32))
-        observed.append(quantize(each, DESCRIPTOR_UNIT)[frames])
-    all_places = np.concatenate(places)
-    order = np.argsort(all_places, kind="stable")
-    return all_places[order], np.concatenate(observed)[order], np.concatenate(traverses)[order]
+    none = np.empty(0, np.int32)
+    looks = LookRows(none, np.empty((0, dimensions), np.int16), none)
+    others = zip(descriptors[1:], place_of[1:], strict=True)
+    for number, (each, shown) in enumerate(others, len(first)):
+        observed = quantize(each, DESCRIPTOR_UNIT)
+        looks = merged(looks, looks_of(observed, shown, number, count, first))
+    return looks
+
+
+def looks_of(
+    observed: Quantized, shown: NDArray[np.int32], number: int, count: int, first: Firsts
+) -> LookRows:
+    """Return the looks that a traverse gives, one of each place at most.
+
+    A place that no frame shows has the frame of the nearest place, if that is at most 3 places
+    away: a faster traverse has no frame of every place, and the first frames of a traverse are
+    often not aligned.
+
+    Args:
+        observed: (F, N) int16, quantized descriptors of frames that show a place.
+        shown: (F,) int32, the place that each of them shows.
+        number: of the traverse.
+        count: the number of places.
+        first: (R,) int32, the first place of each route.
+    """
+    places, frames = nearest_frames(shown, count, first)
+    return LookRows(places, observed[frames], np.full(len(places), number, np.int32))
 
 
 def nearest_frames(

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,10 @@ from placefield.config import Config
 from placefield.errors import MapError
 from placefield.features.extract import network_of
 from placefield.features.local_descriptors import LocalDescriptors
-from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.drive_file import DriveFrame, read_drive
 from placefield.maps.map import Map
 from placefield.maps.traverse import DescribedFrame, Traverse, traverse_of
-from placefield_tools.common.parallel import map_in_order
-from placefield_tools.common.progress import channel_progress
+from placefield_tools.build.map_from_sources import built_of
 
 log = logging.getLogger(__name__)
 
@@ -40,10 +37,7 @@ def build_explored(drive: Path, name: str, config: Config) -> Map:
     if not places:
         raise MapError(f"{drive}: the views of {len(frames)} frames change too little for a map")
     traverse = _traverse(name, [frames[number] for number in places])
-    with channel_progress(config.scales.channels) as progress:
-        cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        network = network_of(config.features.kind)
-        return build_map([traverse], config, progress, cut, network=network, run=map_in_order)
+    return built_of([traverse], config, network_of(config.features.kind))
 
 
 def places_of(frames: Sequence[DriveFrame]) -> list[int]:
