@@ -9,7 +9,7 @@ If the end of a route has no way on, it links to the place that lies ahead by th
 of a circuit, or another route. Likewise the start of a route.
 """
 
-from itertools import chain, pairwise
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from placefield.maps.alignment import NEAR_M, align_by_poses
 from placefield.maps.map import STEPS
-from placefield.maps.route_graph import Firsts, Link, RouteGraph, routes_of
+from placefield.maps.route_graph import Firsts, Link, RouteGraph, bounds_of, routes_of
 from placefield.maps.traverse import NO_PLACE
 
 _APART = 40  # places of one route between the ends of a link by poses: nearer ones are neighbours
@@ -81,7 +81,7 @@ def same_by_poses(same: Same, poses: Poses, first: Firsts) -> Same:
     if not len(poses):
         return found
     spacing, route = _spacings(poses, first), routes_of(first, np.arange(len(same)))
-    for start, end in _bounds(first, len(same)):
+    for start, end in bounds_of(first, len(same)):
         nearest = align_by_poses(poses[:start], poses[start:end]).places
         for frame in np.flatnonzero(nearest != NO_PLACE).tolist():
             place, twin = start + frame, int(nearest[frame])
@@ -122,7 +122,7 @@ def _links_by_poses(graph: RouteGraph, poses: Poses) -> set[Link]:
     first, found = graph.first, set()
     left, entered = (set(side.tolist()) for side in graph.links.T)
     for spacing, (start, end) in zip(
-        _spacings(poses, first), _bounds(first, len(poses)), strict=True
+        _spacings(poses, first), bounds_of(first, len(poses)), strict=True
     ):
         reach = max(NEAR_M, _SPACINGS * spacing)
         last, allowed = end - 1, np.ones(len(poses), np.bool_)
@@ -162,12 +162,7 @@ def _spacings(poses: Poses, first: Firsts) -> list[float]:
     """Return the mean distance of consecutive places of each route, metres; 0 where unknown."""
     steps = [
         np.linalg.norm(np.diff(poses[slice(*bounds), :2], axis=0), axis=1)
-        for bounds in _bounds(first, len(poses))
+        for bounds in bounds_of(first, len(poses))
     ]
     known = [each[np.isfinite(each)] for each in steps]
     return [float(each.mean()) if len(each) else 0.0 for each in known]
-
-
-def _bounds(first: Firsts, count: int) -> list[tuple[int, int]]:
-    """Return the first place of each route, and the last one + 1."""
-    return list(pairwise([*first.tolist(), count]))

@@ -6,6 +6,7 @@ place of a route to the next one, and along links.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,6 +103,16 @@ def routes_of(first: Firsts, places: ArrayLike) -> NDArray[np.intp]:
     return np.asarray(np.searchsorted(first, places, side="right")) - 1
 
 
+def bounds_of(first: Firsts, count: int) -> list[tuple[int, int]]:
+    """Return the first place of each route, and its last one + 1.
+
+    Args:
+        first: (R,) int32, the first place of each route.
+        count: the number of all places.
+    """
+    return list(pairwise([*first.tolist(), count]))
+
+
 def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:
     """Return the place of a map of ``count`` places by its route and its number within the route.
 
@@ -110,10 +121,10 @@ def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:
     """
     if route not in graph.names:
         raise MapError(f"no route {route!r:.80}: the routes are {', '.join(graph.names)}")
-    start, end = np.append(graph.first, count)[graph.names.index(route) :][:2].tolist()
+    start, end = bounds_of(graph.first, count)[graph.names.index(route)]
     if not 0 <= number < end - start:
         raise MapError(f"{route} has no place {number}, but places 0 to {end - start - 1}")
-    return int(start + number)
+    return start + number
 
 
 def check_rule(rule: Rule, routes: int) -> None:

@@ -10,7 +10,6 @@ stretch, because the camera faces the other way.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.maps.map import STEPS, MapChannel, MapMetric
 from placefield.maps.map_metrics import identity_metric
-from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
+from placefield.maps.route_graph import ONE_ROUTE, Firsts, bounds_of, routes_of
 from placefield.matching.best_window import Vicinity, best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
@@ -90,7 +89,7 @@ def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
     places = MetricPlaces(metric, exact=True)
     nearest: list[int] = []
     posteriors: list[tuple[Same, Array]] = []
-    for route, end in pairwise([*starts.tolist(), len(descriptors)]):
+    for route, end in bounds_of(starts, len(descriptors)):
         for start in range(route, end, _PART):
             matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, route)
             stop = min(start + _PART + _AROUND, end)

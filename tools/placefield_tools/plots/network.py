@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
 from placefield.maps.linking import Overlap
-from placefield.maps.route_graph import RouteGraph
+from placefield.maps.route_graph import RouteGraph, bounds_of
 from placefield_tools.plots import style
 
 _COLOURS = ("#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
@@ -81,7 +80,7 @@ def schematic(network: DrawnNetwork) -> Positions:
     A route begins where an overlap with an earlier route, or else a link, puts it; otherwise at 0.
     """
     at = np.zeros((network.count, 2))
-    bounds = pairwise([*network.graph.first.tolist(), network.count])
+    bounds = bounds_of(network.graph.first, network.count)
     for route, (start, end) in enumerate(bounds):
         x = _start_of(network, start, end, at[:, 0])
         at[start:end] = np.column_stack([x + np.arange(end - start), np.full(end - start, -route)])
@@ -101,7 +100,7 @@ def _start_of(network: DrawnNetwork, start: int, end: int, x: NDArray[np.float64
 
 
 def _draw_routes(axes: Axes, network: DrawnNetwork, at: Positions) -> None:
-    bounds = pairwise([*network.graph.first.tolist(), network.count])
+    bounds = bounds_of(network.graph.first, network.count)
     routes = zip(network.graph.names, bounds, strict=True)
     for number, (name, (start, end)) in enumerate(routes):
         colour = _COLOURS[number % len(_COLOURS)]
