@@ -12,7 +12,8 @@ from placefield.config import Config
 from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import map_of
 from placefield_tools.cli import options_truth
-from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate
+from placefield_tools.evaluate.evaluation import Evaluation, evaluate
+from placefield_tools.evaluate.query import Query
 
 LAP = 200  # frames
 TRUTH = partial(options_truth.truth_of, tolerance=3, truth=None)

@@ -11,7 +11,8 @@ from placefield.config import Config
 from placefield.evaluation.truth import Truth
 from placefield.features.network import NetworkInput
 from placefield_tools.build.map_from_sources import map_of
-from placefield_tools.evaluate.evaluation import Query, evaluate
+from placefield_tools.evaluate.evaluation import evaluate
+from placefield_tools.evaluate.query import Query
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
 

@@ -12,7 +12,9 @@ from placefield.evaluation.curves import PrecisionRecall
 from placefield.evaluation.truth import Truth
 from placefield_tools.build.map_from_sources import map_of
 from placefield_tools.cli import options_truth
-from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate, judge
+from placefield_tools.evaluate.evaluation import Evaluation, evaluate
+from placefield_tools.evaluate.judging import judge
+from placefield_tools.evaluate.query import Query
 from placefield_tools.study import describing
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.run_study import prepare

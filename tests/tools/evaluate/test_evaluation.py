@@ -18,14 +18,9 @@ from placefield.maps.map import Map
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluate.evaluation import (
-    Query,
-    describe_query,
-    evaluate,
-    judge,
-    judge_smoothed,
-    match_here,
-)
+from placefield_tools.evaluate.evaluation import describe_query, evaluate, match_here
+from placefield_tools.evaluate.judging import judge, judge_smoothed
+from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions
 from placefield_tools.sources import Parts, open_source
 

@@ -6,12 +6,14 @@ import pytest
 from placefield.config import Config
 from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
-from placefield_tools.evaluate.evaluation import Query, evaluate, judge
+from placefield_tools.evaluate.evaluation import evaluate
 from placefield_tools.evaluate.evaluation_report import (
     certainty_figures,
     certainty_line,
     print_table,
 )
+from placefield_tools.evaluate.judging import judge
+from placefield_tools.evaluate.query import Query
 
 
 def within_3(queries: int, places: int) -> Truth:

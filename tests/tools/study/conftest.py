@@ -5,7 +5,7 @@ import pytest
 
 from placefield.config import Config
 from placefield_tools.cli import options_truth
-from placefield_tools.evaluate.evaluation import Query
+from placefield_tools.evaluate.query import Query
 from placefield_tools.study import describing
 from placefield_tools.study.run_study import prepare
 from placefield_tools.study.trial import Trial

@@ -7,7 +7,7 @@ from placefield.config import Config
 from placefield.maps.map import MapChannel
 from placefield.maps.map_metrics import learned_metric
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.ablation import ablate
 from placefield_tools.study.trial import Trial, descriptors_of
 

@@ -19,7 +19,7 @@ from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces
 from placefield.recognizer import Recognizer
 from placefield_tools.build.map_from_sources import build_from
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.methods import PUBLISHED_LAG, methods_of, run_methods
 from placefield_tools.study.results import MethodResult
 from placefield_tools.study.trial import Trial

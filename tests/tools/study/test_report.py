@@ -16,7 +16,7 @@ from placefield.evaluation.reliability import reliability
 from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
-from placefield_tools.evaluate.evaluation import Judged, judge
+from placefield_tools.evaluate.judging import Judged, judge
 from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study import figures
 from placefield_tools.study.report import write_report

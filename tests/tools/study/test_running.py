@@ -14,7 +14,7 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
 from placefield.matching.roads import RouteCells
-from placefield_tools.evaluate.evaluation import Query
+from placefield_tools.evaluate.query import Query
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import methods_of, run_methods
 from placefield_tools.study.run_study import prepare

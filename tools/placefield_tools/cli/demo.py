@@ -65,9 +65,10 @@ def _run(reference: str, query: str, output: Path, config: Config) -> None:
     from placefield.maps.store import save_map
     from placefield_tools.build.map_from_sources import build_from
     from placefield_tools.common.progress import CONSOLE
-    from placefield_tools.evaluate.evaluation import Query, evaluate
+    from placefield_tools.evaluate.evaluation import evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
     from placefield_tools.evaluate.evaluation_report import print_table
+    from placefield_tools.evaluate.query import Query
     from placefield_tools.inspect.map_summary import draw_segments
 
     map_path = output / "route.pfmap"

@@ -70,9 +70,10 @@ def _evaluate(
     """
     from placefield_tools.build.map_from_sources import map_of
     from placefield_tools.common.progress import CONSOLE
-    from placefield_tools.evaluate.evaluation import Query, evaluate
+    from placefield_tools.evaluate.evaluation import evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
     from placefield_tools.evaluate.evaluation_report import figures, print_table
+    from placefield_tools.evaluate.query import Query
     from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
 

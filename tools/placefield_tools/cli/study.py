@@ -56,7 +56,7 @@ def _study(
       placefield study day/ dusk/ --protocol kidnap
       placefield study day/ dusk/ --preset paper
     """
-    from placefield_tools.evaluate.evaluation import Query
+    from placefield_tools.evaluate.query import Query
     from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
     from placefield_tools.study.paper.paper_report import write_paper_report

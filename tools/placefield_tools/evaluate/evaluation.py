@@ -1,9 +1,7 @@
 """Evaluating a query against a map: its matches are compared with a ground truth."""
 
 from collections.abc import Callable, Collection, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar, get_args
 
@@ -12,25 +10,22 @@ from numpy.typing import NDArray
 
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
-from placefield.evaluation.claims import Claims, claims
-from placefield.evaluation.curves import PrecisionRecall, precision_recall
-from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling, aligned
-from placefield.evaluation.reliability import Reliability, reliability
+from placefield.evaluation.protocols import Resampling, aligned
 from placefield.evaluation.truth import Truth
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame, Pose
-from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
-from placefield.matching.candidate import UNANSWERED
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
+from placefield_tools.evaluate.judging import Judged, judge, judge_smoothed
+from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
-from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources import Source
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -44,93 +39,6 @@ Description = TypeVar("Description")
 
 RawFeature = NDArray[np.float32] | None
 """A frame's raw feature, (D,); None if the frame cannot be read."""
-
-
-@dataclass(frozen=True)
-class Judged:
-    """The matches of a query of Q frames, compared with the ground truth.
-
-    Attributes:
-        places: (Q,) int64, the matched place of each frame, -1 without a match.
-        scores: (Q,) float64; a higher score is more certain.
-        correct: (Q,) bool.
-        curve: precision and recall.
-        reliability: of the probabilities, if the method gives them.
-        claims: the known matches, likewise.
-        mean_lag: mean number of later frames that a match uses.
-        too_fast: number of frames where the vehicle seems faster than the map resolves.
-    """
-
-    places: NDArray[np.int64]
-    scores: NDArray[np.float64]
-    correct: NDArray[np.bool_]
-    curve: PrecisionRecall
-    reliability: Reliability | None = None
-    claims: Claims | None = None
-    mean_lag: float = 0.0
-    too_fast: int = 0
-
-
-@dataclass(frozen=True)
-class Query:
-    """The source of a query, and the protocol of its drive.
-
-    Attributes:
-        where: source of the frames.
-        spacing_m: metres between the frames, by odometry; None: every frame.
-        protocol: order of the frames in the drive.
-        other: source of another route, for the protocol ``off-route`` only.
-        seed: of the protocol.
-        parts: selects topics and frames of both sources.
-        every: n of a protocol with every n-th frame; None: its default.
-    """
-
-    where: str
-    spacing_m: float | None = None
-    protocol: Protocol = "aligned"
-    other: str | None = None
-    seed: int = 0
-    parts: Parts = NO_PARTS
-    every: int | None = None
-
-    def open(self) -> Source:
-        """Open the frames, in the order of the drive.
-
-        Raises:
-            SourceError: a source cannot be read, or is live and the protocol reorders frames.
-        """
-        opened = partial(open_source, spacing_m=self.spacing_m, parts=self.parts)
-        if self.protocol == "aligned":
-            return opened(self.where)
-        with ExitStack() as stack:
-            query = stack.enter_context(opened(self.where))
-            other = stack.enter_context(opened(self.other)) if self.other else None
-            every = DEFAULT_EVERY if self.every is None else self.every
-            return ResampledTraverse(query, self.protocol, other=other, seed=self.seed, every=every)
-
-    def numbered(self, drive: Resampling) -> Resampling:
-        """Return the drive with the frame numbers of the query's source.
-
-        Distance-sampled frames are numbered in their own order.
-        """
-        if self.spacing_m is not None:
-            return drive
-        return replace(drive, frames=self.parts.start + self.parts.stride * drive.frames)
-
-    def frames_in_source(self, selected: int) -> int:
-        """Return the number of frames of the source, of which ``selected`` are used."""
-        start, stride = self.parts.start, self.parts.stride
-        whole = replace(self.parts, start=0, stop=None, stride=1)
-        if self.spacing_m is not None or whole == self.parts:
-            return selected
-        with open_source(self.where, parts=whole) as source:
-            last = start + stride * (selected - 1)
-            return max(source.count or 0, last + 1)
-
-    def matching(self, config: MatchingConfig) -> MatchingConfig:
-        """Return the matching settings; the protocol ``reverse`` inverts the direction."""
-        turned = config.reverse != (self.protocol == "reverse")
-        return config.model_copy(update={"reverse": turned})
 
 
 @dataclass(frozen=True)
@@ -226,36 +134,6 @@ def match_here(
     descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
     metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
-
-
-def judge(matches: Sequence[Match], truth: Truth) -> Judged:
-    """Compare matches with the ground truth, in the frames that have one."""
-    places = np.array([match.place for match in matches], np.int64)
-    scores = np.array([match.score for match in matches], np.float64)
-    correct = truth.correct(places)
-    answered = places != UNANSWERED
-    judged = slice(None) if truth.judged is None else truth.judged
-    on_route = truth.on_route[judged]
-    curve = precision_recall(correct[judged], answered[judged], on_route, scores[judged])
-    if not any(match.known is not None for match in matches):
-        return Judged(places, scores, correct, curve)
-    probability = np.array([match.probability or 0.0 for match in matches])
-    known = np.array([bool(match.known) for match in matches])
-    return Judged(
-        places,
-        scores,
-        correct,
-        curve,
-        reliability(probability[judged][answered[judged]], correct[judged][answered[judged]]),
-        claims(known[judged], correct[judged], on_route),
-        too_fast=sum(match.too_fast for match in matches),
-    )
-
-
-def judge_smoothed(matches: Sequence[SmoothedMatch], truth: Truth) -> Judged:
-    """Compare smoothed matches with the ground truth, in the frames that have one."""
-    judged = judge([smoothed.match for smoothed in matches], truth)
-    return replace(judged, mean_lag=float(np.mean([smoothed.lag for smoothed in matches])))
 
 
 def evaluate(

@@ -10,7 +10,8 @@ from placefield.features.descriptors import DescriptorStream
 from placefield.features.images import decode
 from placefield.maps.map import Map
 from placefield.matching.comparing import distance_matrix
-from placefield_tools.evaluate.evaluation import Evaluation, Judged, RawFeature
+from placefield_tools.evaluate.evaluation import Evaluation, RawFeature
+from placefield_tools.evaluate.judging import Judged
 from placefield_tools.plots import (
     MatchPair,
     plot_distance_matrix,

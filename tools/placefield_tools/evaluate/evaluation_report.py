@@ -12,7 +12,8 @@ from placefield.evaluation.reliability import Reliability
 from placefield.fusion.match import FASTER
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.common.natural_sort import counted
-from placefield_tools.evaluate.evaluation import Evaluation, Judged
+from placefield_tools.evaluate.evaluation import Evaluation
+from placefield_tools.evaluate.judging import Judged
 
 
 def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from placefield.config import Rule
 from placefield.maps.map import MapChannel
 from placefield_tools.common.progress import tracked
 from placefield_tools.evaluate.drive_matching import match_drive
-from placefield_tools.evaluate.evaluation import judge, judge_smoothed
+from placefield_tools.evaluate.judging import judge, judge_smoothed
 from placefield_tools.study.matching import median_scale, with_scales
 from placefield_tools.study.results import AblationResult, LeftOut
 from placefield_tools.study.trial import Trial

@@ -20,7 +20,7 @@ from placefield.matching.candidate import UNANSWERED
 from placefield.presets import PRESETS
 from placefield_tools.common.progress import tracked
 from placefield_tools.evaluate.drive_matching import match_drive
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.matching import match_channels, with_scales
 from placefield_tools.study.results import MethodResult
 from placefield_tools.study.trial import Trial

@@ -6,7 +6,7 @@ from typing import Literal
 from placefield.config import Rule
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
-from placefield_tools.evaluate.evaluation import Judged
+from placefield_tools.evaluate.judging import Judged
 from placefield_tools.evaluate.truth_source import TruthSource
 
 LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]

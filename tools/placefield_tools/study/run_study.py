@@ -16,7 +16,8 @@ from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.drive_matching import Metres
-from placefield_tools.evaluate.evaluation import Query, drive_in
+from placefield_tools.evaluate.evaluation import drive_in
+from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, find_truth
 from placefield_tools.sources import Source, open_source
 from placefield_tools.sources.secrets import without_secrets

@@ -7,7 +7,7 @@ import pytest
 from placefield.config import Config
 from placefield.loading import load_config
 from placefield_tools.cli import options_truth
-from placefield_tools.evaluate.evaluation import Query
+from placefield_tools.evaluate.query import Query
 from placefield_tools.study.paper import channel_count_runs as channel_counts
 from placefield_tools.study.paper.paper_results import PaperStudy
 from placefield_tools.study.paper.run_paper import run_paper_study

@@ -5,7 +5,7 @@ import pytest
 
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.paper.channel_count_runs import CHANNELS, combinations, count_channels
 from placefield_tools.study.paper.paper_results import CountResult
 from placefield_tools.study.trial import Trial

@@ -6,7 +6,7 @@ import pytest
 from placefield.errors import MapError
 from placefield.maps.map import MapChannel
 from placefield.recognizer import Recognizer
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.paper import run_paper as running
 from placefield_tools.study.paper.cost import comparisons, multiplications
 from placefield_tools.study.paper.neighbours import learned_by

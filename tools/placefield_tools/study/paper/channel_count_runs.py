@@ -8,7 +8,7 @@ import numpy as np
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.matching.candidate import Candidate
 from placefield_tools.common.progress import tracked
-from placefield_tools.evaluate.evaluation import judge
+from placefield_tools.evaluate.judging import judge
 from placefield_tools.study.matching import fuse_channels, smoothed_candidates
 from placefield_tools.study.paper.paper_results import CountResult
 from placefield_tools.study.trial import Trial

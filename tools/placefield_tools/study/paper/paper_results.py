@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
-from placefield_tools.evaluate.evaluation import Judged
+from placefield_tools.evaluate.judging import Judged
 from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.plots import Neighbourhood
 from placefield_tools.study.results import MethodResult

@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from placefield_tools.evaluate.evaluation import Judged
+from placefield_tools.evaluate.judging import Judged
 from placefield_tools.study.paper import verdicts
 from placefield_tools.study.paper.cost import comparisons
 from placefield_tools.study.paper.paper_results import FeatureResult, PaperStudy

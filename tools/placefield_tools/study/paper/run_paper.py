@@ -10,7 +10,8 @@ from placefield.config import Config
 from placefield.errors import MapError
 from placefield.maps.map import Map, MapChannel
 from placefield_tools.common.progress import CONSOLE
-from placefield_tools.evaluate.evaluation import Judged, Query, judge
+from placefield_tools.evaluate.judging import Judged, judge
+from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions
 from placefield_tools.study.matching import with_scales
 from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
