@@ -58,6 +58,17 @@ class FuserRun:
         outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
+        """Begin without a stream.
+
+        Args:
+            first: the version of the map that answers at first.
+            config: of the fuser.
+            keys: of the run.
+            channels: those that are alive.
+            caches: of the run.
+            outputs: where it publishes.
+            counts: of the run.
+        """
         self._feature_key = keys.feature
         self.channels = channels
         self._caches = caches

@@ -22,12 +22,6 @@ def read(tmp_path: Path, *rows: str) -> Truth:
     )
 
 
-def test_near_places_are_right_along_links_and_not_over_the_boundary_of_routes() -> None:
-    assert places_near(GRAPH, 20, 8, 2).tolist() == [6, 7, 8, 9, 13]
-    assert places_near(GRAPH, 20, 10, 2).tolist() == [10, 11, 12, 18, 19]
-    assert places_near(GRAPH, 20, 4, 0).tolist() == [4]
-
-
 def test_places_are_named_by_route_and_number(tmp_path: Path) -> None:
     truth = read(tmp_path, "0,A,8", "2,B,0")
     assert truth.on_route.tolist() == [True, False, True]
