@@ -33,7 +33,7 @@ class Recognizer:
             config: only the section ``matching`` counts; the map has the rest.
 
         Raises:
-            ConfigError: the rule cannot use the map's descriptors, or does not follow its links.
+            ConfigError: the rule cannot use the map's descriptors, or its routes.
         """
         placemap.features.check_rule(config.matching.rule)
         matching = config.matching

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.maps.adding import Addition, add_traverse, check_growable
 from placefield.maps.dropping import drop_traverse, number_of
-from placefield.maps.map import Map
+from placefield.maps.map import STEPS, Map
 from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.opening import open_map
 from placefield.maps.route_graph import problem_of
@@ -74,7 +74,7 @@ def test_a_drive_adds_looks_and_the_stretches_before_and_behind(
     grown: Addition, middle: Map
 ) -> None:
     placemap, first = grown.map, middle.places.count
-    assert placemap.graph.names == ("day", "night", "night")
+    assert placemap.graph.names == ("day", "night", "night (2)")
     (before, last), (after, start) = sorted(placemap.graph.links.tolist(), reverse=True)
     assert placemap.graph.first.tolist() == [0, first, start]
     assert (before, last) == (start - 1, 0) or last <= 3
@@ -96,7 +96,8 @@ def test_the_places_that_were_there_stay_as_they_were(grown: Addition, middle: M
     count = middle.places.count
     for one, other in zip(middle.metrics, grown.map.metrics, strict=True):
         np.testing.assert_array_equal(one.places, other.places[:count])
-        np.testing.assert_array_equal(one.steps, other.steps[:, :count])
+        # The first places may have places before them now.
+        np.testing.assert_array_equal(one.steps[:, STEPS:], other.steps[:, STEPS:count])
     assert grown.map.places.thumbnail(count - 1) == middle.places.thumbnail(count - 1)
     assert grown.map.places.thumbnail(count) == b"thumbnail 0"
     for one, other in zip(middle.channels, grown.map.channels, strict=True):
@@ -249,8 +250,8 @@ def test_a_map_without_what_growing_needs_is_refused(middle: Map, grown: Additio
         ("night", 1),
         ("night/", 1),
         ("1", 1),
-        ("day", "day: the first drive gives the places"),
-        ("0", "0: the first drive gives the places"),
+        ("day", "day: its frames are the places"),
+        ("0", "0: its frames are the places"),
         ("dusk", "dusk: no drive of the map; there is night"),
         ("2", "2: no drive of the map"),
         ("-1", "-1: no drive of the map"),
@@ -263,6 +264,12 @@ def test_a_drive_is_named_by_its_name_or_number(grown: Addition, drive: str, fou
     with pytest.raises(MapError) as refused:
         number_of(grown.map.traverses, drive)
     assert found in str(refused.value)
+
+
+def test_a_drive_is_named_by_the_end_of_its_path(grown: Addition) -> None:
+    day, night = grown.map.traverses
+    paths = [day, night.model_copy(update={"name": "/data/night/"})]
+    assert number_of(paths, "night") == number_of(paths, "/data/night") == 1
 
 
 def test_of_drives_of_one_name_the_number_is_asked_for(grown: Addition) -> None:

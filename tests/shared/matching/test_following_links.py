@@ -10,7 +10,7 @@ from filters import filter_of, posterior_of
 from numpy.typing import NDArray
 from route_networks import network
 
-from placefield.config import MatchingConfig
+from placefield.config import Config, MatchingConfig
 from placefield.errors import ConfigError
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
@@ -20,6 +20,7 @@ from placefield.maps.topology import Topology
 from placefield.matching.best_window import vicinity_of
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.matcher import Matcher
+from placefield.matching.revisits import channel_without_segments
 from placefield.recognizer import Recognizer
 
 Array = NDArray[np.float32]
@@ -117,8 +118,11 @@ def test_a_map_with_another_graph_is_followed_along_it(small_map: Map) -> None:
     (metric, *_), (before, *_) = circuit.metrics, small_map.metrics
     np.testing.assert_array_equal(metric.steps[0, 1:], before.steps[0, 1:])
     assert metric.steps[0, 0] != before.steps[0, 0]
-    with pytest.raises(ConfigError, match="rule evidence: does not follow"):
-        ChannelStage(
-            {0: circuit.channels[0]}, MatchingConfig(rule="evidence"), topology=circuit.topology
-        )
-    Recognizer(circuit)
+    for rule in ("filter", "evidence"):  # of one route, which windows may follow
+        Recognizer(circuit, Config.model_validate({"matching": {"rule": rule}}))
+
+
+def test_windows_are_not_compared_across_routes() -> None:
+    channel, topology = channel_without_segments(identity_metric(views())), network(COUNT, [0, 60])
+    with pytest.raises(ConfigError, match="rule evidence: does not follow several routes"):
+        ChannelStage({0: channel}, MatchingConfig(rule="evidence"), topology=topology)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from placefield.maps.map_metrics import identity_metric
+from placefield.maps.topology import line_of
 from placefield.matching.filter_matcher import step_lengths_of
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
 
@@ -19,7 +20,7 @@ def test_the_first_places_are_those_of_a_map_of_them(count: int) -> None:
     np.testing.assert_array_equal(grown.places, whole.places)
     np.testing.assert_array_equal(grown.squares, whole.squares)
     np.testing.assert_allclose(grown.steps, whole.steps, rtol=1e-5)
-    lengths, expected = lengths_of(grown), step_lengths_of(whole, reverse=False)
+    lengths, expected = lengths_of(grown), step_lengths_of(whole, line_of(count), reverse=False)
     for one, other in zip(lengths, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-5)
     distances = compare(grown, views[719]).distances * grown.unit**2
