@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from placefield.maps.joining import joined
 from side_street import JUNCTION, make_junction
 
 from placefield.config import Config
@@ -15,6 +14,7 @@ from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame
 from placefield.maps.build import build_map
+from placefield.maps.joining_routes import join_routes
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.channel_stage import ChannelStage
@@ -66,7 +66,7 @@ def drives() -> Drives:
 
 @pytest.fixture(scope="module")
 def network(drives: Drives) -> Map:
-    return build_map([joined([drives.street, drives.side_street])], CONFIG)
+    return build_map([join_routes([drives.street, drives.side_street])], CONFIG)
 
 
 def known_and_right(
