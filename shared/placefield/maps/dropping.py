@@ -14,8 +14,7 @@ from placefield.maps.growing_metrics import without_places
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
 from placefield.maps.map_metrics import with_metrics
-from placefield.maps.new_routes import route_name
-from placefield.maps.route_graph import RouteGraph
+from placefield.maps.route_graph import RouteGraph, routes_of
 from placefield.maps.traverse import NO_PLACE
 
 Kept = NDArray[np.bool_]
@@ -60,7 +59,7 @@ def drop_traverse(opened: Map, number: int) -> Map:
     rows = look_rows(check_growable(opened))
     name = opened.traverses[number].name
     routes = _routes_of(opened, number)
-    kept = ~np.isin(_route_numbers(opened.graph, opened.places.count), routes)
+    kept = ~np.isin(routes_of(opened.graph.first, np.arange(opened.places.count)), routes)
     for other, alignment in opened.alignments.items():
         shown = alignment.places[alignment.places != NO_PLACE]
         if other != number and not kept[shown].all():
@@ -92,21 +91,21 @@ def drop_traverse(opened: Map, number: int) -> Map:
     )
 
 
-def _routes_of(opened: Map, number: int) -> list[int]:
-    """Return the routes of a traverse: those of its name, unless an earlier one has this name."""
-    name = opened.traverses[number].name
-    if name in {record.name for record in opened.traverses[:number]}:
-        return []
-    own = {route_name(name, number) for number in range(1, len(opened.graph.names))}
-    return [route for route, named in enumerate(opened.graph.names) if named in own]
+def _routes_of(opened: Map, number: int) -> NDArray[np.intp]:
+    """Return the routes that a traverse added: its places lie behind those of earlier traverses."""
+    end = 0
+    for earlier, record in enumerate(opened.traverses[:number]):
+        if record.aligned is None:
+            end += record.frames
+        else:
+            end = max(end, int(opened.alignments[earlier].places.max(initial=NO_PLACE)) + 1)
+    shown = opened.alignments[number].places
+    return np.unique(routes_of(opened.graph.first, shown[shown >= end]))
 
 
-def _route_numbers(graph: RouteGraph, count: int) -> NDArray[np.intp]:
-    """Return the number of each place's route, (K,)."""
-    return np.searchsorted(graph.first, np.arange(count), side="right") - 1
-
-
-def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[np.int32]) -> Map:
+def _without_places(
+    opened: Map, kept: Kept, routes: NDArray[np.intp], moved: NDArray[np.int32]
+) -> Map:
     graph = _without_routes(opened.graph, routes, kept, moved)
     shrunk = with_metrics(opened, lambda metric: without_places(metric, kept, graph))
     return replace(
@@ -145,7 +144,7 @@ def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32])
 
 
 def _without_routes(
-    graph: RouteGraph, routes: list[int], kept: Kept, moved: NDArray[np.int32]
+    graph: RouteGraph, routes: NDArray[np.intp], kept: Kept, moved: NDArray[np.int32]
 ) -> RouteGraph:
     others = np.setdiff1d(np.arange(len(graph.names)), routes)
     names = tuple(graph.names[route] for route in others)
