@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain, count, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,23 +51,18 @@ def with_routes(
     )
 
 
-def route_name(drive: str, number: int) -> str:
-    """Return the name of the route of a drive's first, second, … new stretch."""
-    return drive if number == 1 else f"{drive} ({number})"
-
-
 def _with_frames(places: Places, traverse: Traverse, routes: Sequence[Numbers]) -> Places:
-    frames, count = np.concatenate(routes), places.count
+    frames, start = np.concatenate(routes), places.count
     thumbnails = [traverse.thumbnails[frame] for frame in frames.tolist()]
-    start = places.thumbnail_ends[-1]
+    end = places.thumbnail_ends[-1]
     lengths = np.array([len(thumbnail) for thumbnail in thumbnails], np.int64)
     return Places(
         stamps=np.concatenate([places.stamps, traverse.stamps[frames]]),
         poses=_with_poses(places.poses, traverse.poses, frames),
         travelled=_with_metres(places.travelled, traverse.travelled, routes),
-        same=np.append(places.same, np.arange(count, count + len(frames), dtype=np.int32)),
+        same=np.append(places.same, np.arange(start, start + len(frames), dtype=np.int32)),
         thumbnails=np.concatenate([places.thumbnails, np.frombuffer(b"".join(thumbnails), "u1")]),
-        thumbnail_ends=np.concatenate([places.thumbnail_ends, start + np.cumsum(lengths)]),
+        thumbnail_ends=np.concatenate([places.thumbnail_ends, end + np.cumsum(lengths)]),
     )
 
 
@@ -92,18 +88,24 @@ def _with_metres(
 
 
 def _with_stretches(
-    graph: RouteGraph, name: str, stretches: Sequence[Stretch], count: int
+    graph: RouteGraph, name: str, stretches: Sequence[Stretch], places: int
 ) -> RouteGraph:
     """Append a route for each stretch, with links from the place before and to the one after."""
     first, links = graph.first.tolist(), []
     for stretch in stretches:
-        last = count + len(stretch.frames) - 1
+        last = places + len(stretch.frames) - 1
         if stretch.before != NO_PLACE:
-            links.append((stretch.before, count))
+            links.append((stretch.before, places))
         if stretch.after != NO_PLACE:
             links.append((last, stretch.after))
-        first.append(count)
-        count = last + 1
-    added = [route_name(name, number) for number in range(1, len(stretches) + 1)]
-    grown = RouteGraph((*graph.names, *added), np.array(first, np.int32), graph.links)
-    return grown.with_links(links)
+        first.append(places)
+        places = last + 1
+    names = _with_names(graph.names, name, len(stretches))
+    return RouteGraph(names, np.array(first, np.int32), graph.links).with_links(links)
+
+
+def _with_names(names: tuple[str, ...], drive: str, routes: int) -> tuple[str, ...]:
+    """Append the names of a drive's routes: its own name, with a number where that is taken."""
+    numbered = chain([drive], (f"{drive} ({number})" for number in count(2)))
+    free = (name for name in numbered if name not in names)
+    return (*names, *islice(free, routes))

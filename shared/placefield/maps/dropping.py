@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.adding import check_growable
-from placefield.maps.appending_routes import route_name
 from placefield.maps.look_rows import look_rows, replace_looks
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
@@ -91,16 +90,21 @@ def drop_traverse(opened: Map, number: int) -> Map:
     )
 
 
-def _routes_of(opened: Map, number: int) -> list[int]:
-    """Return the routes of a traverse: those of its name, unless an earlier one has this name."""
-    name = opened.traverses[number].name
-    if name in {record.name for record in opened.traverses[:number]}:
-        return []
-    own = {route_name(name, number) for number in range(1, len(opened.graph.names))}
-    return [route for route, named in enumerate(opened.graph.names) if named in own]
+def _routes_of(opened: Map, number: int) -> NDArray[np.intp]:
+    """Return the routes that a traverse added: its places lie behind those of earlier traverses."""
+    end = 0
+    for earlier, record in enumerate(opened.traverses[:number]):
+        if record.aligned is None:
+            end += record.frames
+        else:
+            end = max(end, int(opened.alignments[earlier].places.max(initial=NO_PLACE)) + 1)
+    shown = opened.alignments[number].places
+    return np.unique(routes_of(opened.graph.first, shown[shown >= end]))
 
 
-def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[np.int32]) -> Map:
+def _without_places(
+    opened: Map, kept: Kept, routes: NDArray[np.intp], moved: NDArray[np.int32]
+) -> Map:
     graph = _without_routes(opened.graph, routes, kept, moved)
     shrunk = change_metrics(opened, lambda metric: without_places(metric, kept, graph))
     return replace(
@@ -139,7 +143,7 @@ def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32])
 
 
 def _without_routes(
-    graph: RouteGraph, routes: list[int], kept: Kept, moved: NDArray[np.int32]
+    graph: RouteGraph, routes: NDArray[np.intp], kept: Kept, moved: NDArray[np.int32]
 ) -> RouteGraph:
     others = np.setdiff1d(np.arange(len(graph.names)), routes)
     names = tuple(graph.names[route] for route in others)

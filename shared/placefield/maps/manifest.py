@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
@@ -34,6 +34,16 @@ REBUILD = "build the map again with 'placefield build'"
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
+def printable(name: str) -> str:
+    """Return a name with escapes for what cannot be printed, such as line ends or control codes.
+
+    A file's name may have them, or an untrusted host's map. A printable name stays as it is.
+    """
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in name)
+
+
+Name = Annotated[str, AfterValidator(printable)]
+
 AlignedBy = Literal["smoother", "poses", "number"]
 """The method that aligned the frames of a drive; with ``number``, frame i shows place i."""
 
@@ -52,14 +62,14 @@ class TraverseRecord(_Record):
         by: the method of the alignment; None likewise.
     """
 
-    name: str
+    name: Name
     frames: int = Field(ge=0)
     aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
 
     def is_named(self, name: str) -> bool:
         """Return whether this is its name, with or without a slash at the end."""
-        return self.name.rstrip("/") == name.rstrip("/")
+        return self.name.rstrip("/") == printable(name).rstrip("/")
 
 
 class ChangeRecord(_Record):
@@ -72,7 +82,7 @@ class ChangeRecord(_Record):
     """
 
     change: Literal["added", "dropped"]
-    drive: str
+    drive: Name
     before: str = Field(pattern=rf"^[0-9a-f]{{{DIGEST_LENGTH}}}$")
 
 
@@ -84,8 +94,8 @@ class RouteRecord(_Record):
         places: the number of its places.
     """
 
-    name: str
-    places: int = Field(ge=1)
+    name: Name
+    places: int = Field(ge=1, le=MOST_PLACES)
 
 
 class MetricRecord(_Record):
@@ -152,7 +162,7 @@ class Manifest(_Record):
     places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
-    traverses: tuple[TraverseRecord, ...]
+    traverses: tuple[TraverseRecord, ...] = Field(min_length=1)
     history: tuple[ChangeRecord, ...] = ()
     routes: tuple[RouteRecord, ...] = ()
     links: int = Field(0, ge=0)

@@ -155,6 +155,21 @@ def test_a_drive_whose_new_places_a_later_one_shows_is_dropped_after_that_one(
     assert drop_traverse(drop_traverse(again, 2), 1).places.count == 80
 
 
+def test_the_routes_of_a_drive_are_dropped_with_it_whatever_their_names_are(
+    middle: Map, later: Traverse
+) -> None:
+    first = middle.places.count
+    both = add_traverse(middle, some(later, np.arange(140), "night (2)")).map
+    both = add_traverse(both, replace(later, name="night")).map
+    assert both.graph.names == ("day", "night (2)", "night")
+    renamed = replace(both, graph=replace(both.graph, names=("night", "day", "night (2)")))
+    dropped = drop_traverse(renamed, 2)
+    assert dropped.graph.names == ("night", "day")
+    assert drop_traverse(dropped, 1).places.count == first
+    taken = replace(middle, graph=replace(middle.graph, names=("night",)))
+    assert add_traverse(taken, later).map.graph.names == ("night", "night (2)", "night (3)")
+
+
 def test_a_drive_in_the_same_light_adds_hardly_a_look(road: Traverse, make_map: MakeMap) -> None:
     again = add_traverse(make_map(road), replace(road, name="again"))
     assert again.places == 0
@@ -228,6 +243,18 @@ def test_a_drive_of_another_route_is_refused_with_what_was_recognised(
 def test_a_name_is_given_once(grown: Addition, later: Traverse) -> None:
     with pytest.raises(MapError, match=r"night/: the map has a drive of this name.*--name"):
         add_traverse(grown.map, replace(later, name="night/"))
+
+
+def test_a_drive_of_an_unprintable_name_is_saved_and_found_again(
+    middle: Map, later: Traverse, tmp_path: Path
+) -> None:
+    name = "n\udcff\nx"  # as of a folder whose name is not UTF-8
+    save_map(add_traverse(middle, replace(later, name=name)).map, tmp_path / "route.pfmap")
+    opened = open_map(tmp_path / "route.pfmap")
+    assert opened.graph.names[1] == opened.history[0].drive == r"n\udcff\nx"
+    assert number_of(opened.traverses, name) == 1
+    with pytest.raises(MapError, match="has a drive of this name"):
+        add_traverse(opened, replace(later, name=name))
 
 
 def test_a_map_without_what_growing_needs_is_refused(middle: Map, grown: Addition) -> None:

@@ -402,3 +402,28 @@ def test_a_part_of_a_metric_that_would_fail_at_the_first_frame_is_refused(
     np.save(path / file, np.full_like(np.load(path / file), np.nan) if array is None else array)
     seal(path)
     assert complaint in refusal(path)
+
+
+def test_names_of_a_map_are_printed_without_control_codes(saved: Path) -> None:
+    manifest = json.loads((saved / MANIFEST).read_text())
+    count = manifest["places"]
+    manifest["traverses"][0]["name"] = "a\x1b[2J\nb"
+    manifest["routes"] = [{"name": "\x07é", "places": 1}, {"name": "b", "places": count - 1}]
+    write_manifest(saved, manifest)
+    opened = open_map(saved)
+    assert opened.graph.names == (r"\x07é", "b")
+    record = opened.traverses[0]
+    assert record.name == r"a\x1b[2J\nb"
+    assert record.is_named("a\x1b[2J\nb/")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "changes", [{"traverses": []}, {"routes": [{"name": "a", "places": 2**63}] * 3}]
+)
+def test_a_manifest_of_no_drive_or_of_endless_routes_is_refused(
+    saved: Path, changes: dict[str, Any]
+) -> None:
+    manifest = json.loads((saved / MANIFEST).read_text())
+    write_manifest(saved, manifest | changes)
+    assert next(iter(changes)) in refusal(saved)
