@@ -22,7 +22,7 @@ from placefield.bus.messages import (
 from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, Fetch, replicated_cache
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
-from placefield.config import Config
+from placefield.config import Config, InferenceConfig
 from placefield.errors import FrameError, MessageError
 from placefield.features.descriptor_stage import DescriptorStage, ImageStream
 from placefield.features.descriptors import DescriptorModel, Moments
@@ -34,6 +34,8 @@ from placefield_services.prometheus import serve_metrics
 log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
+
+_DEFAULTS = InferenceConfig()
 
 _LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
@@ -61,7 +63,7 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
                 features.fetch,
                 moments.fetch,
             )
-        featurizer = Featurizer(placemap.model, outputs, process.counts)
+        featurizer = Featurizer(placemap.model, outputs, process.counts, config.inference)
         featurizer.warm_up()
 
         def handle(received: Received) -> None:
@@ -69,7 +71,8 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
             featurizer.handle(received)
 
         with process.sole():
-            # A batch of frames saves no work, and a waiting frame can still be displaced.
+            # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame
+            # can still be displaced.
             process.serve(inbox, handle, stop, at_once=1)
 
 
@@ -129,10 +132,14 @@ class Featurizer:
         model: DescriptorModel,
         outputs: Mapping[str, FeaturizerOutputs],
         counts: Mapping[str, Counter[str]],
+        inference: InferenceConfig = _DEFAULTS,
     ) -> None:
-        """Publish to the outputs of each run, and count in the counts of each run."""
+        """Publish to the outputs of each run, and count in the counts of each run.
+
+        If the model has a network, it runs where ``inference`` says.
+        """
         self._standardises = model.follows_query
-        self._stage = DescriptorStage(model)
+        self._stage = DescriptorStage(model, inference)
         self._fingerprint = fingerprint(model)
         self._runs = {
             run: _FeaturizerRun(

@@ -6,8 +6,11 @@ It knows no bus: the library and the featurizer both use it.
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import InferenceConfig
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 
@@ -15,14 +18,14 @@ Array = NDArray[np.float32]
 class DescriptorStage:
     """Describes images by a descriptor model; all streams may share it."""
 
-    def __init__(self, model: DescriptorModel) -> None:
-        """Load the feature of a map's descriptor model.
+    def __init__(self, model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> None:
+        """Load the feature of a map's descriptor model; a network runs where ``inference`` says.
 
         Raises:
-            ConfigError: OpenCV cannot run its network.
+            ConfigError: onnxruntime cannot run its network.
         """
         self._model = model
-        self._feature = feature_of_model(model)
+        self._feature = feature_of_model(model, inference)
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature (D,) float32 of an encoded image or pixels.

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import ONNX, FeatureKind
+from placefield.config import ONNX, FeatureKind, InferenceConfig
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.gist import gist
@@ -20,6 +20,8 @@ from placefield.features.shrink import small_grey
 from placefield.plugins import load_plugin
 
 GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -45,24 +47,24 @@ class Feature:
         return self._describe(pixels_of(image))
 
 
-def feature_of(kind: FeatureKind) -> Feature:
+def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
     """Return the feature of a kind; for ``onnx:FILE``, the network and its TOML are read.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed, OpenCV cannot run the network
-            (see ``try_network``), or no installed package has a feature of this name.
+        ConfigError: a file of the network is missing or malformed, onnxruntime cannot run the
+            network (see ``try_network``), or no installed package has a feature of this name.
     """
-    return _feature(kind, network_of(kind))
+    return _feature(kind, network_of(kind), inference)
 
 
-def feature_of_model(model: DescriptorModel) -> Feature:
+def feature_of_model(model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
     """Return the feature that a descriptor model was fitted on, with the model's network.
 
     Raises:
-        ConfigError: OpenCV cannot run the network (see ``try_network``), or the package with the
-            feature is not installed.
+        ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
+            the feature is not installed.
     """
-    return _feature(model.kind, model.network)
+    return _feature(model.kind, model.network, inference)
 
 
 def network_of(kind: FeatureKind) -> Network | None:
@@ -74,10 +76,10 @@ def network_of(kind: FeatureKind) -> Network | None:
     return read_network(Path(kind.removeprefix(ONNX))) if kind.startswith(ONNX) else None
 
 
-def _feature(kind: FeatureKind, network: Network | None) -> Feature:
+def _feature(kind: FeatureKind, network: Network | None, inference: InferenceConfig) -> Feature:
     if network is not None:
         try_network(kind, network)
-        return Feature(network, NetworkFeature(kind, network).describe)
+        return Feature(network, NetworkFeature(kind, network, inference).describe)
     built_in = {"grayscale": grayscale, "gist": _gist}.get(kind)
     return Feature(None, built_in or _of_plugin(kind))
 

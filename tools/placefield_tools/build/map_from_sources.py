@@ -51,7 +51,7 @@ def build_from(
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     first, *others = drives_of(references, parts, one_drive)
     without_poses = replace(parts, poses=None, pose_axes=None)
     described = [
