@@ -13,6 +13,8 @@ from placefield.maps.array_layout import (
     COARSE_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -26,6 +28,7 @@ Rows = Callable[[str], list[list[str]]]
 FOLDERS = (
     ("features", MODEL_FILES),
     ("features", NETWORK_FILES),
+    (MASK_FOLDER, MASK_FILES),
     ("places", PLACE_FILES),
     ("traverses/1", TRAVERSE_FILES),
     ("metrics/0", METRIC_FILES),

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.config import FeatureKind
 from placefield.errors import FrameError
+from placefield.features.mask import Mask
 from placefield.features.network import Network
 
 PRIOR_FRAMES = 20
@@ -50,6 +51,7 @@ class DescriptorModel:
         plain: whether this is plain PCA, which neither standardises nor normalises to unit length,
             whatever ``standardise`` says.
         network: the network that gives the raw features, if one does.
+        mask: hides a part of each image first; None: nothing is hidden.
     """
 
     kind: FeatureKind
@@ -60,6 +62,7 @@ class DescriptorModel:
     variance_kept: float
     plain: bool = False
     network: Network | None = None
+    mask: Mask | None = None
 
     def __repr__(self) -> str:
         reduced, raw = self.components.shape

@@ -1,7 +1,7 @@
 """Raw features of images, by the kind of feature."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
+from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
 from placefield.features.shrink import small_grey
@@ -33,18 +34,21 @@ class Feature:
 
     Attributes:
         network: the network that it runs; None if it needs none.
+        mask: hides a part of each image first; None: nothing is hidden.
     """
 
     network: Network | None
     _describe: Callable[[Pixels], Array]
+    mask: Mask | None = None
 
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
 
         Raises:
-            FrameError: the image cannot be read.
+            FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        return self._describe(pixels_of(image))
+        pixels = pixels_of(image)
+        return self._describe(pixels if self.mask is None else self.mask.apply(pixels))
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
@@ -58,13 +62,13 @@ def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Fea
 
 
 def feature_of_model(model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
-    """Return the feature that a descriptor model was fitted on, with the model's network.
+    """Return the feature that a descriptor model was fitted on, with the model's network and mask.
 
     Raises:
         ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
             the feature is not installed.
     """
-    return _feature(model.kind, model.network, inference)
+    return replace(_feature(model.kind, model.network, inference), mask=model.mask)
 
 
 def network_of(kind: FeatureKind) -> Network | None:

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
+from placefield.features.images import MAX_PIXELS
+from placefield.features.mask import Mask
 from placefield.features.network import Network
 from placefield.maps.array_files import ArrayFile, ArrayHeader, open_inside
 from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -67,6 +71,7 @@ def open_map(
         manifest.variance_kept,
         manifest.features.plain_pca,
         _open_network(files),
+        _open_mask(files),
     )
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
@@ -222,6 +227,17 @@ def _open_network(files: _Files) -> Network | None:
     if files.manifest.network is None:
         return None
     return Network(files.manifest.network, *files.load("features", NETWORK_FILES, {}))
+
+
+def _open_mask(files: _Files) -> Mask | None:
+    """Open the mask of a map that has one."""
+    if not any(name.startswith(f"{MASK_FOLDER}/") for name in files.manifest.files):
+        return None
+    (used,) = files.load(MASK_FOLDER, MASK_FILES, {})
+    if not 0 < used.size <= MAX_PIXELS or used.max() != 1:
+        file = files.path / MASK_FOLDER / "used.npy"
+        raise MapError(f"{file}: is no mask of 0 and 1; {REBUILD}")
+    return Mask(used)
 
 
 class _Channels(Sequence[MapChannel]):

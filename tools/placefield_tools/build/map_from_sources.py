@@ -17,6 +17,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
+from placefield_tools.build.mask_from_source import mask_of
 from placefield_tools.build.references import describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
@@ -34,6 +35,7 @@ def build_from(
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
     one_drive: bool | None = None,
+    mask: str | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -46,13 +48,19 @@ def build_from(
         leave_out_bad: build without frames that are missing or cannot be read, in any source; their
             number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
+        mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
+            used.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        ConfigError: the mask is refused, see ``mask_of``.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
     feature = feature_of(config.features.kind, config.inference)
     first, *others = drives_of(references, parts, one_drive)
+    if mask is not None:
+        first_source = _open_reference(first, spacing_m, parts)
+        feature = replace(feature, mask=mask_of(mask, first_source))
     without_poses = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
@@ -68,9 +76,10 @@ def build_from(
     )
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(
+        built = build_map(
             traverses, config, progress, cut, network=feature.network, run=map_in_order
         )
+    return replace(built, model=replace(built.model, mask=feature.mask))
 
 
 def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:

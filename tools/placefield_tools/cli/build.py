@@ -45,6 +45,7 @@ def _build(
     pose_axes: options_frames.PoseAxesOption = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
+    mask: options_map.MaskOption = None,
     standardise: options_map.Standardise = None,
     channels: options_map.Channels = None,
     clusters: options_map.Clusters = None,
@@ -65,6 +66,7 @@ def _build(
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
+      placefield build day/ -o route.pfmap --mask auto
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
     from placefield.errors import ConfigError
@@ -100,9 +102,14 @@ def _build(
         parts=parts,
         one_drive=one_drive,
         leave_out_bad=leave_out_bad,
+        mask=mask,
     )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     for record in built.traverses[1:]:
         print(traverse_line(record))
+    if built.model.mask is not None:
+        print(f"the mask hides {built.model.mask.hidden:.0%} of each image")
+    elif mask is not None:
+        print("no part of the image stays the same along the drive: nothing is hidden")
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")

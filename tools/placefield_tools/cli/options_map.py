@@ -50,6 +50,15 @@ Feature = Annotated[
         show_default=_DEFAULTS.features.kind,
     ),
 ]
+MaskOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="IMAGE or auto",
+        help="an image of the frames' aspect ratio whose black part is not used, as a bonnet; "
+        "auto: what never changes along the first traverse",
+        show_default="all is used",
+    ),
+]
 Standardise = Annotated[
     bool | None,
     typer.Option(
