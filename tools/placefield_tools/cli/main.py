@@ -25,6 +25,7 @@ from placefield_tools.cli import (
     inspect,
     listen,
     loops,
+    models,
     plan,
     record,
     replay,
@@ -71,7 +72,7 @@ _PANELS = {
     "Services": (up, services, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),
-    "Accuracy and tests": (evaluate, study, bench, chaos, datasets),
+    "Accuracy and tests": (evaluate, study, bench, chaos, datasets, models),
     "This machine": (demo, doctor, config, security),
 }
 

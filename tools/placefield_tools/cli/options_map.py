@@ -10,6 +10,7 @@ from placefield.errors import ConfigError
 from placefield.maps.manifest import read_manifest
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
+from placefield_tools.models.getting import feature_named
 
 _DEFAULTS = Config()
 
@@ -46,7 +47,9 @@ Feature = Annotated[
     str | None,
     typer.Option(
         metavar="KIND",
-        help="grayscale, gist, or onnx:FILE for a network",
+        help="grayscale, gist, onnx:FILE for a network, or its name if it was fetched by "
+        "'placefield models get'",
+        callback=feature_named,
         show_default=_DEFAULTS.features.kind,
     ),
 ]
