@@ -78,7 +78,6 @@ def test_a_name_stands_for_its_fetched_file(
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     monkeypatch.setattr(getting, "models", lambda: {"net": known})
     assert feature_named("gist") == "gist"
-    assert feature_named(None) is None
     with pytest.raises(ConfigError, match="see 'placefield models get net'"):
         feature_named("net")
     file = get(known, getting.models_folder(), ignore)

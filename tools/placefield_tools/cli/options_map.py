@@ -11,9 +11,17 @@ from placefield.maps.manifest import read_manifest
 from placefield.maps.store import check_map_path
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
-from placefield_tools.models.getting import feature_named
 
 _DEFAULTS = Config()
+
+
+def _feature_named(kind: str | None) -> str | None:
+    """Turn the name of a fetched network into its file; most commands need not import this."""
+    if kind is None:
+        return None
+    from placefield_tools.models.getting import feature_named
+
+    return feature_named(kind)
 
 
 PresetOption = Annotated[
@@ -50,7 +58,7 @@ Feature = Annotated[
         metavar="KIND",
         help="grayscale, gist, onnx:FILE for a network, or its name if it was fetched by "
         "'placefield models get'",
-        callback=feature_named,
+        callback=_feature_named,
         show_default=_DEFAULTS.features.kind,
     ),
 ]

@@ -67,13 +67,13 @@ def toml_of(model: Model) -> str:
     return tomli_w.dumps(model.input.model_dump(mode="json", exclude_none=True))
 
 
-def feature_named(kind: str | None) -> str | None:
+def feature_named(kind: str) -> str:
     """Return the kind of feature of ``--feature``: the name of a network becomes its file.
 
     Raises:
         ConfigError: the network has not been fetched.
     """
-    if kind is None or kind not in models():
+    if kind not in models():
         return kind
     file = models_folder() / f"{kind}.onnx"
     if not file.is_file():
