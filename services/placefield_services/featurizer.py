@@ -22,22 +22,20 @@ from placefield.bus.messages import (
 from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, Fetch, replicated_cache
 from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
-from placefield.config import Config, InferenceConfig
+from placefield.config import Config
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptor_stage import DescriptorStage, ImageStream
-from placefield.features.descriptors import DescriptorModel, Moments
+from placefield.features.descriptor_stage import DescriptorStage, FrameStage, FrameStream
+from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.served import Served
 
 log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
 
-_DEFAULTS = InferenceConfig()
-
-_LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after a failed fetch: untrusted clients may begin streams by the thousand
 _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
@@ -45,6 +43,14 @@ _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
+    stage = DescriptorStage(placemap.model, config.inference)
+    serve_featurizer(stage, fingerprint(placemap.model), placemap, config, stop)
+
+
+def serve_featurizer(
+    stage: FrameStage, model: str, served: Served, config: Config, stop: threading.Event
+) -> None:
+    """Serve with a stage, whose fingerprint is ``model``, until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.report)
@@ -62,11 +68,11 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
                 features.fetch,
                 moments.fetch,
             )
-        featurizer = Featurizer(placemap.model, outputs, process.counts, config.inference)
+        featurizer = Featurizer(stage, model, outputs, process.counts)
         featurizer.warm_up()
 
         def handle(received: Received) -> None:
-            placemap.check_unchanged()  # the descriptor model is memory-mapped from its files
+            served.check_unchanged()  # the descriptor model is memory-mapped from its files
             featurizer.handle(received)
 
         with process.sole():
@@ -91,7 +97,7 @@ class _FeaturizerRun:
     outputs: FeaturizerOutputs
     counts: Counter[str]
     follower: StreamFollower
-    images: ImageStream
+    images: FrameStream
     complained_of: str = ""
     """The last stream for which an unreadable frame was logged."""
     patient_from: float = 0.0
@@ -128,18 +134,17 @@ class Featurizer:
 
     def __init__(
         self,
-        model: DescriptorModel,
+        stage: FrameStage,
+        model: str,
         outputs: Mapping[str, FeaturizerOutputs],
         counts: Mapping[str, Counter[str]],
-        inference: InferenceConfig = _DEFAULTS,
     ) -> None:
-        """Publish to the outputs of each run, and count in the counts of each run.
+        """Describe with a stage, whose fingerprint is ``model``.
 
-        If the model has a network, it runs where ``inference`` says.
+        Publish to the outputs of each run, and count in the counts of each run.
         """
-        self._standardises = model.follows_query
-        self._stage = DescriptorStage(model, inference)
-        self._fingerprint = fingerprint(model)
+        self._stage = stage
+        self._fingerprint = model
         self._runs = {
             run: _FeaturizerRun(
                 outputs,
@@ -158,7 +163,7 @@ class Featurizer:
         The frame is large: glibc keeps as much memory for later frames as the largest block that
         was freed. Otherwise each frame would have to map its pages again.
         """
-        frame = np.zeros(_LARGE, np.uint8)
+        frame = np.zeros(self._stage.large_frame, np.uint8)
         self._stage.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
         self._stage.describe(frame)
@@ -215,7 +220,7 @@ class Featurizer:
 
     def _goes_on(self, header: Header, known: _KnownStream) -> bool:
         """Return whether enough is known to resume a stream as its featurizer would have done."""
-        has_moments = known.moments is not None or not self._standardises
+        has_moments = known.moments is not None or not self._stage.standardises
         needed = 0 if header.live else header.oldest - 1
         return known.made >= needed and has_moments
 
@@ -229,19 +234,20 @@ class Featurizer:
         last = max(described, default=-1)
         fetched = run.outputs.fetch_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
-        if last not in fetched:
+        own = run.images.moments
+        if own is None or last not in fetched:
             return _KnownStream(made, None)
         try:
             moments = MomentsMessage.decode(fetched[last][1])
         except MessageError:
             return _KnownStream(made, None)
-        fits = moments.sums.shape == run.images.moments.sums.shape
+        fits = moments.sums.shape == own.sums.shape
         return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
     def _publish(self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
-        if self._standardises and feature is not None:  # before the descriptor made with them
-            moments = run.images.moments
+        moments = run.images.moments if self._stage.standardises else None
+        if moments is not None and feature is not None:  # before the descriptor made with them
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)

@@ -3,16 +3,62 @@
 It knows no bus: the library and the featurizer both use it.
 """
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import InferenceConfig
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
+from placefield.features.mask import Mask
 
 _DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
+
+
+class FrameStream(Protocol):
+    """Describes the frames of one stream, in order."""
+
+    @property
+    def moments(self) -> Moments | None:
+        """The moments of the stream so far; None if it has none."""
+
+    def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
+        """Return the descriptor of the next frame; None if the image is blank.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+
+
+class FrameStage(Protocol):
+    """What a featurizer describes images with; all its streams share it."""
+
+    @property
+    def standardises(self) -> bool:
+        """Whether a descriptor depends on the frames before it."""
+
+    @property
+    def large_frame(self) -> tuple[int, int, int]:
+        """The shape of a large frame, to warm up with."""
+
+    def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
+        """Return the raw feature of an image.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+
+    def new_stream(self, moments: Moments | None = None) -> FrameStream:
+        """Begin a stream, or continue one whose moments so far are given."""
+
+
+def large_frame(mask: Mask | None = None) -> tuple[int, int, int]:
+    """Return the shape of a large frame of colour, 25 MB, which fits the mask if there is one."""
+    rows, columns = (9, 16) if mask is None else mask.used.shape
+    return round(3840 * rows / columns), 3840, 3
 
 
 class DescriptorStage:
@@ -25,6 +71,10 @@ class DescriptorStage:
             ConfigError: onnxruntime cannot run its network.
         """
         self._model = model
+        self.standardises = model.follows_query
+        """Whether a descriptor depends on the frames before it."""
+        self.large_frame = large_frame(model.mask)
+        """The shape of a large frame, to warm up with."""
         self._feature = feature_of_model(model, inference)
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:

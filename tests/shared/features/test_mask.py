@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from placefield.errors import ConfigError, FrameError
+from placefield.features.descriptor_stage import large_frame
 from placefield.features.mask import LEAST_FRAMES, Mask, learn_mask, learning_image, read_mask
 
 Pixels = NDArray[np.uint8]
@@ -118,3 +119,9 @@ def test_no_mask_is_learned_where_a_drive_does_not_show_it() -> None:
 def test_images_to_learn_from_are_small_grey_and_of_their_aspect_ratio() -> None:
     assert learning_image(np.zeros((540, 960, 3), np.uint8)).shape == (180, 320)
     assert learning_image(np.zeros((40, 60), np.uint8)).shape == (40, 60)
+
+
+@pytest.mark.parametrize(("height", "width"), [(90, 160), (120, 160), (480, 640), (64, 64)])
+def test_a_featurizer_warms_up_with_a_frame_that_the_mask_fits(height: int, width: int) -> None:
+    mask = Mask(np.ones((height, width), np.uint8))
+    mask.apply(np.zeros(large_frame(mask), np.uint8))
