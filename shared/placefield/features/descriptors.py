@@ -10,9 +10,12 @@ so that no descriptor is longer than 1, and both kinds can be stored in the same
 does not change which place is the nearest.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +23,10 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.config import FeatureKind
 from placefield.errors import FrameError
-from placefield.features.mask import Mask
 from placefield.features.network import Network
+
+if TYPE_CHECKING:  # a router has no OpenCV
+    from placefield.features.mask import Mask
 
 PRIOR_FRAMES = 20
 """Weight of the reference's mean and deviation at the start of a query, frames."""

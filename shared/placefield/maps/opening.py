@@ -1,17 +1,17 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
-from placefield.features.images import MAX_PIXELS
-from placefield.features.mask import Mask
 from placefield.features.network import Network
 from placefield.maps.array_files import ArrayFile, ArrayHeader, open_inside
 from placefield.maps.array_layout import (
@@ -35,6 +35,9 @@ from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric,
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import MOST_BIAS, Looks
+
+if TYPE_CHECKING:  # a router has no OpenCV
+    from placefield.features.mask import Mask
 
 _QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
 # The longest file that is accepted; the largest files hold some kB per place.
@@ -240,6 +243,9 @@ def _open_mask(files: _Files) -> Mask | None:
     """Open the mask of a map that has one."""
     if not any(name.startswith(f"{MASK_FOLDER}/") for name in files.manifest.files):
         return None
+    from placefield.features.images import MAX_PIXELS
+    from placefield.features.mask import Mask
+
     (used,) = files.load(MASK_FOLDER, MASK_FILES, {})
     if not 0 < used.size <= MAX_PIXELS or used.max() != 1:
         file = files.path / MASK_FOLDER / "used.npy"
