@@ -36,7 +36,6 @@ log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
 
-_LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after a failed fetch: untrusted clients may begin streams by the thousand
 _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
@@ -44,7 +43,7 @@ _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
-    stage = DescriptorStage(placemap.model)
+    stage = DescriptorStage(placemap.model, config.inference)
     serve_featurizer(stage, fingerprint(placemap.model), placemap, config, stop)
 
 
@@ -77,7 +76,8 @@ def serve_featurizer(
             featurizer.handle(received)
 
         with process.sole():
-            # A batch of frames saves no work, and a waiting frame can still be displaced.
+            # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame
+            # can still be displaced.
             process.serve(inbox, handle, stop, at_once=1)
 
 
@@ -163,7 +163,7 @@ class Featurizer:
         The frame is large: glibc keeps as much memory for later frames as the largest block that
         was freed. Otherwise each frame would have to map its pages again.
         """
-        frame = np.zeros(_LARGE, np.uint8)
+        frame = np.zeros(self._stage.large_frame, np.uint8)
         self._stage.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
         self._stage.describe(frame)

@@ -77,6 +77,7 @@ MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Solver = Literal["placefield", "metric-learn"]
 Fuzzifiers = tuple[Annotated[float, Field(gt=1)], Annotated[float, Field(gt=1)]]
 Rule = Literal["filter", "evidence", "ams"]
+Provider = Literal["cpu", "cuda", "openvino", "coreml"]
 
 
 class _Section(BaseModel):
@@ -136,6 +137,15 @@ class FeatureConfig(_Section):
                 "rule filter: does not follow descriptors of plain PCA (features.plain_pca), as "
                 "this map has: give --preset paper"
             )
+
+
+class InferenceConfig(_Section):
+    """Where a process runs a network."""
+
+    provider: Provider = Field(
+        "cpu", description="of onnxruntime: cpu, cuda, openvino or coreml; see 'placefield doctor'"
+    )
+    threads: int = Field(1, ge=1, le=1024, description="threads of each process on the cpu")
 
 
 class ScaleConfig(_Section):
@@ -271,6 +281,7 @@ class Config(_Section):
     seed: int = Field(0, ge=0, description="seed of everything random")
     bus: BusConfig = BusConfig()
     features: FeatureConfig = FeatureConfig()
+    inference: InferenceConfig = InferenceConfig()
     scales: ScaleConfig = ScaleConfig()
     metric: MetricConfig = MetricConfig()
     build: BuildConfig = BuildConfig()

@@ -38,7 +38,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     """
     if not traverses:
         raise MapError("build_map() needs the frames of a traverse")
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     described = [
         _described(f"traverse {number}", traverse, feature)
         for number, traverse in enumerate(traverses)

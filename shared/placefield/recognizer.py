@@ -30,7 +30,7 @@ class Recognizer:
 
         Args:
             placemap: whose places are recognised.
-            config: only the section ``matching`` counts; the map has the rest.
+            config: only the sections ``matching`` and ``inference`` count; the map has the rest.
 
         Raises:
             ConfigError: the rule cannot use the map's descriptors, or its routes.
@@ -39,7 +39,7 @@ class Recognizer:
         matching = config.matching
         self._map, self._rule = placemap, matching.rule
         self._model = placemap.model
-        self._images = DescriptorStage(placemap.model).new_stream()
+        self._images = DescriptorStage(placemap.model, config.inference).new_stream()
         channels = dict(enumerate(placemap.channels))
         topology = placemap.topology
         self._channels = ChannelStage(channels, matching, topology=topology)

@@ -15,6 +15,8 @@ from placefield.maps.array_layout import (
     LOOK_CODE_FILES,
     LOOK_FILES,
     LOOK_TRAVERSE_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -28,6 +30,7 @@ Rows = Callable[[str], list[list[str]]]
 FOLDERS = (
     ("features", MODEL_FILES),
     ("features", NETWORK_FILES),
+    (MASK_FOLDER, MASK_FILES),
     ("places", PLACE_FILES),
     ("traverses/1", TRAVERSE_FILES),
     ("graph", GRAPH_FILES),

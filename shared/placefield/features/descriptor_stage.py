@@ -8,8 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import InferenceConfig
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
+from placefield.features.mask import Mask
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 
@@ -36,6 +40,10 @@ class FrameStage(Protocol):
     def standardises(self) -> bool:
         """Whether a descriptor depends on the frames before it."""
 
+    @property
+    def large_frame(self) -> tuple[int, int, int]:
+        """The shape of a large frame, to warm up with."""
+
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature of an image.
 
@@ -47,19 +55,27 @@ class FrameStage(Protocol):
         """Begin a stream, or continue one whose moments so far are given."""
 
 
+def large_frame(mask: Mask | None = None) -> tuple[int, int, int]:
+    """Return the shape of a large frame of colour, 25 MB, which fits the mask if there is one."""
+    rows, columns = (9, 16) if mask is None else mask.used.shape
+    return round(3840 * rows / columns), 3840, 3
+
+
 class DescriptorStage:
     """Describes images by a descriptor model; all streams may share it."""
 
-    def __init__(self, model: DescriptorModel) -> None:
-        """Load the feature of a map's descriptor model.
+    def __init__(self, model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> None:
+        """Load the feature of a map's descriptor model; a network runs where ``inference`` says.
 
         Raises:
-            ConfigError: OpenCV cannot run its network.
+            ConfigError: onnxruntime cannot run its network.
         """
         self._model = model
         self.standardises = model.follows_query
         """Whether a descriptor depends on the frames before it."""
-        self._feature = feature_of_model(model)
+        self.large_frame = large_frame(model.mask)
+        """The shape of a large frame, to warm up with."""
+        self._feature = feature_of_model(model, inference)
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature (D,) float32 of an encoded image or pixels.

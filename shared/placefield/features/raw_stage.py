@@ -5,9 +5,12 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
+from placefield.config import FeatureKind, InferenceConfig
+from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 
@@ -18,13 +21,16 @@ class RawStage:
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
-    def __init__(self, kind: FeatureKind) -> None:
+    large_frame = large_frame()
+    """The shape of a large frame, to warm up with."""
+
+    def __init__(self, kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> None:
         """Load the feature of a kind.
 
         Raises:
             ConfigError: see ``feature_of``.
         """
-        self._feature = feature_of(kind)
+        self._feature = feature_of(kind, inference)
         network = self._feature.network
         named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
         self.fingerprint = hashlib.sha256(named).hexdigest()[:16]

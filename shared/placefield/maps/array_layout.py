@@ -18,6 +18,7 @@ MODEL_FILES: Layout = {
     "components": ("float32", "ND"),
 }
 NETWORK_FILES: Layout = {"onnx": ("uint8", "o")}
+MASK_FILES: Layout = {"used": ("uint8", "hw")}
 PLACE_FILES: Layout = {
     "stamps": ("int64", "K"),
     "poses": ("float64", "P3"),
@@ -55,6 +56,9 @@ CHANNEL_FILES: Layout = {
 }
 
 
+MASK_FOLDER = "features/mask"
+
+
 def look_files(coarse: object | None) -> Layout:
     """Return the files of a metric's looks; ``coarse`` is None without a coarse search."""
     return LOOK_FILES if coarse is None else {**LOOK_FILES, **LOOK_CODE_FILES}
@@ -68,6 +72,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     ]
     if built.model.network is not None:
         parts.append(("features", built.model.network, NETWORK_FILES))
+    if built.model.mask is not None:
+        parts.append((MASK_FOLDER, built.model.mask, MASK_FILES))
     if len(built.graph.links):
         parts.append(("graph", built.graph, GRAPH_FILES))
     for number, traverse in built.alignments.items():

@@ -26,10 +26,13 @@ def check_joinable(one: Map, other: Map) -> None:
     """Refuse two maps that cannot be joined.
 
     Raises:
-        MapError: one is of an earlier version, or their descriptors are of different features.
+        MapError: one is of an earlier version, their descriptors are of different features,
+            or one has a mask.
     """
     for each in (one, other):
         _identity_of(each)
+        if each.model.mask is not None:
+            raise MapError("has a mask, and such maps are not joined: build them without --mask")
     if _feature_of(one) != _feature_of(other):
         raise MapError(
             f"its features are {_words(other)}, and those of the first map {_words(one)}: build "

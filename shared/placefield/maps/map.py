@@ -221,4 +221,7 @@ def fingerprint(model: DescriptorModel) -> str:
         digest.update(np.ascontiguousarray(array).data)
     if model.network is not None:
         digest.update(model.network.digest)
+    if model.mask is not None:
+        digest.update(f"mask {model.mask.used.shape}".encode())
+        digest.update(np.ascontiguousarray(model.mask.used).data)
     return digest.hexdigest()[:16]

@@ -1,9 +1,11 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,8 @@ from placefield.maps.array_layout import (
     COARSE_FILES,
     GRAPH_FILES,
     LOOK_TRAVERSE_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -31,6 +35,9 @@ from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric,
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import MOST_BIAS, Looks
+
+if TYPE_CHECKING:  # a router has no OpenCV
+    from placefield.features.mask import Mask
 
 _QUICK = 2**28  # bytes: up to this length, a wrong checksum is reported before a wrong shape
 # The longest file that is accepted; the largest files hold some kB per place.
@@ -68,6 +75,7 @@ def open_map(
         manifest.variance_kept,
         manifest.features.plain_pca,
         _open_network(files),
+        _open_mask(files),
     )
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
@@ -229,6 +237,20 @@ def _open_network(files: _Files) -> Network | None:
     if files.manifest.network is None:
         return None
     return Network(files.manifest.network, *files.load("features", NETWORK_FILES, {}))
+
+
+def _open_mask(files: _Files) -> Mask | None:
+    """Open the mask of a map that has one."""
+    if not any(name.startswith(f"{MASK_FOLDER}/") for name in files.manifest.files):
+        return None
+    from placefield.features.images import MAX_PIXELS
+    from placefield.features.mask import Mask
+
+    (used,) = files.load(MASK_FOLDER, MASK_FILES, {})
+    if not 0 < used.size <= MAX_PIXELS or used.max() != 1:
+        file = files.path / MASK_FOLDER / "used.npy"
+        raise MapError(f"{file}: is no mask of 0 and 1; {REBUILD}")
+    return Mask(used)
 
 
 class _Channels(Sequence[MapChannel]):

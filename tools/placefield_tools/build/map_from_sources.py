@@ -19,6 +19,7 @@ from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
+from placefield_tools.build.mask_from_source import mask_of
 from placefield_tools.build.references import describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
@@ -36,6 +37,7 @@ def build_from(
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
     one_drive: bool | None = None,
+    mask: str | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -48,13 +50,19 @@ def build_from(
         leave_out_bad: build without frames that are missing or cannot be read, in any source; their
             number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
+        mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
+            used.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        ConfigError: the mask is refused, see ``mask_of``.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     first, *others = drives_of(references, parts, one_drive)
+    if mask is not None:
+        first_source = open_reference(first, spacing_m, parts)
+        feature = replace(feature, mask=mask_of(mask, first_source))
     without_poses = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
@@ -65,11 +73,12 @@ def build_from(
         )
         for drive, own in [(first, parts), *((other, without_poses) for other in others)]
     ]
-    return built_of(
+    built = built_of(
         align_traverses([each.traverse() for each in without_bad(described)], config.features.kind),
         config,
         feature.network,
     )
+    return replace(built, model=replace(built.model, mask=feature.mask))
 
 
 def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:

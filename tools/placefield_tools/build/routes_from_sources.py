@@ -72,7 +72,7 @@ def build_routes(
             "--routes: only --rule filter follows routes, and it does not serve descriptors of "
             "plain PCA: leave out --preset paper and features.plain_pca"
         )
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     routes = []
     for reference in references:
         source = open_reference((reference,), spacing_m, parts)

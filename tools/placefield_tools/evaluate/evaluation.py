@@ -17,7 +17,7 @@ from placefield.evaluation.curves import PrecisionRecall, precision_recall
 from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling, aligned
 from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptor_stage import DescriptorStage
+from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame, Pose
 from placefield.fusion.match import Match, SmoothedMatch
@@ -222,8 +222,8 @@ def match_here(
     lags: Collection[int] = (),
 ) -> Matches:
     """Match a query's frames in this process, see ``match_drive``."""
-    images = DescriptorStage(placemap.model).new_stream()
-    descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
+    stream = DescriptorStream(placemap.model)
+    descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
 
@@ -289,7 +289,7 @@ def evaluate(
     smoothed: dict[Rule, dict[int, Judged]] = {}
     known: dict[Rule, int] = {}
     with query.open() as source:
-        describe = feature_of_model(placemap.model).describe
+        describe = feature_of_model(placemap.model, config.inference).describe
         raws, readings, poses = describe_query_with_poses(source, describe)
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from placefield.features.descriptors import DescriptorModel
 from placefield.maps.geography import Origin
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
@@ -22,6 +23,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
+        "mask": _mask(model),
         "smallest scale": f"{opened.channels[0].smallest} frames",
         "metric": _metric(opened),
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
@@ -30,6 +32,10 @@ def map_facts(opened: Map) -> dict[str, str]:
         "history": _history(opened),
         "digest": opened.digest,
     }
+
+
+def _mask(model: DescriptorModel) -> str:
+    return f"hides {model.mask.hidden:.0%} of each image" if model.mask else "none"
 
 
 def traverse_line(record: TraverseRecord) -> str:

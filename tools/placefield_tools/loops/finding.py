@@ -76,7 +76,7 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     """
     if source.live:
         raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     faults: list[FrameError] = []
 
     def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:

@@ -95,7 +95,7 @@ def prepare(
 
     Without ``words``, FAB-MAP cannot run.
     """
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
         if whole.live:
             camera = without_secrets(reference)
