@@ -1,19 +1,23 @@
 """The stage from frame to descriptor: an image is decoded, described, standardised and reduced.
 
+A frame that is a given descriptor is standardised and reduced like the feature of an image.
+
 It knows no bus: the library and the featurizer both use it.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import DESCRIPTOR
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
+from placefield.features.frames import Frame, GivenDescriptor
 
 Array = NDArray[np.float32]
 
 
 class DescriptorStage:
-    """Describes images by a descriptor model; all streams may share it."""
+    """Describes frames by a descriptor model; all streams may share it."""
 
     def __init__(self, model: DescriptorModel) -> None:
         """Load the feature of a map's descriptor model.
@@ -24,6 +28,11 @@ class DescriptorStage:
         self._model = model
         self._feature = feature_of_model(model)
 
+    @property
+    def describes_images(self) -> bool:
+        """Whether frames are images; if not, they are given descriptors."""
+        return self._model.kind != DESCRIPTOR
+
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature (D,) float32 of an encoded image or pixels.
 
@@ -31,6 +40,22 @@ class DescriptorStage:
             FrameError: the image cannot be read.
         """
         return self._feature.describe(image)
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature (D,) float32 of a frame that is a given descriptor.
+
+        Raises:
+            FrameError: the map is of images.
+        """
+        return self._feature.accept(descriptor)
+
+    def of_frame(self, frame: Frame) -> Array:
+        """Return the raw feature (D,) float32 of a frame: of its image or its descriptor.
+
+        Raises:
+            FrameError: the frame cannot be read, or is not what the map takes.
+        """
+        return self._feature.of_frame(frame)
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
         """Begin a stream, or continue one whose moments so far are given."""
@@ -59,6 +84,17 @@ class ImageStream:
             FrameError: the image cannot be read; the stream is unchanged.
         """
         return self.update_raw(self._stage.describe(image))
+
+    def update_frame(self, frame: Frame) -> Array | None:
+        """Return the descriptor (N,) float32 of the next frame: of its image or its descriptor.
+
+        A blank frame gives None, see ``DescriptorStream``.
+
+        Raises:
+            FrameError: the frame cannot be read, or is not what the map takes; the stream is
+                unchanged.
+        """
+        return self.update_raw(self._stage.of_frame(frame))
 
     def update_raw(self, raw: Array) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame by its raw feature (D,) float32.

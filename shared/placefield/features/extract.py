@@ -1,4 +1,4 @@
-"""Raw features of images, by the kind of feature."""
+"""Raw features of frames, by the kind of feature."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import ONNX, FeatureKind
+from placefield.config import DESCRIPTOR, ONNX, FeatureKind
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
+from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
@@ -27,12 +28,14 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Feature:
-    """A feature, which describes images; threads may share it.
+    """A feature, which describes frames; threads may share it.
 
     Attributes:
+        kind: of the feature.
         network: the network that it runs; None if it needs none.
     """
 
+    kind: FeatureKind
     network: Network | None
     _describe: Callable[[Pixels], Array]
 
@@ -43,6 +46,27 @@ class Feature:
             FrameError: the image cannot be read.
         """
         return self._describe(pixels_of(image))
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature of a frame that is a given descriptor: itself, (D,) float32.
+
+        Raises:
+            FrameError: the feature describes images.
+        """
+        if self.kind != DESCRIPTOR:
+            raise FrameError(f"a descriptor, but {self.kind} describes images: give an image")
+        return np.asarray(descriptor, np.float32)
+
+    def of_frame(self, frame: Frame) -> Array:
+        """Return the raw feature of a frame, (D,) float32.
+
+        Raises:
+            FrameError: the frame cannot be read, or it is a descriptor where the feature describes
+                images, or the reverse.
+        """
+        if frame.descriptor is None or frame.fault:
+            return self.describe(frame.pixels())
+        return self.accept(frame.descriptor)
 
 
 def feature_of(kind: FeatureKind) -> Feature:
@@ -77,9 +101,9 @@ def network_of(kind: FeatureKind) -> Network | None:
 def _feature(kind: FeatureKind, network: Network | None) -> Feature:
     if network is not None:
         try_network(kind, network)
-        return Feature(network, NetworkFeature(kind, network).describe)
-    built_in = {"grayscale": grayscale, "gist": _gist}.get(kind)
-    return Feature(None, built_in or _of_plugin(kind))
+        return Feature(kind, network, NetworkFeature(kind, network).describe)
+    built_in = {"grayscale": grayscale, "gist": _gist, DESCRIPTOR: _no_image}.get(kind)
+    return Feature(kind, None, built_in or _of_plugin(kind))
 
 
 def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
@@ -93,6 +117,10 @@ def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
         return raw
 
     return checked
+
+
+def _no_image(pixels: Pixels) -> Array:
+    raise FrameError("an image, but the map is of descriptors: give a descriptor")
 
 
 def _gist(pixels: Pixels) -> Array:

@@ -22,6 +22,7 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.frame_content import check_frames, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source_factory import name_of
 
@@ -39,7 +40,7 @@ def build_from(
 
     Args:
         references: sources of frames.
-        config: of the map.
+        config: of the map; its feature is that of images, and descriptors need none.
         spacing_m: metres between the frames, by odometry; None: every frame.
         parts: selects topics and frames; its file of poses is for the first traverse, whose frames
             are the places.
@@ -48,21 +49,24 @@ def build_from(
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
 
     Raises:
-        SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        SourceError: a source or one of its frames cannot be read, a source is a camera, or the
+            sources differ in what their frames are.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
-    feature = feature_of(config.features.kind)
     first, *others = drives_of(references, parts, one_drive)
+    with _open_reference(first, spacing_m, parts) as source:
+        config = with_feature_of(source, name_of(first), config)
+        feature = feature_of(config.features.kind)
+        described = [
+            describe_reference(source, name_of(first), feature, leave_out_bad=leave_out_bad)
+        ]
     without_poses = replace(parts, poses=None, pose_axes=None)
-    described = [
-        describe_reference(
-            _open_reference(drive, spacing_m, own),
-            name_of(drive),
-            feature,
-            leave_out_bad=leave_out_bad,
-        )
-        for drive, own in [(first, parts), *((other, without_poses) for other in others)]
-    ]
+    for drive in others:
+        with _open_reference(drive, spacing_m, without_poses) as other:
+            check_frames(other, name_of(drive), source.dimensions, name_of(first))
+            described.append(
+                describe_reference(other, name_of(drive), feature, leave_out_bad=leave_out_bad)
+            )
     traverses = align_traverses(
         [each.traverse() for each in without_bad(described)], config.features.kind
     )

@@ -18,8 +18,8 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route, of any length and speed; or the "
-            "parts of one drive",
+            help="folders, videos, recordings or descriptors (.npy, .npz, .h5) of one route, of "
+            "any length and speed; or the parts of one drive",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
@@ -65,6 +65,7 @@ def _build(
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
+      placefield build reference.npy -o route.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
     from placefield.errors import ConfigError

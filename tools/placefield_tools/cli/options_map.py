@@ -46,7 +46,7 @@ Feature = Annotated[
     str | None,
     typer.Option(
         metavar="KIND",
-        help="grayscale, gist, or onnx:FILE for a network",
+        help="grayscale, gist, or onnx:FILE for a network; descriptors need none",
         show_default=_DEFAULTS.features.kind,
     ),
 ]
