@@ -1,6 +1,6 @@
 """Raw features of frames, by the kind of feature."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,9 @@ GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and sl
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
+Describe = Callable[[Sequence[Pixels]], Array]
+"""The contract of a feature: B images (H, W) or (H, W, 3) BGR to their raw features (B, D)."""
+
 
 @dataclass(frozen=True)
 class Feature:
@@ -37,7 +40,7 @@ class Feature:
 
     kind: FeatureKind
     network: Network | None
-    _describe: Callable[[Pixels], Array]
+    _describe: Describe
 
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
@@ -45,7 +48,8 @@ class Feature:
         Raises:
             FrameError: the image cannot be read.
         """
-        return self._describe(pixels_of(image))
+        row: Array = self._describe([pixels_of(image)])[0]
+        return row
 
     def accept(self, descriptor: GivenDescriptor) -> Array:
         """Return the raw feature of a frame that is a given descriptor: itself, (D,) float32.
@@ -101,20 +105,30 @@ def network_of(kind: FeatureKind) -> Network | None:
 def _feature(kind: FeatureKind, network: Network | None) -> Feature:
     if network is not None:
         try_network(kind, network)
-        return Feature(kind, network, NetworkFeature(kind, network).describe)
+        return Feature(kind, network, _one_by_one(NetworkFeature(kind, network).describe))
     built_in = {"grayscale": grayscale, "gist": _gist, DESCRIPTOR: _no_image}.get(kind)
-    return Feature(kind, None, built_in or _of_plugin(kind))
+    return Feature(kind, None, _one_by_one(built_in) if built_in else _of_plugin(kind))
 
 
-def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
-    """Return a feature of another package, with a check of the shape of its vectors."""
+def _one_by_one(describe: Callable[[Pixels], Array]) -> Describe:
+    """Return a feature of one image as one of several."""
+    return lambda images: np.stack([describe(pixels) for pixels in images])
+
+
+def _of_plugin(kind: FeatureKind) -> Describe:
+    """Return a feature of another package, with a check of its vectors."""
     describe = load_plugin("placefield.features", kind)
 
-    def checked(pixels: Pixels) -> Array:
-        raw = np.asarray(describe(pixels), np.float32)
-        if raw.ndim != 1 or not len(raw):
-            raise FrameError(f"feature {kind!r}: gives shape {raw.shape}; it must give (D,)")
-        return raw
+    def checked(images: Sequence[Pixels]) -> Array:
+        raws = np.asarray(describe(images), np.float32)
+        if raws.ndim != 2 or len(raws) != len(images) or not raws.size:
+            raise FrameError(
+                f"feature {kind!r}: gives shape {raws.shape} for {len(images)} images; "
+                "it must give (B, D)"
+            )
+        if not np.isfinite(raws).all():
+            raise FrameError(f"feature {kind!r}: gives numbers that are not finite")
+        return raws
 
     return checked
 
