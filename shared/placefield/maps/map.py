@@ -159,7 +159,10 @@ class Map:
     Attributes:
         preset: the preset of the build, for the record; the settings are in the fields below.
         graph: the routes of the map and the links between its places.
-        alignments: how each traverse but the first was aligned to the first, by traverse number.
+        alignments: how each traverse but the first was aligned to the places, by traverse number.
+        identity: the metric that is not learned, which has the descriptors of the places as they
+            are; None in an old map whose channels all learned theirs, and in a map of which only
+            some channels were opened.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -177,6 +180,7 @@ class Map:
     channels: Sequence[MapChannel]
     graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
+    identity: MapMetric | None = None
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
@@ -195,8 +199,9 @@ class Map:
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:
-        """The distinct metrics of its channels."""
-        return tuple(dict.fromkeys(channel.metric for channel in self.channels))
+        """The distinct metrics: the identity, if the map has it, then those of its channels."""
+        own = () if self.identity is None else (self.identity,)
+        return tuple(dict.fromkeys((*own, *(channel.metric for channel in self.channels))))
 
 
 def fingerprint(model: DescriptorModel) -> str:

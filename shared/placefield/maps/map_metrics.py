@@ -44,13 +44,19 @@ def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = Fals
     return _metric(True, projection, unit, places, coarse)
 
 
-def with_looks(metric: MapMetric, shown: NDArray[np.int32], observed: Quantized) -> MapMetric:
+def with_looks(
+    metric: MapMetric,
+    shown: NDArray[np.int32],
+    observed: Quantized,
+    traverses: NDArray[np.int32] | None = None,
+) -> MapMetric:
     """Return a metric with looks of its places.
 
     Args:
         metric: without looks.
         shown: (L,) int32, the place of each look, ascending; at least one.
         observed: (L, N) int16, the quantized descriptors of the looks, not projected.
+        traverses: (L,) int32, the number of the traverse that each is of; None if it is not known.
     """
     descriptors = observed
     if metric.learned:
@@ -59,7 +65,8 @@ def with_looks(metric: MapMetric, shown: NDArray[np.int32], observed: Quantized)
         for block in blocks(len(observed), _BLOCK):
             descriptors[block] = project(observed[block])
     codes = None if metric.coarse is None else metric.coarse.encode(descriptors)
-    return replace(metric, looks=looks_at(metric.places, metric.squares, shown, descriptors, codes))
+    looks = looks_at(metric.places, metric.squares, shown, descriptors, codes, traverses)
+    return replace(metric, looks=looks)
 
 
 def _metric(

@@ -1,6 +1,7 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, overload
@@ -16,6 +17,7 @@ from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
+    LOOK_TRAVERSE_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -44,8 +46,8 @@ def open_map(
 
     Args:
         path: of the map.
-        channels: the channels that are read and checked now; None: all. The others are read and
-            checked at the first access, which may raise the same errors.
+        channels: the channels that are read and checked now; None: all, and the identity. The
+            others are read and checked at the first access, which may raise the same errors.
         digest: the digest that the map must have, see ``Map.digest``; None accepts any map.
 
     Raises:
@@ -88,6 +90,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        identity=all_channels.open_identity() if channels is None else None,
         digest=found,
         check_unchanged=files.check_unchanged,
     )
@@ -174,13 +177,17 @@ def _check_same(path: Path, same: NDArray[np.int32]) -> None:
         raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
-def _check_looks(folder: Path, looks: Looks) -> None:
+def _check_looks(folder: Path, looks: Looks, traverses: int) -> None:
     places, biases = looks.places, looks.biases
     if places[0] < 0 or places[-1] >= len(biases) or (places[1:] < places[:-1]).any():
         file = folder / "places.npy"
         raise MapError(f"{file}: does not name places of the map in ascending order; {REBUILD}")
     if biases.min() < 0 or biases.max() > MOST_BIAS:
         raise MapError(f"{folder / 'biases.npy'}: no squared distances; {REBUILD}")
+    of = looks.traverses
+    if of is not None and not (of.min() > 0 and of.max() < traverses):
+        file = folder / "traverses.npy"
+        raise MapError(f"{file}: does not name further traverses of the map; {REBUILD}")
 
 
 def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
@@ -241,6 +248,12 @@ class _Channels(Sequence[MapChannel]):
         for number in set(numbers) & set(range(len(self))):
             self._channel(number)
 
+    def open_identity(self) -> MapMetric | None:
+        """Open the metric that is not learned; None if the map has none."""
+        metrics = enumerate(self._manifest.metrics)
+        number = next((number for number, record in metrics if not record.learned), None)
+        return None if number is None else self._metric(number)
+
     @overload
     def __getitem__(self, index: int) -> MapChannel: ...
     @overload
@@ -262,14 +275,28 @@ class _Channels(Sequence[MapChannel]):
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
             coarse = CoarseIndex(axes, codes, spread, record.coarse_unit)
-        looks = None
-        if record.looks:
-            files = look_files(coarse)
-            looks = Looks(*self._files.load(f"{folder}/looks", files, sizes | {"L": record.looks}))
-            _check_looks(self._files.path / folder / "looks", looks)
         return MapMetric(
-            record.learned, projection, record.unit, places, squares, steps, coarse, looks
+            record.learned,
+            projection,
+            record.unit,
+            places,
+            squares,
+            steps,
+            coarse,
+            self._open_looks(f"{folder}/looks", coarse, sizes | {"L": record.looks}),
         )
+
+    def _open_looks(
+        self, folder: str, coarse: CoarseIndex | None, sizes: dict[str, int]
+    ) -> Looks | None:
+        if not sizes["L"]:
+            return None
+        looks = Looks(*self._files.load(folder, look_files(coarse), sizes))
+        if f"{folder}/traverses.npy" in self._manifest.files:  # older maps are without
+            (traverses,) = self._files.load(folder, LOOK_TRAVERSE_FILES, sizes)
+            looks = replace(looks, traverses=traverses)
+        _check_looks(self._files.path / folder, looks, len(self._manifest.traverses))
+        return looks
 
     def _open_channel(self, number: int) -> MapChannel:
         record, folder = self._manifest.channels[number], f"channels/{number}"

@@ -63,8 +63,13 @@ def _looks(opened: Map) -> str:
         return "one of each place"
     count, places = len(looks.places), opened.places.count
     size = sum(metric.looks.nbytes for metric in opened.metrics if metric.looks is not None)
+    of = ""
+    if looks.traverses is not None:
+        counts = np.bincount(looks.traverses, minlength=len(opened.traverses))
+        told = zip(opened.traverses, counts, strict=True)
+        of = f" ({', '.join(f'{n} by {record.name}' for record, n in told if n)})"
     return (
-        f"{count} more of {len(np.unique(looks.places))} places, {size / 2**20:.1f} MB; a frame is "
+        f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; a frame is "
         f"compared with {places + count} descriptors instead of {places} in each metric"
     )
 
