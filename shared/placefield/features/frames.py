@@ -36,7 +36,7 @@ class Frame:
     index: int
     stamp_ns: int
     name: str
-    image: bytes | NDArray[np.uint8]
+    image: bytes | NDArray[np.uint8] = b""
     pose: Pose | None = None
     odometry_m: float | None = None
     fault: str = ""

@@ -189,7 +189,7 @@ def test_traverses_of_another_dimension_are_refused_by_the_library() -> None:
         return [*np.random.default_rng(1).normal(size=(20, dimensions)).astype(np.float32)]
 
     frames = [
-        [Frame(at, at, str(at), b"", descriptor=vector) for at, vector in enumerate(drive(of))]
+        [Frame(at, at, str(at), descriptor=vector) for at, vector in enumerate(drive(of))]
         for of in (8, 9)
     ]
     with pytest.raises(MapError, match="traverse 1: features of 9 dimensions, and those of"):

@@ -90,9 +90,26 @@ def test_a_folder_has_a_vector_per_frame_in_the_order_of_names_or_of_its_table(
     np.testing.assert_array_equal(read(str(tmp_path)), VECTORS)
     (tmp_path / "frames.csv").write_text("file,stamp\n9.npy,1\n5.npy,2\n")
     np.testing.assert_array_equal(read(str(tmp_path)), VECTORS[[4, 0]])
+    (tmp_path / "inside").mkdir()
+    saved(tmp_path / "inside" / "one.npy", VECTORS[2])
+    (tmp_path / "frames.csv").write_text("file\ninside/one.npy\n9.npy\n5.npy\n")
+    np.testing.assert_array_equal(read(str(tmp_path)), VECTORS[[2, 4, 0]])
     saved(tmp_path / "5.npy", VECTORS)
     with pytest.raises(SourceError, match=r"5\.npy: has 6 descriptors; a file that frames\.csv"):
         open_source(str(tmp_path))
+
+
+def test_images_are_the_frames_of_a_folder_that_has_other_arrays_too(
+    tmp_path: Path, reference_dir: Path
+) -> None:
+    (tmp_path / "images").symlink_to(reference_dir, target_is_directory=True)
+    saved(tmp_path / "poses.npy", VECTORS)
+    (tmp_path / "frames.csv").write_text("file\nimages/0001.jpg\nimages/0000.jpg\n")
+    with open_source(str(tmp_path)) as source:
+        assert source.dimensions is None
+        assert [frame.image for frame in source] == [
+            (reference_dir / name).read_bytes() for name in ("0001.jpg", "0000.jpg")
+        ]
 
 
 def test_a_folder_of_several_arrays_is_one_drive(

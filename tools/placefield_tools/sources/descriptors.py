@@ -1,5 +1,6 @@
 """Descriptors of another program as a source of frames."""
 
+import csv
 import logging
 import threading
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,7 @@ from placefield_tools.sources.descriptor_files import (
     DescriptorArray,
     read_descriptors,
 )
-from placefield_tools.sources.folder import LISTING
+from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.listing import Listed, Listing, nominal_stamp_ns
 from placefield_tools.sources.source import Source, until
@@ -77,8 +78,26 @@ class Descriptors(Source):
 
 
 def holds_descriptors(folder: Path) -> bool:
-    """Return whether a folder without images has files of descriptors."""
-    return bool(_files(folder))
+    """Return whether the frames of a folder are descriptors.
+
+    They are if its ``frames.csv`` begins with a file of one. Without a ``frames.csv``, they are if
+    the folder has such files and no images.
+    """
+    table = folder / LISTING
+    if table.is_file():
+        return Path(_first_listed(table)).suffix.lower() in NUMPY_SUFFIXES
+    has_images = any(file.suffix.lower() in IMAGE_SUFFIXES for file in folder.iterdir())
+    return not has_images and bool(_files(folder))
+
+
+def _first_listed(table: Path) -> str:
+    """Return the first file that a table lists; nothing if the table is malformed."""
+    try:
+        with table.open(encoding="utf-8-sig", newline="") as lines:
+            row = next(csv.DictReader(lines), {})
+    except (OSError, UnicodeDecodeError, csv.Error):
+        return ""
+    return row.get("file") or ""
 
 
 def _file(path: Path) -> tuple[DescriptorArray, Listing]:

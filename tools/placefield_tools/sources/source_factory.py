@@ -178,11 +178,7 @@ def is_descriptor_source(path: Path) -> bool:
     """Return whether a source is a file of descriptors, or a folder of such files."""
     if is_descriptor_file(path):
         return True
-    return path.is_dir() and not _images_in(path) and holds_descriptors(path)
-
-
-def _images_in(folder: Path) -> bool:
-    return any(file.suffix.lower() in IMAGE_SUFFIXES for file in folder.iterdir())
+    return path.is_dir() and holds_descriptors(path)
 
 
 def _recordings_in(path: Path) -> list[Path]:
