@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.digest import NO_DIGEST
-from placefield.maps.manifest import TraverseRecord
+from placefield.maps.digest import NO_DIGEST, lineage_of
+from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.route_graph import RouteGraph, line
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
@@ -163,6 +163,7 @@ class Map:
         identity: the metric that is not learned, which has the descriptors of the places as they
             are; None in an old map whose channels all learned theirs, and in a map of which only
             some channels were opened.
+        history: the drives that were added or dropped since the map was built, in this order.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -181,6 +182,7 @@ class Map:
     graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
     identity: MapMetric | None = None
+    history: tuple[ChangeRecord, ...] = ()
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
@@ -196,6 +198,11 @@ class Map:
     def is_saved(self) -> bool:
         """Whether the map was opened from disk, and so has a digest."""
         return self.digest != NO_DIGEST
+
+    @property
+    def lineage(self) -> str:
+        """What all versions of the map have in common, see ``lineage_of``."""
+        return lineage_of(fingerprint(self.model), len(self.channels))
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any, overload
 
@@ -40,7 +39,7 @@ _MOST_BYTES_OF_A_PLACE = 2**16
 
 
 def open_map(
-    path: Path | str, channels: Collection[int] | None = None, *, digest: str | None = None
+    path: Path | str, channels: Collection[int] | None = None, *, lineage: str | None = None
 ) -> Map:
     """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
@@ -48,14 +47,14 @@ def open_map(
         path: of the map.
         channels: the channels that are read and checked now; None: all, and the identity. The
             others are read and checked at the first access, which may raise the same errors.
-        digest: the digest that the map must have, see ``Map.digest``; None accepts any map.
+        lineage: the lineage that the map must have, see ``lineage_of``; None accepts any map.
 
     Raises:
-        MapError: there is no map, it is of another format or has another digest, or the checksum,
-            dtype or shape of a file is wrong.
+        MapError: there is no map, it is of another format or lineage, or the checksum, dtype or
+            shape of a file is wrong.
     """
     path = Path(path)
-    manifest, found = read_identified(path, digest)
+    manifest, found = read_identified(path, lineage)
     files = _Files(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
@@ -90,6 +89,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        history=manifest.history,
         identity=all_channels.open_identity() if channels is None else None,
         digest=found,
         check_unchanged=files.check_unchanged,
@@ -237,8 +237,8 @@ class _Channels(Sequence[MapChannel]):
     def __init__(self, files: _Files, sizes: Mapping[str, int]) -> None:
         self._files, self._sizes = files, sizes
         self._manifest = files.manifest
-        self._metric = cache(self._open_metric)
-        self._channel = cache(self._open_channel)
+        self._metrics: dict[int, MapMetric] = {}
+        self._channels: dict[int, MapChannel] = {}
 
     def __len__(self) -> int:
         return len(self._manifest.channels)
@@ -263,6 +263,16 @@ class _Channels(Sequence[MapChannel]):
         if isinstance(chosen, range):
             return tuple(map(self._channel, chosen))
         return self._channel(chosen)
+
+    def _channel(self, number: int) -> MapChannel:
+        if number not in self._channels:
+            self._channels[number] = self._open_channel(number)
+        return self._channels[number]
+
+    def _metric(self, number: int) -> MapMetric:
+        if number not in self._metrics:
+            self._metrics[number] = self._open_metric(number)
+        return self._metrics[number]
 
     def _open_metric(self, number: int) -> MapMetric:
         record, folder = self._manifest.metrics[number], f"metrics/{number}"

@@ -27,6 +27,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
         "looks": _looks(opened),
         "seed": str(opened.seed),
+        "history": _history(opened),
         "digest": opened.digest,
     }
 
@@ -69,9 +70,15 @@ def _looks(opened: Map) -> str:
         told = zip(opened.traverses, counts, strict=True)
         of = f" ({', '.join(f'{n} by {record.name}' for record, n in told if n)})"
     return (
-        f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; a frame is "
-        f"compared with {places + count} descriptors instead of {places} in each metric"
+        f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; "
+        f"a frame is compared with {places + count} descriptors instead of {places} in each metric"
     )
+
+
+def _history(opened: Map) -> str:
+    """Describe what was added and dropped since the map was built, and of which versions."""
+    changes = [f"{one.drive} {one.change} (before: {one.before})" for one in opened.history]
+    return "; ".join(changes) or "as built"
 
 
 def _travelled(places: Places) -> str:
