@@ -21,6 +21,7 @@ from placefield import (
 from placefield.features.extract import feature_of
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
+from placefield_tools.build.added_drive import add_drive
 from placefield_tools.build.map_from_sources import build_from, map_of
 from placefield_tools.cli.options_truth import truth_of
 from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate
@@ -28,7 +29,7 @@ from placefield_tools.evaluate.evaluation_plots import draw
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.inspect.map_facts import map_facts
 from placefield_tools.loops.finding import find_loops
-from placefield_tools.sources import open_source
+from placefield_tools.sources import Parts, open_source
 
 CONFIG = Config.model_validate({"scales": {"channels": 1}, "metric": {"kind": "identity"}})
 GIST = feature_of("gist")
@@ -88,6 +89,17 @@ def test_other_traverses_are_aligned_by_their_descriptors(
     by_descriptors = build_from([save(reference_dir), save(query_dir)], CONFIG)
     by_images = build_from([str(reference_dir), str(query_dir)], CONFIG)
     assert np.array_equal(by_descriptors.alignments[1].places, by_images.alignments[1].places)
+
+
+def test_a_later_drive_of_descriptors_is_added_and_one_of_images_refused(
+    built_path: Path, save: Save, query_dir: Path
+) -> None:
+    add = partial(add_drive, spacing_m=None, parts=Parts(), leave_out_bad=False)
+    added = add(open_map(built_path), save(query_dir), "query").map
+    assert [each.name for each in added.traverses][1:] == ["query"]
+    assert not added.places.has_thumbnails
+    with pytest.raises(SourceError, match="holds images, and the map has descriptors of 512"):
+        add(open_map(built_path), str(query_dir), "query")
 
 
 def test_descriptors_are_evaluated_like_their_images(
