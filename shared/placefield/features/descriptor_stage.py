@@ -5,6 +5,8 @@ A frame that is a given descriptor is standardised and reduced like the feature 
 It knows no bus: the library and the featurizer both use it.
 """
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,50 @@ from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame, GivenDescriptor
 
 Array = NDArray[np.float32]
+
+
+class FrameStream(Protocol):
+    """Describes the frames of one stream, in order."""
+
+    @property
+    def moments(self) -> Moments | None:
+        """The moments of the stream so far; None if it has none."""
+
+    def update_raw(self, raw: Array) -> Array | None:
+        """Return the descriptor of the next frame by its raw feature; None if it is blank.
+
+        Raises:
+            FrameError: the feature has another shape, or is not finite.
+        """
+
+
+class FrameStage(Protocol):
+    """What a featurizer describes frames with; all its streams share it."""
+
+    @property
+    def describes_images(self) -> bool:
+        """Whether frames are images; if not, they are given descriptors."""
+
+    @property
+    def standardises(self) -> bool:
+        """Whether a descriptor depends on the frames before it."""
+
+    def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
+        """Return the raw feature of an image.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature of a frame that is a given descriptor.
+
+        Raises:
+            FrameError: frames are images.
+        """
+
+    def new_stream(self, moments: Moments | None = None) -> FrameStream:
+        """Begin a stream, or continue one whose moments so far are given."""
 
 
 class DescriptorStage:
@@ -26,6 +72,8 @@ class DescriptorStage:
             ConfigError: OpenCV cannot run its network.
         """
         self._model = model
+        self.standardises = model.follows_query
+        """Whether a descriptor depends on the frames before it."""
         self._feature = feature_of_model(model)
 
     @property

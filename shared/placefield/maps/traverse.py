@@ -14,6 +14,7 @@ from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
+from placefield.maps.route_graph import RouteGraph, line
 from placefield.maps.trajectory import Trajectory, travelled
 
 log = logging.getLogger(__name__)
@@ -24,7 +25,8 @@ ROUTE = "route"
 NO_PLACE = -1
 """The place of a frame that shows no place."""
 
-_THUMBNAIL = 160  # pixels of a side, at most
+THUMBNAIL = 160
+"""Pixels of a thumbnail's side, at most."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ class Traverse:
         pose_frame: name of the poses' coordinate frame, as in a map.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
+        graph: the routes that the frames are of, one after the other, and links between frames that
+            are given; None: one route.
     """
 
     name: str
@@ -98,6 +102,12 @@ class Traverse:
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
     alignment: Alignment | None = None
+    graph: RouteGraph | None = None
+
+    @property
+    def routes(self) -> RouteGraph:
+        """The routes of the frames; without a graph there is one, of the traverse's name."""
+        return line(self.name) if self.graph is None else self.graph
 
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape
@@ -115,7 +125,7 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
         raw = feature.of_frame(decoded)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), _THUMBNAIL)
+    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
 
 

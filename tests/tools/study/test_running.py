@@ -89,7 +89,7 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_reported_th
     query = Query(str(query_dir), protocol="odometry", seed=3)
     prepared = prepare(str(reference_dir), query, within_3, CONFIG)
     assert prepared.every == 2
-    assert prepared.metres.places.travelled.tolist() == [*range(30)]
+    assert prepared.metres.placemap.places.travelled.tolist() == [*range(30)]
     for placemap in (prepared.placemap, prepared.published, prepared.multiscale):
         assert placemap.places.travelled.tolist() == [*range(30)]
     drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
@@ -106,7 +106,7 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_reported_th
     assert given_routes[-1] is not None
     assert given_routes[-1].middles.tolist() == [*range(30)]
     assert trial.metres.readings == [None] * 60
-    assert not len(trial.metres.places.travelled)
+    assert not len(trial.metres.placemap.places.travelled)
 
 
 def test_a_frame_of_a_stop_is_described_from_its_own_picture_for_every_method(

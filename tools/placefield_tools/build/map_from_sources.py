@@ -11,13 +11,15 @@ from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import feature_of, network_of
+from placefield.features.network import Network
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
-from placefield_tools.build.references import describe_reference, without_bad
+from placefield.maps.traverse import Traverse
+from placefield_tools.build.references import Reference, describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
@@ -54,30 +56,61 @@ def build_from(
         MapError: no map can be built of the traverses, see ``build_map``.
     """
     first, *others = drives_of(references, parts, one_drive)
-    with _open_reference(first, spacing_m, parts) as source:
-        config = with_feature_of(source, name_of(first), config)
-        feature = feature_of(config.features.kind)
-        described = [
-            describe_reference(source, name_of(first), feature, leave_out_bad=leave_out_bad)
-        ]
     without_poses = replace(parts, poses=None, pose_axes=None)
-    for drive in others:
-        with _open_reference(drive, spacing_m, without_poses) as other:
-            check_frames(other, name_of(drive), source.dimensions, name_of(first))
-            described.append(
-                describe_reference(other, name_of(drive), feature, leave_out_bad=leave_out_bad)
-            )
+    drives = [(first, parts), *((other, without_poses) for other in others)]
+    described, config, network = describe_drives(
+        drives, config, spacing_m=spacing_m, leave_out_bad=leave_out_bad
+    )
     traverses = align_traverses(
         [each.traverse() for each in without_bad(described)], config.features.kind
     )
+    return built_of(traverses, config, network)
+
+
+def describe_drives(
+    drives: Sequence[tuple[Drive, Parts]],
+    config: Config,
+    *,
+    spacing_m: float | None,
+    leave_out_bad: bool,
+) -> tuple[list[Reference], Config, Network | None]:
+    """Describe the frames of drives by one feature.
+
+    Args:
+        drives: at least one, each with its selected topics and frames.
+        config: its feature is that of images, and descriptors need none.
+        spacing_m: see ``build_from``.
+        leave_out_bad: see ``build_from``.
+
+    Returns:
+        The drives, the configuration with the kind of their feature, and the feature's network.
+
+    Raises:
+        SourceError: see ``build_from``.
+    """
+    (first, parts), *others = drives
+    first_name = name_of(first)
+    with open_reference(first, spacing_m, parts) as source:
+        config = with_feature_of(source, first_name, config)
+        feature = feature_of(config.features.kind)
+        described = [describe_reference(source, first_name, feature, leave_out_bad=leave_out_bad)]
+    for drive, own in others:
+        name = name_of(drive)
+        with open_reference(drive, spacing_m, own) as other:
+            check_frames(other, name, source.dimensions, first_name)
+            described.append(describe_reference(other, name, feature, leave_out_bad=leave_out_bad))
+    return described, config, feature.network
+
+
+def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:
+    """Build a map of aligned traverses on all cores, showing progress; see ``build_map``."""
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(
-            traverses, config, progress, cut, network=feature.network, run=map_in_order
-        )
+        return build_map(traverses, config, progress, cut, network=network, run=map_in_order)
 
 
-def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+def open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+    """Open the sources of a reference; see ``build_from`` for the errors."""
     source = open_source(drive, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(
