@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
@@ -160,9 +161,13 @@ class Featurizer:
     def warm_up(self) -> None:
         """Describe a frame of no stream, so that everything is loaded and compiled before serving.
 
+        Given descriptors need nothing of that.
+
         The frame is large: glibc keeps as much memory for later frames as the largest block that
         was freed. Otherwise each frame would have to map its pages again.
         """
+        if not self._stage.describes_images:
+            return
         frame = np.zeros(self._stage.large_frame, np.uint8)
         self._stage.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
@@ -252,10 +257,16 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
+    def _raw(self, frame: FrameMessage) -> NDArray[np.float32]:
+        if frame.descriptor is not None:
+            return self._stage.accept(frame.descriptor)
+        assert frame.image is not None  # a frame has one of both
+        return self._stage.describe(frame.image)
+
     def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.images.update(frame.image)
+            descriptor = run.images.update_raw(self._raw(frame))
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))

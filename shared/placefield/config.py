@@ -25,7 +25,10 @@ CROSS_VALIDATION = "cross-validation"
 """Stands for a number that cross-validation chooses."""
 
 
-FEATURES = ("grayscale", "gist")
+DESCRIPTOR = "descriptor"
+"""The kind of feature of frames that are given descriptors, and no images."""
+
+FEATURES = ("grayscale", "gist", DESCRIPTOR)
 """The kinds of features that need neither a network nor another package."""
 
 _PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
@@ -34,7 +37,7 @@ _PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 def _check_kind(kind: str) -> str:
     is_network = kind.startswith(ONNX) and len(kind) > len(ONNX)
     if not is_network and not _PLUGIN.fullmatch(kind):  # built-in kinds are such names, too
-        raise PydanticCustomError("feature_kind", "give grayscale, gist or onnx:FILE")
+        raise PydanticCustomError("feature_kind", "give grayscale, gist, descriptor or onnx:FILE")
     return kind
 
 
@@ -104,7 +107,8 @@ class FeatureConfig(_Section):
 
     kind: FeatureKind = Field(
         "gist",
-        description="grayscale, gist, onnx:FILE (a network), or a feature of another package",
+        description="grayscale, gist, onnx:FILE (a network), or a feature of another package; "
+        "descriptor: the frames are descriptors",
     )
     dimensions: int | None = Field(
         None,

@@ -58,6 +58,11 @@ class Places:
         """K."""
         return len(self.stamps)
 
+    @property
+    def has_thumbnails(self) -> bool:
+        """Whether the places have thumbnails; those of a map of descriptors have none."""
+        return len(self.thumbnails) > 0
+
     def pose(self, place: int) -> Pose | None:
         """Return the pose of a place; None if it is unknown."""
         if not len(self.poses) or not np.isfinite(self.poses[place]).all():
@@ -65,7 +70,7 @@ class Places:
         return Pose(*map(float, self.poses[place]))
 
     def thumbnail(self, place: int) -> bytes:
-        """Return the thumbnail of a place, JPEG."""
+        """Return the thumbnail of a place, JPEG; empty if the places have none."""
         start = self.thumbnail_ends[place - 1] if place else 0
         return self.thumbnails[start : self.thumbnail_ends[place]].tobytes()
 

@@ -31,7 +31,10 @@ THUMBNAIL = 160
 
 @dataclass(frozen=True)
 class DescribedFrame:
-    """A frame as a map keeps it: raw feature, stamp, pose, odometry and thumbnail."""
+    """A frame as a map keeps it: raw feature, stamp, pose, odometry and thumbnail.
+
+    The thumbnail is empty if the frame is a given descriptor.
+    """
 
     raw: NDArray[np.float32]
     stamp_ns: int
@@ -83,7 +86,7 @@ class Traverse:
             frame has a pose.
         travelled: (K,) float64, metres from the first frame to each, never descending; (0,) if
             unknown.
-        thumbnails: K JPEG images.
+        thumbnails: K JPEG images; K times nothing if the frames are given descriptors.
         pose_frame: name of the poses' coordinate frame, as in a map.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
@@ -118,11 +121,11 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
         FrameError: the frame cannot be read; the error begins with its name.
     """
     try:
-        pixels = frame.pixels()
-        raw = feature.describe(pixels)
+        decoded = frame.decoded()
+        raw = feature.of_frame(decoded)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = small_jpeg(pixels, THUMBNAIL)
+    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
 
 

@@ -24,17 +24,19 @@ def mask_of(asked: str, source: Source) -> Mask | None:
         source: of the first traverse; it is closed at the end.
 
     Raises:
-        ConfigError: the image cannot be read or has another aspect ratio than the frames, or no
-            mask can be learned (see ``learn_mask``).
+        ConfigError: the frames are descriptors, the image cannot be read or has another aspect
+            ratio than the frames, or no mask can be learned (see ``learn_mask``).
         SourceError: the source fails.
     """
-    if asked == AUTO:
-        with source, tracked(source, "learning the mask", source.count) as frames:
-            return learn_mask(_learning_images(frames))
     with source:
+        if source.dimensions is not None:
+            raise ConfigError("--mask: is for images, and the frames are descriptors; leave it out")
+        if asked == AUTO:
+            with tracked(source, "learning the mask", source.count) as frames:
+                return learn_mask(_learning_images(frames))
         mask = _read(Path(asked))
         _check_fits(mask, asked, source)
-    return mask
+        return mask
 
 
 def _read(file: Path) -> Mask:

@@ -46,7 +46,7 @@ def describe_reference(
     """Describe all frames of a source.
 
     Args:
-        source: of the frames; it is closed at the end.
+        source: of the frames.
         name: of the traverse.
         feature: describes the frames.
         leave_out_bad: continue without frames that are missing or cannot be read.
@@ -67,7 +67,7 @@ def describe_reference(
             return None
 
     shown = Path(name).name
-    with source, tracked(source, f"describing {shown}", source.count) as frames:
+    with tracked(source, f"describing {shown}", source.count) as frames:
         described = list(map_in_order(describe, frames))
     if faults:
         log.warning(

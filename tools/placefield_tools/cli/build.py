@@ -19,8 +19,8 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings: traverses of one route, of any length and speed; "
-            "the parts of one drive; or with --routes a route each",
+            help="folders, videos, recordings or descriptors (.npy, .npz, .h5): traverses of one "
+            "route, of any length and speed; the parts of one drive; or with --routes a route each",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
@@ -76,6 +76,7 @@ def _build(
     Examples:
       placefield build day/ dusk/ -o route.pfmap
       placefield build day/ -o route.pfmap --mask auto
+      placefield build reference.npy -o route.pfmap
       placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """

@@ -31,6 +31,7 @@ from placefield_tools.evaluate.drive_matching import Matches, Metres, match_driv
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
+from placefield_tools.sources.frame_content import check_frames, dimensions_of
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -174,17 +175,17 @@ def drive_in(source: Source, count: int) -> tuple[Resampling, int]:
 
 
 def describe_query(
-    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[Frame], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
-    """Describe the images of a query's frames, see ``describe_query_with_poses``."""
+    """Describe a query's frames, see ``describe_query_with_poses``."""
     descriptions, readings, _ = describe_query_with_poses(source, describe)
     return descriptions, readings
 
 
 def describe_query_with_poses(
-    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[Frame], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
-    """Describe the images of a query's frames.
+    """Describe a query's frames.
 
     Returns:
         The description of each frame, None for one that cannot be read, its odometry and its pose.
@@ -199,13 +200,15 @@ def describe_query_with_poses(
 
     def describe_frame(frame: Frame) -> tuple[Description | None, float | None, Pose | None]:
         try:
-            return describe(frame.pixels()), frame.odometry_m, frame.pose
+            return describe(frame), frame.odometry_m, frame.pose
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None, frame.odometry_m, frame.pose
 
     with tracked(source, "describing the query", source.count) as frames:
-        each = list(map_in_order(describe_frame, frames))
+        # A given descriptor costs less than its turn in a thread.
+        run = map_in_order if source.dimensions is None else map
+        each = list(run(describe_frame, frames))
     described = [description for description, _, _ in each]
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a missing observation", soft_wrap=True)
@@ -289,7 +292,8 @@ def evaluate(
     smoothed: dict[Rule, dict[int, Judged]] = {}
     known: dict[Rule, int] = {}
     with query.open() as source:
-        describe = feature_of_model(placemap.model, config.inference).describe
+        check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
+        describe = feature_of_model(placemap.model, config.inference).of_frame
         raws, readings, poses = describe_query_with_poses(source, describe)
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)

@@ -16,6 +16,7 @@ from placefield.matching.exploring import Answer, Explorer
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
+from placefield_tools.sources.frame_content import with_feature_of
 
 log = logging.getLogger(__name__)
 
@@ -76,13 +77,14 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     """
     if source.live:
         raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
+    config = with_feature_of(source, name, config)
     feature = feature_of(config.features.kind, config.inference)
     faults: list[FrameError] = []
 
     def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:
         kept = DriveFrame(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
         try:
-            return kept, feature.describe(frame.pixels())
+            return kept, feature.of_frame(frame)
         except FrameError as error:
             faults.append(FrameError(f"{frame.name}: {error}"))
             return kept, None
