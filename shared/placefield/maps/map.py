@@ -18,6 +18,7 @@ from placefield.presets import Preset
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import Looks
 from placefield.search.quantized import Quantized
+from placefield.verification.place_features import PlaceFeatures
 
 Array = NDArray[np.float32]
 
@@ -155,6 +156,7 @@ class Map:
         preset: the preset of the build, for the record; the settings are in the fields below.
         graph: the routes of the map and the links between its places.
         alignments: how each traverse but the first was aligned to the first, by traverse number.
+        local_features: of the places, for the verifier; None if the map was built without.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -172,6 +174,7 @@ class Map:
     channels: Sequence[MapChannel]
     graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
+    local_features: PlaceFeatures | None = None
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 

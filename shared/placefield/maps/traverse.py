@@ -15,6 +15,7 @@ from placefield.features.images import small_jpeg
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.trajectory import Trajectory, travelled
+from placefield.verification.local_features import LocalFeatures, extract
 
 log = logging.getLogger(__name__)
 
@@ -29,13 +30,14 @@ _THUMBNAIL = 160  # pixels of a side, at most
 
 @dataclass(frozen=True)
 class DescribedFrame:
-    """A frame as a map keeps it: raw feature, stamp, pose, odometry and thumbnail."""
+    """A frame as a map keeps it: raw feature, stamp, pose, odometry, thumbnail, local features."""
 
     raw: NDArray[np.float32]
     stamp_ns: int
     pose: Pose | None
     odometry_m: float | None
     thumbnail: bytes
+    local_features: LocalFeatures | None = None
 
 
 class Alignment(NamedTuple):
@@ -83,6 +85,7 @@ class Traverse:
             unknown.
         thumbnails: K JPEG images.
         pose_frame: name of the poses' coordinate frame, as in a map.
+        local_features: of the K frames; empty if there are none.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
     """
@@ -94,6 +97,7 @@ class Traverse:
     travelled: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
+    local_features: tuple[LocalFeatures, ...] = ()
     alignment: Alignment | None = None
 
     def __repr__(self) -> str:
@@ -101,8 +105,8 @@ class Traverse:
         return f"Traverse({self.name!r}, {frames} frames, features of {dimensions} dimensions)"
 
 
-def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
-    """Describe a reference frame.
+def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> DescribedFrame:
+    """Describe a reference frame, with so many local features at most.
 
     Raises:
         FrameError: the frame cannot be read; the error begins with its name.
@@ -113,7 +117,8 @@ def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
     thumbnail = small_jpeg(pixels, _THUMBNAIL)
-    return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
+    local = extract(pixels, local_features) if local_features else None
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail, local)
 
 
 def traverse_of(
@@ -150,6 +155,7 @@ def traverse_of(
         _travelled(name, poses, [frame.odometry_m for frame in frames]),
         tuple(frame.thumbnail for frame in frames),
         pose_frame,
+        tuple(frame.local_features for frame in frames if frame.local_features is not None),
     )
 
 

@@ -60,6 +60,7 @@ def build_from(
             name_of(drive),
             feature,
             leave_out_bad=leave_out_bad,
+            local_features=config.build.local_features,
         )
         for drive, own in [(first, parts), *((other, without_poses) for other in others)]
     ]

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,13 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.matcher import WHOLE_DRIVE
+from placefield.verification.local_features import LocalFeatures, extract
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
+from placefield_tools.evaluate.verified import verified_matches
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.resampled import ResampledTraverse
 
@@ -145,6 +147,8 @@ class Evaluation:
         results: causal matches of each rule; empty without a ground truth.
         smoothed: smoothed matches of each rule, by ascending lag, the last one ``WHOLE_DRIVE``;
             only the configured lag if services matched.
+        verified: smoothed matches of the configured lag after their verification; None if the map
+            has no local features.
         ground: the ground truth and its source.
         known: number of known causal matches, of each rule that reports them.
         missing: number of missing frames of the query.
@@ -156,6 +160,7 @@ class Evaluation:
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
+    verified: Judged | None
     ground: TruthSource
     known: dict[Rule, int]
     missing: int
@@ -288,9 +293,11 @@ def evaluate(
     results: dict[Rule, Judged] = {}
     smoothed: dict[Rule, dict[int, Judged]] = {}
     known: dict[Rule, int] = {}
+    verified = None
     with query.open() as source:
-        describe = feature_of_model(placemap.model).describe
-        raws, readings, poses = describe_query_with_poses(source, describe)
+        observed, readings, poses = describe_query_with_poses(source, _observer(placemap))
+        raws = [None if frame is None else frame.raw for frame in observed]
+        local = [None if frame is None else frame.local_features for frame in observed]
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)
         ground = find_truth(
@@ -318,5 +325,27 @@ def evaluate(
                 each: judge_smoothed(of_lag, ground.truth)
                 for each, of_lag in matches.smoothed.items()
             }
+            if rule == "filter" and lag and placemap.local_features is not None:
+                checked = verified_matches(placemap, matches.smoothed[lag], local, config)
+                verified = judge_smoothed(checked, ground.truth)
         missing = source.not_given["missing"]
-    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known, missing)
+    return Evaluation(
+        placemap, query, raws, lag, results, smoothed, verified, ground, known, missing
+    )
+
+
+class _Observed(NamedTuple):
+    """A frame's raw feature, and its local features if the map has some."""
+
+    raw: NDArray[np.float32]
+    local_features: LocalFeatures | None
+
+
+def _observer(placemap: Map) -> Callable[[NDArray[np.uint8]], _Observed]:
+    feature, places = feature_of_model(placemap.model), placemap.local_features
+
+    def observe(pixels: NDArray[np.uint8]) -> _Observed:
+        local = None if places is None else extract(pixels, places.most)
+        return _Observed(feature.describe(pixels), local)
+
+    return observe
