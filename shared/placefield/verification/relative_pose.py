@@ -87,13 +87,18 @@ def relative_pose(found: Correspondences, camera: Camera, seed: int) -> Relative
     _, back, towards, _ = cv2.recoverPose(essential, one[inliers], other[inliers], unit)
     rotation = np.asarray(back.T, np.float64)  # OpenCV's maps the first camera's axes to the second
     direction = -rotation @ np.asarray(towards, np.float64).ravel()
-    rays = _rays(one), _rays(other)
+    rays = rays_of(found.one, camera), rays_of(found.other, camera)
     rotation, direction, covariance, inliers = _refined(
         rotation, direction, *rays, settings.threshold
     )
     if inliers.sum() < _LEAST:
         return None
     return RelativePose(rotation, direction, covariance, inliers)
+
+
+def rays_of(points: Array, camera: Camera) -> Array:
+    """Return the rays of a camera's points (m, 2), see ``LocalFeatures``: (m, 3), z is 1."""
+    return np.column_stack([points / camera.focal, np.ones(len(points))])
 
 
 def tangents_of(direction: Array) -> Array:
@@ -156,10 +161,6 @@ def _sampson(rotation: Array, direction: Array, one: Array, other: Array) -> Arr
     lines, back = one @ essential.T, other @ essential
     squares = (lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1)
     return np.asarray((other * lines).sum(axis=1) / np.sqrt(np.maximum(squares, 1e-18)))
-
-
-def _rays(points: Array) -> Array:
-    return np.column_stack([points, np.ones(len(points))])
 
 
 def _in_front(

@@ -23,10 +23,12 @@ class Correspondences(NamedTuple):
     Attributes:
         one: (m, 2) float64, points of the first image, see ``LocalFeatures``.
         other: (m, 2) float64, those of the second image.
+        numbers: (m,) int64, the numbers of the points in the first image.
     """
 
     one: NDArray[np.float64]
     other: NDArray[np.float64]
+    numbers: NDArray[np.int64]
 
 
 def correspondences(one: LocalFeatures, other: LocalFeatures) -> Correspondences:
@@ -36,7 +38,7 @@ def correspondences(one: LocalFeatures, other: LocalFeatures) -> Correspondences
     (Lowe 2004).
     """
     if min(len(one.points), len(other.points)) < 2:
-        return Correspondences(np.empty((0, 2)), np.empty((0, 2)))
+        return Correspondences(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))
     first, second = (each.descriptors.astype(np.float32) for each in (one, other))
     products = first @ second.T  # whole numbers below 2²⁴: exact in any order
     distances = (first**2).sum(axis=1)[:, None] + (second**2).sum(axis=1) - 2 * products
@@ -46,7 +48,9 @@ def correspondences(one: LocalFeatures, other: LocalFeatures) -> Correspondences
     two = np.partition(distances, 1, axis=1)[:, :2]
     kept = is_mutual & (two[:, 0] < _RATIO**2 * two[:, 1])
     return Correspondences(
-        one.points[kept].astype(np.float64), other.points[nearest[kept]].astype(np.float64)
+        one.points[kept].astype(np.float64),
+        other.points[nearest[kept]].astype(np.float64),
+        np.flatnonzero(kept),
     )
 
 

@@ -34,7 +34,7 @@ def two_views() -> Callable[..., Correspondences]:
         one, other = (FOCAL * each[:, :2] / each[:, 2:] for each in seen)
         other[: int(wrong * points)] = rng.uniform(-0.5, 0.5, (int(wrong * points), 2))
         errors = rng.normal(0, noise / 480, (2, points, 2))
-        return Correspondences(one + errors[0], other + errors[1])
+        return Correspondences(one + errors[0], other + errors[1], np.arange(points))
 
     return made
 

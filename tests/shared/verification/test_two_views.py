@@ -64,4 +64,4 @@ def test_images_without_local_features_have_no_inliers(picture: Picture) -> None
 
 def test_points_at_one_spot_fit_nothing_and_raise_nothing() -> None:
     spot = np.zeros((20, 2))
-    assert epipolar_inliers(Correspondences(spot, spot), 0).shape == (20,)
+    assert epipolar_inliers(Correspondences(spot, spot, np.arange(20)), 0).shape == (20,)
