@@ -9,6 +9,16 @@ from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
 
 
+def decode_candidates(header: Header, payload: bytes) -> CandidatesMessage | FinishedMessage:
+    """Return a message of a channel worker, unchecked.
+
+    Raises:
+        MessageError: it does not parse.
+    """
+    kind = FinishedMessage if header.end else CandidatesMessage
+    return kind.decode(payload)
+
+
 class CandidateDecoder:
     """Decodes the messages of channel workers; a message is accepted as a whole or not at all."""
 
@@ -24,8 +34,16 @@ class CandidateDecoder:
         Raises:
             MessageError: it does not parse, or it is of another map, rule or lag.
         """
-        kind = FinishedMessage if header.end else CandidatesMessage
-        message = kind.decode(payload)
+        message = decode_candidates(header, payload)
+        self.check_message(message)
+        return message
+
+    def check_message(self, message: CandidatesMessage | FinishedMessage) -> None:
+        """Check the whole of a decoded message.
+
+        Raises:
+            MessageError: it is of another map, rule or lag.
+        """
         message.check_map(self._map.digest)
         rule = self._matching.rule
         if message.rule != rule:
@@ -37,7 +55,6 @@ class CandidateDecoder:
         if isinstance(message, CandidatesMessage):
             for each in message.candidates:
                 self.check(each.candidate, message.shards)
-        return message
 
     def check(self, candidate: Candidate, shards: int = 1) -> None:
         """Check a candidate of a channel, or of one of its shards.

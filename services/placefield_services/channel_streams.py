@@ -11,7 +11,7 @@ descriptors and partial results, and then all shards continue.
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from placefield.bus.candidate_messages import (
@@ -25,7 +25,7 @@ from placefield.bus.candidate_messages import (
 )
 from placefield.bus.message import Header
 from placefield.bus.refusing import count_refused
-from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch
+from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, ReplayCache
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
@@ -43,7 +43,7 @@ class ChannelOutputs:
     Attributes:
         candidates: publishes the candidates.
         fetch: fetches descriptors from other replay caches, or raises ``NotYet``.
-        store: keeps a descriptor for the other services.
+        features: keeps the descriptors, for the other services and for a new version of the map.
         halos: publishes the partial results of the worker's shards.
         fetch_halos: fetches the partial results of all shards for a range of frames, or raises
             ``NotYet``.
@@ -52,10 +52,19 @@ class ChannelOutputs:
 
     candidates: CachedPublisher
     fetch: Fetch
-    store: Callable[[Header, bytes], None]
+    features: ReplayCache
     halos: CachedPublisher
     fetch_halos: Callable[[str, int, int], Iterable[tuple[Header, bytes]]]
     counts: Counter[str]
+
+    def another(self) -> "ChannelOutputs":
+        """Return outputs on the same keys for another version of the map."""
+        return replace(self, candidates=self.candidates.another(), halos=self.halos.another())
+
+    def retire(self) -> None:
+        """Keep no more results of this version for other services."""
+        self.candidates.retire()
+        self.halos.retire()
 
 
 @dataclass(frozen=True)
@@ -158,9 +167,10 @@ class ChannelStream:
         for header, payload in self._outputs.fetch_halos(stream, first, first + LENGTH):
             try:
                 message = HaloMessage.decode(payload)
-                message.check_map(self._map)
             except MessageError as error:
                 count_refused(self._outputs.counts, error)
+                continue
+            if message.map != self._map:  # of another version, or counted when it was published
                 continue
             self._keep(header.sequence, message)
             began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)

@@ -45,7 +45,6 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
     """Serve until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
-        process.map = placemap.digest
         serve_metrics(config.monitoring, process.report)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
         outputs = {}

@@ -29,13 +29,15 @@ from placefield.errors import MessageError
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield_services.background_query import BackgroundQuery
-from placefield_services.candidate_decoder import CandidateDecoder
+from placefield_services.candidate_decoder import CandidateDecoder, decode_candidates
 from placefield_services.fuser_stream import FuserStream
 from placefield_services.fusion_parts import FusionParts
 from placefield_services.held_candidates import HeldCandidates
 from placefield_services.live_channels import LiveChannels
+from placefield_services.map_versions import MapVersions, PreparedVersions
 from placefield_services.match_publisher import FuserOutputs, MatchPublisher
 from placefield_services.moments import cache_moments
+from placefield_services.next_version import NextVersion
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 
@@ -44,24 +46,30 @@ SERVICE = "fuser"
 _Message = FeatureMessage | CandidatesMessage | FinishedMessage
 
 
-def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
+def run_fuser(versions: MapVersions, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set; ready when all channels are, or the bus's time-out is over.
 
     Raises:
+        MapError: the map cannot be opened.
         ConfigError: the rule does not follow the map's descriptors.
     """
-    placemap.features.check_rule(config.matching.rule)
+
+    def prepare(placemap: Map) -> Map:
+        placemap.features.check_rule(config.matching.rule)
+        FusionStage(placemap.places.same, config.matching).warm_up()
+        return placemap
+
+    first = prepare(versions.open())
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
-        process.map = placemap.digest
         serve_metrics(config.monitoring, process.report)
-        process.channels = len(placemap.channels)
+        process.channels = len(first.channels)
         inbox = Inbox(process.counts)
         fusers = {}
         for run, keys in process.keys.items():
             bus.subscribe(keys.feature, inbox.offer, process.counts[run])
             bus.subscribe(keys.all_candidates, inbox.offer, process.counts[run], ends_empty=False)
-            channels = LiveChannels(len(placemap.channels))
+            channels = LiveChannels(len(first.channels))
             bus.watch_alive(keys.all_alive("channel"), channels.change)
             features = replicated_cache(bus, keys.cache(keys.feature))
             moments = cache_moments(bus, keys, process.counts[run])
@@ -73,7 +81,7 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
             process.answers[run] = outputs.matches.cache
             candidates = partial(fetch_all, bus, keys.cache(keys.all_candidates))
             fusers[run] = Fuser(
-                placemap,
+                first,
                 config,
                 keys,
                 channels,
@@ -81,18 +89,28 @@ def run_fuser(placemap: Map, config: Config, stop: threading.Event) -> None:
                 outputs,
                 process.counts[run],
             )
-        FusionStage(placemap.places.same, config.matching).warm_up()
+        del first  # so that it is freed when a new version has taken over
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are
             fuser.channels.wait_for_all(
                 end - time.monotonic(), lambda: stop.is_set() or inbox.is_waiting
             )
+        prepared = PreparedVersions(versions, prepare)
+
+        def after_batch(run: str) -> None:
+            for placemap in prepared.pop_all():
+                is_there = partial(versions.is_there, placemap.digest)
+                for fuser in fusers.values():
+                    fuser.offer(placemap, is_there)
+            fusers[run].release()
+            process.maps[run] = fusers[run].digest
+
         with process.sole():
             process.serve(
                 inbox,
                 lambda received: fusers[received.run].handle(received),
                 stop,
-                after_batch=lambda run: fusers[run].release(),
+                after_batch=after_batch,
             )
 
 
@@ -132,19 +150,42 @@ class Fuser:
         outputs: FuserOutputs,
         counts: Counter[str],
     ) -> None:
-        stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
-        self._map = placemap
         self._feature_key = keys.feature
         self.channels = channels
         self._caches = caches
         self._counts = counts
-        self._decoder = CandidateDecoder(placemap, config.matching, stage)
-        self._publisher = MatchPublisher(placemap, stage, outputs, counts)
-        self._parts = FusionParts(config, channels, stage, self._decoder, self._publisher, counts)
+        self._config, self._outputs = config, outputs
+        self._parts = self._parts_of(placemap)
+        self._next: NextVersion | None = None
+        self._left = ""
+        """Digest of the version before the current one; workers may still answer by it."""
         self._switch = StreamSwitch(counts)
         self._held = HeldCandidates(counts)
         self._query = BackgroundQuery(self._fetch)
         self._stream = FuserStream(self._parts, 0, live=False)
+
+    def _parts_of(self, placemap: Map) -> FusionParts:
+        config, counts = self._config, self._counts
+        stage = FusionStage(placemap.places.same, config.matching, placemap.places.pose)
+        decoder = CandidateDecoder(placemap, config.matching, stage)
+        publisher = MatchPublisher(placemap, stage, self._outputs, counts)
+        return FusionParts(placemap, config, self.channels, stage, decoder, publisher, counts)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the version of the map that answers."""
+        return self._parts.placemap.digest
+
+    def offer(self, placemap: Map, is_there: Callable[[], bool]) -> None:
+        """Make a version of the map the next one; it displaces one that still is.
+
+        Args:
+            placemap: the version.
+            is_there: see ``NextVersion``.
+        """
+        self._next = None
+        if placemap.digest != self.digest:
+            self._next = NextVersion(self._parts_of(placemap), self._stream, is_there)
 
     def handle(self, received: Received) -> None:
         """Handle a descriptor, which announces a frame, or candidates.
@@ -159,6 +200,9 @@ class Fuser:
         header = received.header
         is_feature = received.key == self._feature_key
         message = None if header.end and is_feature else self._decode(received)
+        if not isinstance(message, FeatureMessage | None) and message.map == self._left:
+            self._counts["stale"] += 1
+            return
         if is_feature and not self._follow(received):
             return
         if self._switch.has_left(header.stream):
@@ -171,16 +215,29 @@ class Fuser:
     def _decode(self, received: Received) -> _Message:
         if received.key == self._feature_key:
             return FeatureMessage.decode(received.payload)
-        return self._decoder.decode(received.header, received.payload)
+        message = decode_candidates(received.header, received.payload)
+        if message.map != self._left:
+            self._version_of(message)[0].decoder.check_message(message)
+        return message
+
+    def _version_of(
+        self, message: CandidatesMessage | FinishedMessage
+    ) -> tuple[FusionParts, FuserStream]:
+        """Return what answers by the map of a message: the next version, else the current one."""
+        if self._next is not None and message.map == self._next.digest:
+            return self._next.parts, self._next.stream
+        return self._parts, self._stream
 
     def _hand_on(self, header: Header, message: _Message | None) -> None:
         """Hand a message to the stream that is on; None is the featurizer's end of it."""
         stream = self._stream
+        if isinstance(message, CandidatesMessage | FinishedMessage):
+            _, stream = self._version_of(message)
         if isinstance(message, FeatureMessage | CandidatesMessage) and message.forgotten:
             stream.is_forgotten = True  # and all frames after it, too
         if not header.live:
             self._skip_to(header)
-            if stream.is_out_of_order(header):
+            if self._stream.is_out_of_order(header):
                 self._counts["out_of_order"] += 1
                 return
         now = time.monotonic()
@@ -224,14 +281,18 @@ class Fuser:
         came_again = features.find(header) is not None
         features.store(header, received.payload)
         if came_again and self._stream.is_released(header.sequence) and not header.live:
-            self._publisher.answer_again(header)
+            self._parts.publisher.answer_again(header)
         return True
 
     def _begin(self, header: Header) -> None:
         """Begin a stream, and publish what the one before it still owes."""
-        self._map.check_unchanged()
+        self._parts.placemap.check_unchanged()
         self._stream.abandon()
+        if self._next is not None and self._next.can_begin():
+            self._set_version(self._next.parts)
         self._stream = FuserStream(self._parts, header.oldest, live=header.live)
+        if self._next is not None:
+            self._next.begin(header.oldest, live=header.live)
 
     def _handle_held(self) -> None:
         for candidates in self._held.pop_all():
@@ -257,15 +318,28 @@ class Fuser:
         now = time.monotonic()
         for old, payload in candidates:
             try:
-                message = self._decoder.decode(old, payload)
+                message = self._parts.decoder.decode(old, payload)
                 self._stream.smoothing.add(old.sequence, message, now)
             except MessageError as error:
                 count_refused(self._counts, error)
 
     def release(self) -> None:
         """Publish the matches that are due, smoothed ones, and the last one's credit."""
-        self._map.check_unchanged()  # poses of a map that was written to are nobody's
-        self._stream.release(time.monotonic())
+        now = time.monotonic()
+        if self._next is not None and self._next.can_continue(self._stream):
+            self._go_over(self._next, now)
+        self._parts.placemap.check_unchanged()  # poses of a map that was written to are nobody's
+        self._stream.release(now)
+
+    def _go_over(self, following: NextVersion, now: float) -> None:
+        """Answer by the next version from the oldest unanswered frame on."""
+        following.stream.continue_from(self._stream, now)
+        self._stream = following.stream
+        self._set_version(following.parts)
+
+    def _set_version(self, parts: FusionParts) -> None:
+        self._left = self.digest
+        self._parts, self._next = parts, None
 
 
 def _answered(header: Header) -> int:

@@ -19,6 +19,8 @@ class FuserStream:
 
     def __init__(self, parts: FusionParts, first: int, *, live: bool) -> None:
         """Begin a stream; its frames before ``first`` have been answered."""
+        self.live = live
+        """Whether its source drops old frames."""
         self._channels = parts.channels
         self._decoder = parts.decoder
         self._publisher = parts.publisher
@@ -36,6 +38,7 @@ class FuserStream:
         """Whether nobody remembered enough of the stream; see ``Match``."""
         self._headers: dict[int, Header] = {}
         self._end: Header | None = None
+        self._has_ended = False
 
     def is_released(self, sequence: int) -> bool:
         """Whether a frame has been answered."""
@@ -47,6 +50,44 @@ class FuserStream:
             return False
         self._joiner.skip_to(sequence)
         return True
+
+    @property
+    def next(self) -> int:
+        """The number of the oldest frame that is not answered yet."""
+        return self._joiner.next
+
+    @property
+    def oldest_unsmoothed(self) -> int:
+        """The number of the oldest frame that is not smoothed yet, answered or not."""
+        answered = self.smoothing.answered
+        return answered[0].sequence if answered else self.next
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether no frame comes any more."""
+        return self._has_ended
+
+    def is_complete(self, sequence: int) -> bool:
+        """Whether all living channels have answered a frame that is not released yet."""
+        return self._joiner.is_complete(sequence, self._channels.alive)
+
+    def first_complete(self) -> int | None:
+        """Return the oldest unanswered frame that all living channels have answered, or None."""
+        return self._joiner.first_complete(self._channels.alive)
+
+    def forget_before(self, sequence: int) -> None:
+        """Answer no frames before this one: another stream does."""
+        self._joiner.skip_to(sequence)
+        self._forget_before(sequence)
+
+    def continue_from(self, other: "FuserStream", now: float) -> None:
+        """Answer and smooth the frames that the same stream under another version has not."""
+        self._joiner.skip_to(other.next)
+        self.is_forgotten |= other.is_forgotten
+        for header in other.smoothing.answered:
+            self.smoothing.announce(header)
+        for header in list(other._headers.values()):
+            self.announce(header, now)
 
     def is_out_of_order(self, header: Header) -> bool:
         """Whether a frame of a lossless stream is further ahead than any that can be under way."""
@@ -89,7 +130,7 @@ class FuserStream:
 
     def end(self, header: Header) -> None:
         """Say that no frame comes any more."""
-        self._end = header
+        self._end, self._has_ended = header, True
 
     def release(self, now: float) -> None:
         """Publish the matches of frames that are complete or due, smoothed ones, and a credit.

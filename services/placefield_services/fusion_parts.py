@@ -1,10 +1,11 @@
-"""What all streams of a run share in the fuser."""
+"""What all streams of a run share in the fuser, under one version of the map."""
 
 from collections import Counter
 from dataclasses import dataclass
 
 from placefield.config import Config
 from placefield.fusion.fusion_stage import FusionStage
+from placefield.maps.map import Map
 from placefield_services.candidate_decoder import CandidateDecoder
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import MatchPublisher
@@ -12,9 +13,10 @@ from placefield_services.match_publisher import MatchPublisher
 
 @dataclass(frozen=True)
 class FusionParts:
-    """What all streams of a run share in the fuser.
+    """What all streams of a run share in the fuser, under one version of the map.
 
     Attributes:
+        placemap: the version of the map.
         config: of the fuser.
         channels: which channels there are, and which are alive.
         stage: fuses candidates.
@@ -23,6 +25,7 @@ class FusionParts:
         counts: of the run.
     """
 
+    placemap: Map
     config: Config
     channels: LiveChannels
     stage: FusionStage

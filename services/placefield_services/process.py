@@ -51,8 +51,8 @@ class ServiceProcess:
         """By run, the cache whose newest answer is reported."""
         self.channels: int | None = None
         """How many channels the map has; reported by the service that needs them all."""
-        self.map: str | None = None
-        """Digest of the service's map; reported if it has one."""
+        self.maps: dict[str, str] = {}
+        """By run, the digest of the map that the service answers by; reported if it has one."""
         self._service = service
         self._bus = bus
         self._stats_due = 0.0
@@ -164,7 +164,7 @@ class ServiceProcess:
             stream=newest.stream if newest else None,
             sequence=newest.sequence if newest else None,
             channels=self.channels,
-            map=self.map,
+            map=self.maps.get(run),
         )
 
 

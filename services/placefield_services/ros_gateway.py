@@ -17,6 +17,7 @@ from placefield.features.distance_sampler import DistanceSampler, check_spacing
 from placefield.maps.map import Map
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
 from placefield.ros.topic_keys import check_name, check_topic
+from placefield_services.map_versions import MapVersions, PreparedVersions
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.ros_diagnostics import Diagnostics
@@ -62,10 +63,11 @@ class _QueuedCall(Received):
     handle: Callable[[], None]
 
 
-def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event) -> None:
+def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set, as the source of the run.
 
     Raises:
+        MapError: the map cannot be opened.
         BusError: the run has a source already.
         ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
             the bus has credentials, or rosbags is missing.
@@ -79,9 +81,13 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
     run = check_name(config.run)
     for topic in filter(None, (topics.image, topics.odometry)):
         check_topic(topic)
+
+    def prepare(placemap: Map) -> MapPoses:
+        return MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
+
+    first = prepare(versions.open())
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
-        process.map = placemap.digest
         serve_metrics(config.monitoring, process.report)
         keys, counts = process.keys[run], process.counts[run]
         inbox = Inbox(process.counts, live_capacity=_LIVE_IMAGES)
@@ -101,19 +107,26 @@ def run_ros(placemap: Map, topics: Topics, config: Config, stop: threading.Event
         diagnostics = Diagnostics(run, node.publisher("/diagnostics", DIAGNOSTICS))
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
-        if len(placemap.places.poses):
-            of_map = MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
+        followers: list[Poses] = []
+        if len(first.poses):
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
-                poses = Poses(of_map, publisher, counts, smoothed=key == keys.smoothed)
+                poses = Poses(first, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
+                followers.append(poses)
         else:
             log.warning("the map has no poses, so no poses are published to ROS")
 
+        prepared = PreparedVersions(versions, prepare)
+
+        def after_batch(run: str) -> None:
+            for of_map in prepared.pop_all():
+                for poses in followers:
+                    poses.offer(of_map)
+            diagnostics.publish()
+
         with process.sole():
-            process.serve(
-                inbox, _handle, stop, at_once=1, after_batch=lambda _: diagnostics.publish()
-            )
+            process.serve(inbox, _handle, stop, at_once=1, after_batch=after_batch)
             source.end()
 
 

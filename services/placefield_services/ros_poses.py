@@ -51,9 +51,14 @@ class Poses:
             smoothed: whether the matches are smoothed matches.
         """
         self._kind = SmoothedMessage if smoothed else MatchMessage
-        self._of_map, self._tolerance, self._digest = of_map
+        self._current = of_map
+        self._next: MapPoses | None = None
         self._publisher = publisher
         self._counts = counts
+
+    def offer(self, of_map: MapPoses) -> None:
+        """Take the poses of a new version of the map, for when its matches come."""
+        self._next = of_map
 
     def publish(self, header: Header, data: bytes) -> None:
         """Publish the pose of a match with the stamp of its frame, if the match is known.
@@ -64,16 +69,19 @@ class Poses:
         if header.end:
             return
         match = self._kind.decode(data)
-        match.check_map(self._digest)
+        if self._next is not None and match.map == self._next.digest:
+            self._current, self._next = self._next, None
+        poses, tolerance, digest = self._current
+        match.check_map(digest)
         if not match.known or match.probability is None or match.pose is None:
             return
-        if not 0 <= match.place < len(self._of_map):
+        if not 0 <= match.place < len(poses):
             raise MessageError(
-                f"a match of another map: place {match.place} of {len(self._of_map)} places"
+                f"a match of another map: place {match.place} of {len(poses)} places"
             )
-        if not np.isfinite(self._of_map[match.place]).all():
+        if not np.isfinite(poses[match.place]).all():
             raise MessageError(f"a match of another map: place {match.place} has no pose here")
-        covariance = pose_covariance(self._of_map, match.place, self._tolerance, match.probability)
+        covariance = pose_covariance(poses, match.place, tolerance, match.probability)
         self._publisher.put(pose_message(header.stamp_ns, FRAME, match.pose, covariance))
         if self._kind is SmoothedMessage:
             self._counts["smoothed_poses"] += 1

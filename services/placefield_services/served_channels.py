@@ -45,6 +45,8 @@ class ServedChannels:
         self._travelled = placemap.places.travelled
         self.digest = placemap.digest
         """Digest of the map."""
+        self.model = placemap.model
+        """The descriptor model of the map."""
         places = placemap.places
         self._stage = ChannelStage(
             self._channels, matching, shard, shards, places.travelled, places.same

@@ -81,6 +81,11 @@ class Smoothing:
         for old in [old for old in self._unanswered if old < sequence]:
             del self._unanswered[old]
 
+    @property
+    def answered(self) -> list[Header]:
+        """The answered frames that are not smoothed yet, in order."""
+        return list(self._answered.values())
+
     def release(self) -> Released:
         """Return the frames that are due."""
         return self._with_headers(self._joiner.release(self._newest))

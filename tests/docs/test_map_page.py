@@ -13,6 +13,7 @@ from placefield.maps.array_layout import (
     COARSE_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
+    LOOK_TRAVERSE_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -32,6 +33,7 @@ FOLDERS = (
     ("metrics/0/coarse", COARSE_FILES),
     ("metrics/0/looks", LOOK_FILES),
     ("metrics/0/looks", LOOK_CODE_FILES),
+    ("metrics/0/looks", LOOK_TRAVERSE_FILES),
     ("channels/0", CHANNEL_FILES),
 )
 

@@ -18,15 +18,15 @@ from placefield.bus.candidate_messages import (
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
-from placefield.bus.messages import FeatureMessage
+from placefield.bus.messages import FeatureMessage, MatchMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.sharding import ChannelShard
-from placefield_services.channel import ChannelWorker
 from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_worker import ChannelWorker
 from placefield_services.served_channels import ServedChannels
 
 RUNS = ("day", "night")
@@ -60,17 +60,17 @@ class Stage:
         self.elsewhere = {run: PeerCache() for run in RUNS}
         self.remembered = {run: ReplayCache() for run in RUNS}
         self.counts: dict[str, Counter[str]] = {run: Counter() for run in RUNS}
-        matching = MatchingConfig(rule=rule, reverse=reverse)
+        self._matching = matching = MatchingConfig(rule=rule, reverse=reverse)
         outputs = {run: self._outputs(run) for run in RUNS}
         served = ServedChannels(placemap, channels, matching)
         served.warm_up()
-        self._worker = ChannelWorker(placemap.model, served, outputs, self.counts)
+        self._worker = ChannelWorker(served, outputs, self.counts)
 
     def _outputs(self, run: str) -> ChannelOutputs:
         return ChannelOutputs(
             candidates=CachedPublisher(self.publishers[run], ReplayCache()),
             fetch=self.elsewhere[run].fetch,
-            store=self.remembered[run].store,
+            features=self.remembered[run],
             halos=CachedPublisher(RecordingPublisher(HaloMessage), ReplayCache()),
             fetch_halos=lambda *_: [],
             counts=self.counts[run],
@@ -105,24 +105,45 @@ class Stage:
     def send(self, about: Header, descriptor: Descriptor | None) -> None:
         self.handle(self.feature(about, descriptor))
 
-    def candidates(self, channel: int, *, run: str = RUNS[0]) -> list[ChannelAnswer]:
-        """Return the published candidates of a channel."""
+    def offer(self, version: Map) -> None:
+        """Let the worker have a new version of the map."""
+        self._worker.offer(ServedChannels(version, self.channels, self._matching))
+
+    def after_batch(self, *, answering: str | None = None, run: str = RUNS[0]) -> None:
+        """Let the worker go on, after a match of the map ``answering`` if that is given."""
+        if answering is not None:
+            match = MatchMessage(map=answering, place=0, score=0.0)
+            self._worker.answering[run].receive(received(Keys(run).match, header(0), match))
+        self._worker.after_batch(run)
+
+    def answering(self, run: str = RUNS[0]) -> str:
+        """Return the map that the worker answers by."""
+        return self._worker.newest_answers(run)[1]
+
+    def candidates(
+        self, channel: int, *, run: str = RUNS[0], of: str | None = None
+    ) -> list[ChannelAnswer]:
+        """Return the published candidates of a channel, of one map or of any."""
         return [
             (about.sequence, each.place, each.score, each.places.tobytes(), each.evidence.tobytes())
             for about, message in self.publishers[run].sent
-            if isinstance(message, CandidatesMessage)
+            if isinstance(message, CandidatesMessage) and of in (None, message.map)
             for each in message.candidates
             if each.channel == channel
         ]
 
     def smoothed(
-        self, channel: int, *, run: str = RUNS[0], first: int = 0
+        self, channel: int, *, run: str = RUNS[0], first: int = 0, of: str | None = None
     ) -> list[SmoothedCandidate]:
-        """Return the published smoothed candidates of a channel, from message ``first`` on."""
+        """Return the published smoothed candidates of a channel, from message ``first`` on.
+
+        ``of``: of one map, or of any.
+        """
         return [
             _as_smoothed(each)
             for about, message in self.publishers[run].sent[first:]
             if isinstance(message, CandidatesMessage | FinishedMessage) and message.smoothed
+            if of in (None, message.map)
             for each in message.smoothed.frames(about.sequence)
             if each.channel == channel
         ]

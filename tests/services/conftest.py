@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map
-from placefield_services import channel as channel_module
+from placefield_services import channel_worker as worker_module
 
 
 @pytest.fixture(autouse=True)
 def ask_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a channel worker not wait for frames that no cache has."""
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+    monkeypatch.setattr(worker_module, "_ASK_FOR_S", 0.0)
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """A fuser without a bus, at a time of its own."""
 
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,15 @@ class Stage:
             for about, payload in self.remembered
             if about.stream == stream and first <= about.sequence < end
         ]
+
+    def offer(self, version: Map, is_there: Callable[[], bool] = lambda: True) -> None:
+        """Let the fuser have a new version of the map."""
+        self._fuser.offer(version, is_there)
+
+    @property
+    def answering(self) -> str:
+        """The map that the fuser answers by."""
+        return self._fuser.digest
 
     def set_alive(self, channel: int, is_alive: bool) -> None:
         token = KEYS.alive("channel", Part(channel).identity("worker"))

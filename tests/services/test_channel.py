@@ -1,5 +1,6 @@
 import threading
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
 from placefield.matching.odometry import RouteCells
 from placefield_services.channel import run_channels
+from placefield_services.map_versions import MapVersions
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -299,6 +301,6 @@ def test_odometry_is_fetched_with_the_frames(
     assert given_odometry == [0.0, 1.0, 2.0, None, 4.0, 5.0, 6.0]
 
 
-def test_a_channel_that_the_map_does_not_have_is_refused(route_map: Map) -> None:
+def test_a_channel_that_the_map_does_not_have_is_refused(map_path: Path) -> None:
     with pytest.raises(ConfigError, match="--channel 3: the map has channels 0 to 2"):
-        run_channels(route_map, [0, 3], Config(), threading.Event())
+        run_channels(MapVersions(map_path), [0, 3], Config(), threading.Event())

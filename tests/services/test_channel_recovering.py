@@ -4,7 +4,7 @@ from channel_stage import RULES, RUNS, Descriptor, Stage, offline, smoothed_offl
 
 from placefield.config import MatchingConfig, Rule
 from placefield.maps.map import Map
-from placefield_services import channel as channel_module
+from placefield_services import channel_worker as worker_module
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -44,7 +44,7 @@ def test_a_missed_lossless_frame_is_fetched(
 def test_a_restarted_worker_without_frames_that_no_cache_has_marks_every_answer_as_forgotten(
     route_map: Map, descriptors: list[Descriptor], known: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+    monkeypatch.setattr(worker_module, "_ASK_FOR_S", 0.0)
     knows, lacks = Stage(route_map, "filter"), Stage(route_map, "filter")
     knows.remember_elsewhere(descriptors[:12])
     lacks.remember_elsewhere(descriptors[:known])
@@ -62,7 +62,7 @@ def test_a_restarted_worker_without_frames_that_no_cache_has_marks_every_answer_
 def test_a_lossless_frame_that_no_cache_has_marks_all_later_answers_as_forgotten(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 0.0)
+    monkeypatch.setattr(worker_module, "_ASK_FOR_S", 0.0)
     stage = Stage(route_map, "filter")
     for sequence in (0, 1, 3, 4):
         stage.send(header(sequence), descriptors[sequence])
@@ -73,7 +73,7 @@ def test_a_lossless_frame_that_no_cache_has_marks_all_later_answers_as_forgotten
 def test_a_worker_waits_for_frames_that_may_still_be_fetched(
     route_map: Map, descriptors: list[Descriptor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_module, "_ASK_FOR_S", 1000.0)
+    monkeypatch.setattr(worker_module, "_ASK_FOR_S", 1000.0)
     stage = Stage(route_map, "filter")
     for sequence in (0, 1, 4, 5):
         stage.send(header(sequence), descriptors[sequence])

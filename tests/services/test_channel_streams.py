@@ -5,11 +5,15 @@ Whole channels, which are the only shard, are in ``test_channel``.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 from bus_doubles import PeerCache, RecordingPublisher, header, received
+from map_versions import version_of
 from numpy.typing import NDArray
 
 from placefield.bus.candidate_messages import (
@@ -23,16 +27,17 @@ from placefield.bus.message import Header
 from placefield.bus.messages import CacheQuery, FeatureMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import MatchingConfig, Rule
+from placefield.errors import OtherMapError
 from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.sharding import ChannelShard
-from placefield_services import channel as channel_module
 from placefield_services import channel_streams
-from placefield_services.channel import ChannelWorker
+from placefield_services import channel_worker as worker_module
 from placefield_services.channel_streams import ChannelOutputs
+from placefield_services.channel_worker import ChannelWorker
 from placefield_services.served_channels import ServedChannels
 
 SHARDS = 3
@@ -49,7 +54,7 @@ class Shards:
         self.model = fingerprint(placemap.model)
         self.features = PeerCache()
         self.counts: Counter[str] = Counter()
-        self.halos: dict[int, ReplayCache] = {}
+        self.halos: dict[int, CachedPublisher] = {}
         self.partials: dict[int, RecordingPublisher] = {}
         self.answered: dict[int, RecordingPublisher] = {}
         self.workers: dict[int, ChannelWorker] = {}
@@ -61,31 +66,35 @@ class Shards:
         """Start a worker, or replace it."""
         self.partials[shard] = RecordingPublisher(HaloMessage)
         self.answered[shard] = RecordingPublisher(CandidatesMessage, FinishedMessage)
-        self.halos[shard] = ReplayCache()
+        self.halos[shard] = CachedPublisher(self.partials[shard], ReplayCache())
         outputs = ChannelOutputs(
             candidates=CachedPublisher(self.answered[shard], ReplayCache()),
             fetch=self.features.fetch,
-            store=ReplayCache().store,
-            halos=CachedPublisher(self.partials[shard], self.halos[shard]),
+            features=ReplayCache(),
+            halos=self.halos[shard],
             fetch_halos=self._fetch_halos,
             counts=self.counts,
         )
-        channels = range(len(self._map.channels))
-        matching = MatchingConfig(rule=self._rule)
-        served = ServedChannels(self._map, channels, matching, shard, SHARDS)
+        served = self._served(self._map, shard)
         served.warm_up()
-        self.workers[shard] = ChannelWorker(
-            self._map.model, served, {"test": outputs}, {"test": Counter()}
-        )
+        self.workers[shard] = ChannelWorker(served, {"test": outputs}, {"test": Counter()})
         self._passed_on = (
             {key: 0 for key in self._passed_on if shard not in key}
             | {(shard, other): 0 for other in range(SHARDS)}
             | {(other, shard): 0 for other in range(SHARDS)}
         )
 
+    def _served(self, placemap: Map, shard: int) -> ServedChannels:
+        channels = range(len(placemap.channels))
+        return ServedChannels(placemap, channels, MatchingConfig(rule=self._rule), shard, SHARDS)
+
+    def offer(self, version: Map, shard: int) -> None:
+        """Let a worker have a new version of the map."""
+        self.workers[shard].offer(self._served(version, shard))
+
     def _fetch_halos(self, stream: str, first: int, end: int) -> Iterator[tuple[Header, bytes]]:
         query = CacheQuery(stream=stream, first=first, end=end).encode()
-        for cache in self.halos.values():
+        for cache in chain.from_iterable(each.caches for each in self.halos.values()):
             for payload, attachment in cache.reply(query):
                 yield Header.decode(attachment), payload
 
@@ -114,19 +123,20 @@ class Shards:
                 assert message is not None
                 is_any_new = True
                 halo = received(KEYS.halo(str(sender)), about, message)
-                self.workers[receiver].accept(halo)
+                with suppress(OtherMapError):  # of a version that it has not opened yet
+                    self.workers[receiver].accept(halo)
         return is_any_new
 
     def after_batch(self) -> None:
         for worker in self.workers.values():
             worker.after_batch("test")
 
-    def joined(self, channel: int) -> dict[int, Candidate]:
-        """Return the joined candidates of the shards, by frame."""
+    def joined(self, channel: int, of: str | None = None) -> dict[int, Candidate]:
+        """Return the joined candidates of the shards, by frame, of one map or of any."""
         joiner, joined = ShardJoiner(self._rule), {}
         for shard, answered in self.answered.items():
             for about, message in answered.sent:
-                if not isinstance(message, CandidatesMessage):
+                if not isinstance(message, CandidatesMessage) or of not in (None, message.map):
                     continue
                 (own,) = [each for each in message.candidates if each.channel == channel]
                 whole = joiner.add(about.sequence, channel, shard, SHARDS, own.candidate)
@@ -225,7 +235,7 @@ def test_the_other_shards_join_one_that_was_away_for_longer_than_the_caches_last
 ) -> None:
     monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
     monkeypatch.setattr(channel_streams, "LENGTH", 3)
-    monkeypatch.setattr(channel_module, "LENGTH", 3)
+    monkeypatch.setattr(worker_module, "LENGTH", 3)
     shards = Shards(route_map, "filter")
     del shards.workers[1]
     for sequence, descriptor in enumerate(descriptors):
@@ -255,6 +265,32 @@ def test_a_frame_that_a_shard_lost_to_a_defect_is_missing_there_and_blocks_no_ot
     assert shards.answered[1].sequences == [s for s in range(len(descriptors)) if s != 6]
     expected = whole(route_map, 0, "filter", descriptors)
     assert all(joined.place == expected[s].place for s, joined in shards.joined(0).items())
+
+
+def test_shards_that_open_a_new_version_one_after_the_other_answer_under_both_as_the_whole(
+    route_map: Map,
+    reference_dir: Path,
+    descriptors: list[Descriptor],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(channel_streams, "_ASK_AFTER_S", 0.0)
+    shards, version = Shards(route_map, "filter"), version_of(route_map, reference_dir, 1)
+    for sequence, descriptor in enumerate(descriptors):
+        if sequence in (4, 7, 11):
+            shards.offer(version, {4: 2, 7: 0, 11: 1}[sequence])
+        shards.send(header(sequence, oldest=max(0, sequence - 1)), descriptor, range(SHARDS))
+        shards.exchange()
+        shards.after_batch()
+    for _ in descriptors:
+        shards.after_batch()
+        shards.exchange()
+    assert_same(shards.joined(0, of=route_map.digest), whole(route_map, 0, "filter", descriptors))
+    joined = shards.joined(0, of=version.digest)
+    assert sorted(joined) == list(range(10, len(descriptors)))
+    expected = whole(version, 0, "filter", descriptors)
+    for sequence, candidate in joined.items():
+        assert candidate.place == expected[sequence].place
+        assert candidate.score == pytest.approx(expected[sequence].score, rel=1e-4, abs=1e-6)
 
 
 def test_the_end_comes_after_the_last_answer(route_map: Map, descriptors: list[Descriptor]) -> None:

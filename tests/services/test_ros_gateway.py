@@ -1,12 +1,13 @@
 """Settings that the gateway refuses before it connects."""
 
 import threading
+from pathlib import Path
 
 import pytest
 
 from placefield.config import Config
 from placefield.errors import ConfigError
-from placefield.maps.map import Map
+from placefield_services.map_versions import MapVersions
 from placefield_services.ros_gateway import Topics, run_ros
 
 
@@ -22,7 +23,7 @@ from placefield_services.ros_gateway import Topics, run_ros
     ],
 )
 def test_settings_that_ros_cannot_use_are_refused(
-    route_map: Map, settings: dict[str, object], topics: Topics, complaint: str
+    map_path: Path, settings: dict[str, object], topics: Topics, complaint: str
 ) -> None:
     with pytest.raises(ConfigError, match=complaint):
-        run_ros(route_map, topics, Config.model_validate(settings), threading.Event())
+        run_ros(MapVersions(map_path), topics, Config.model_validate(settings), threading.Event())

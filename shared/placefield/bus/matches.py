@@ -2,7 +2,7 @@
 
 import queue
 import time
-from collections import Counter, OrderedDict, deque
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 
 from placefield.bus.inbox import Received
@@ -15,7 +15,6 @@ from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import MessageError
 
 _QUIET_S = 2.0
-_STREAMS = 16  # whose map is remembered
 
 OrderedMatch = tuple[Header, MatchMessage | None]
 """A header and its match; at the end of a stream, no match."""
@@ -25,8 +24,7 @@ class MatchQueue:
     """A queue of a run's matches from now on, each once; on request of its smoothed matches, too.
 
     Matches come in order, and so do smoothed matches. The end of a stream comes after both. Lost
-    matches of a lossless stream are fetched from the fuser's replay cache. All matches are of one
-    map.
+    matches of a lossless stream are fetched from the fuser's replay cache.
     """
 
     def __init__(
@@ -38,15 +36,14 @@ class MatchQueue:
             bus: the session.
             keys: of the run.
             smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
-            digest: of the map that all matches must be of; None: the map of a stream's first match.
+            digest: of the map that all matches must be of; None: any map.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._ready: deque[OrderedMatch] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
-        maps = _Maps(digest)
         self._in_order = {
-            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, maps)
+            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digest)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
@@ -81,34 +78,14 @@ class MatchQueue:
                 self._ready.append((header, match))
 
 
-class _Maps:
-    """Which map the matches of each stream are of: the given one, or that of the first match."""
-
-    def __init__(self, digest: str | None) -> None:
-        self._digest = digest
-        self._by_stream: OrderedDict[str, str] = OrderedDict()
-
-    def check(self, header: Header, match: MatchMessage) -> None:
-        """Refuse a match of another map.
-
-        Raises:
-            OtherMapError: the match is of another map.
-        """
-        match.check_map(self._digest or self._by_stream.setdefault(header.stream, match.map))
-        if self._digest is None:
-            self._by_stream.move_to_end(header.stream)
-            if len(self._by_stream) > _STREAMS:
-                self._by_stream.popitem(last=False)
-
-
 class _InOrder:
     """Puts the messages of one key in order, and fetches missing messages."""
 
     def __init__(
-        self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], maps: _Maps
+        self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], digest: str | None
     ) -> None:
         self._kind = kind
-        self._maps = maps
+        self._digest = digest
         self._fetch = fetch
         self._follower = StreamFollower(counts, lambda header: header.sequence)
         self._open_stream: str | None = None
@@ -124,14 +101,14 @@ class _InOrder:
         return [
             ready
             for header, payload in fetched
-            if header.end or self._decoded(header, payload)
+            if header.end or self._decoded(payload)
             for ready in self.receive(header, payload)
         ]
 
     def receive(self, header: Header, payload: bytes) -> list[OrderedMatch]:
         """Return the matches whose turn has come with this message."""
         self._ask_at = time.monotonic() + _QUIET_S
-        match = None if header.end else self._decode(header, payload)
+        match = None if header.end else self._decode(payload)
         turn = self._follower.follow(header)
         ready: list[OrderedMatch] = []
         if turn is Turn.AFTER_GAP:
@@ -145,18 +122,19 @@ class _InOrder:
 
     def _missed(self, header: Header) -> list[OrderedMatch]:
         fetched = self._fetch(header.stream, self._follower.next, header.sequence)
-        decoded = ((old, self._decoded(old, payload)) for old, payload in fetched.values())
+        decoded = ((old, self._decoded(payload)) for old, payload in fetched.values())
         return [(old, match) for old, match in decoded if match is not None]
 
-    def _decode(self, header: Header, payload: bytes) -> MatchMessage:
+    def _decode(self, payload: bytes) -> MatchMessage:
         match = self._kind.decode(payload)
-        self._maps.check(header, match)
+        if self._digest is not None:
+            match.check_map(self._digest)
         return match
 
-    def _decoded(self, header: Header, payload: bytes) -> MatchMessage | None:
+    def _decoded(self, payload: bytes) -> MatchMessage | None:
         """Return a fetched match; None if it must be refused."""
         try:
-            return self._decode(header, payload)
+            return self._decode(payload)
         except MessageError:
             return None
 

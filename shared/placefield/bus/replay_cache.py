@@ -4,10 +4,10 @@ A service that restarts during a stream fetches the earlier messages from the ca
 service that gets a frame again looks up its own result and publishes that again.
 """
 
-import itertools
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import CacheQuery
@@ -73,6 +73,17 @@ class ReplayCache:
         headers = (header for header, _ in kept if first <= header.sequence < end)
         return sorted(headers, key=lambda header: header.sequence)
 
+    def messages(self, stream: str, end: int) -> list[tuple[Header, bytes]]:
+        """Return the cached messages of a stream's frames before ``end``, in order."""
+        with self._lock:
+            kept = list(self._kept.values()) if stream == self._stream else []
+        before = [(header, payload) for header, payload in kept if header.sequence < end]
+        return sorted(before, key=lambda message: message[0].sequence)
+
+    def another(self) -> "ReplayCache":
+        """Return an empty cache of the same length."""
+        return ReplayCache(self._length)
+
     def reply(self, asked: bytes) -> Iterator[tuple[bytes, bytes]]:
         """Yield the payloads and attachments that a query asks for.
 
@@ -94,6 +105,19 @@ class CachedPublisher:
         """Publish with ``publisher``, and keep each message in ``cache``."""
         self._publisher = publisher
         self.cache = cache
+        self.caches = [cache]
+        """The caches of all publishers that ``another`` has made of one."""
+
+    def another(self) -> "CachedPublisher":
+        """Return a publisher on the same key that has a cache of its own."""
+        other = CachedPublisher(self._publisher, self.cache.another())
+        self.caches.append(other.cache)
+        other.caches = self.caches
+        return other
+
+    def retire(self) -> None:
+        """Remove this publisher's cache from ``caches``."""
+        self.caches.remove(self.cache)
 
     def put(self, header: Header, message: Message | None = None) -> None:
         """Send a message with its header; no message at the end of a stream."""
@@ -111,7 +135,12 @@ class CachedPublisher:
 
 def serve_cache(bus: Bus, key: str, cache: ReplayCache) -> None:
     """Answer queries at a key from this cache."""
-    bus.answer(key, lambda _, asked: cache.reply(asked))
+    serve_caches(bus, key, [cache])
+
+
+def serve_caches(bus: Bus, key: str, caches: Sequence[ReplayCache]) -> None:
+    """Answer queries at a key from these caches; caches may be added and removed later."""
+    bus.answer(key, lambda _, asked: chain.from_iterable(one.reply(asked) for one in list(caches)))
 
 
 @dataclass(frozen=True)
@@ -159,7 +188,7 @@ def fetch_all(
     query = CacheQuery(stream=stream, first=first, end=end)
     replies = bus.ask(key, query.encode(), timeout_s=_PATIENCE_S)
     held = 0
-    for payload, attachment in itertools.islice(replies, _MOST_REPLIES):
+    for payload, attachment in islice(replies, _MOST_REPLIES):
         held += len(payload)
         if held > _MOST_BYTES:
             return

@@ -76,6 +76,15 @@ class DescriptorModel:
             return self.reduce(_standardise(raws, self.mean, self.deviation))
         return self.reduce(_standardise(unit_length(raws), self.mean, self.deviation))
 
+    def of_traverse(self, raws: Array) -> Array:
+        """Return the descriptors (K, N) of a further traverse's raw features (K, D).
+
+        They are standardised by the traverse's own mean and deviation, as those of a query are by
+        its running ones. This is not for plain PCA.
+        """
+        moments = _moments(raws) if self.follows_query else (self.mean, self.deviation)
+        return np.concatenate([self.reduce(block) for block in _standardised(raws, moments)])
+
     def reduce(self, standardised: Array) -> Array:
         """Project standardised features (..., D) on the principal axes, (..., N).
 

@@ -10,7 +10,7 @@ one deadline, and a channel that is slow but answers is waited for.
 import heapq
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from placefield.matching.candidate import Candidate
@@ -137,6 +137,18 @@ class Joiner:
         heapq.heappop(self._in_order)
         candidates = self._pending.pop(sequence).candidates
         return Joined(sequence, dict(sorted(candidates.items())), missing)
+
+    def is_complete(self, sequence: int, channels: Collection[int]) -> bool:
+        """Whether these channels, one at least, have answered a frame that is not released yet."""
+        pending = self._pending.get(sequence)
+        if pending is None or not pending.candidates:
+            return False
+        return pending.candidates.keys() >= set(channels)
+
+    def first_complete(self, channels: Collection[int]) -> int | None:
+        """Return the oldest frame that is complete for these channels; None: there is none."""
+        in_order = sorted(self._in_order)
+        return next((each for each in in_order if self.is_complete(each, channels)), None)
 
     def skip_to(self, first: int) -> None:
         """Count the frames before this one as answered by another fuser."""

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from placefield.config import MatchingConfig
-from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map_metrics import identity_metric
+from placefield.maps.map import MapMetric
 from placefield.maps.traverse import NO_PLACE, Alignment
-from placefield.matching.channel_stage import ChannelStage
+from placefield.matching.comparing import MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.matching.revisits import channel_without_segments, same_places
+from placefield.matching.revisits import channel_without_segments
+from placefield.matching.sharding import ChannelShard
 
 NEAR_M = 5.0
 """Metres within which a frame shows a place; about the accuracy of satellite positioning."""
@@ -32,23 +32,23 @@ def align_by_number(count: int) -> Alignment:
     return Alignment(np.arange(count, dtype=np.int32), np.ones(count, np.float32), "number")
 
 
-def align_by_smoother(reference: Array, frames: Array) -> Alignment:
+def align_by_smoother(metric: MapMetric, same: NDArray[np.int32], frames: Array) -> Alignment:
     """Align frames by their descriptors; the speed may vary, and stretches may be off the route.
 
     A frame shows a place if its smoothed match is known.
 
     Args:
-        reference: (K, N) float32, descriptors of the places, in the order of travel.
+        metric: the identity metric of the K places, with their looks if they have some.
+        same: (K,) int32, which place each is the same as, see ``Places``.
         frames: (M, N) float32, descriptors of the drive's frames, in the order of travel.
     """
-    matching, same = MatchingConfig(), same_places(reference)
-    channels = ChannelStage(
-        {0: channel_without_segments(identity_metric(reference))}, matching, same=same
-    )
-    stream = FusedStream(channels, FusionStage(same, matching), WHOLE_DRIVE)
-    for frame in frames:
-        stream.update(next(channels.compare([frame])))
-    matches = [smoothed.match for smoothed in stream.finish()]
+    matching = MatchingConfig(exact=True)
+    fusion = FusionStage(same, matching)
+    shard = ChannelShard(channel_without_segments(metric), matching, same=same)
+    matcher = shard.new_matcher(WHOLE_DRIVE)
+    for frame in MetricPlaces(metric, exact=True).compare(frames):
+        matcher.update(frame)
+    matches = [fusion.fuse([smoothed.candidate]) for smoothed in matcher.finish()]
     return Alignment(
         np.array([match.place if match.known else NO_PLACE for match in matches], np.int32),
         np.array([match.probability or 0.0 for match in matches], np.float32),

@@ -51,6 +51,7 @@ LOOK_FILES: Layout = {
     "squares": ("int32", "L"),
     "biases": ("int32", "K"),
 }
+LOOK_TRAVERSE_FILES: Layout = {"traverses": ("int32", "L")}
 LOOK_CODE_FILES: Layout = {"codes": ("int8", "LR")}
 CHANNEL_FILES: Layout = {
     "labels": ("int32", "K"),
@@ -84,7 +85,10 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         if metric.coarse is not None:
             parts.append((f"metrics/{number}/coarse", metric.coarse, COARSE_FILES))
         if metric.looks is not None:
-            parts.append((f"metrics/{number}/looks", metric.looks, look_files(metric.coarse)))
+            looks = (f"metrics/{number}/looks", metric.looks)
+            parts.append((*looks, look_files(metric.coarse)))
+            if metric.looks.traverses is not None:
+                parts.append((*looks, LOOK_TRAVERSE_FILES))
     for number, channel in enumerate(built.channels):
         parts.append((f"channels/{number}", channel, CHANNEL_FILES))
     return {

@@ -195,6 +195,7 @@ def build_map(
         alignments={
             number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
         },
+        identity=identity,
     )
 
 
@@ -206,7 +207,8 @@ def _map_channel(
         coarse = identity.coarse is not None
         metric = learned_metric(learned.projection, places, coarse=coarse)
         if identity.looks is not None:
-            metric = with_looks(metric, identity.looks.places, identity.looks.descriptors)
+            looks = identity.looks
+            metric = with_looks(metric, looks.places, looks.descriptors, looks.traverses)
     return MapChannel(
         fuzzifier=channel.fuzzifier,
         clusters=int(channel.clusters.max()) + 1,

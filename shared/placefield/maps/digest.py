@@ -1,4 +1,4 @@
-"""The digest that identifies a map."""
+"""The digest that identifies a map, and the lineage of its versions."""
 
 import hashlib
 
@@ -15,3 +15,15 @@ def short_digest(written: bytes) -> str:
     The manifest holds the checksums of all files, so two different maps have different digests.
     """
     return hashlib.sha256(written).hexdigest()[:DIGEST_LENGTH]
+
+
+def lineage_of(model: str, channels: int) -> str:
+    """Return the lineage of a map, 16 hexadecimal digits.
+
+    Maps of one lineage are versions of each other: services can go from one to the next.
+
+    Args:
+        model: fingerprint of the descriptor model.
+        channels: the number of channels.
+    """
+    return hashlib.sha256(f"{model} {channels}".encode()).hexdigest()[:DIGEST_LENGTH]

@@ -81,7 +81,7 @@ def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
 
 def observed_again(
     descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]
-) -> tuple[NDArray[np.int32], Quantized]:
+) -> tuple[NDArray[np.int32], Quantized, NDArray[np.int32]]:
     """Return what all traverses but the first observed of the places, by ascending place.
 
     A place that no frame of a traverse shows has the frame of the nearest place, if that is at most
@@ -93,23 +93,31 @@ def observed_again(
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
 
     Returns:
-        The place of each look, (L,), and its quantized descriptor, (L, N) int16.
+        The place of each look, (L,), its quantized descriptor, (L, N) int16, and the number of its
+        traverse, (L,) int32.
     """
     count, dimensions = descriptors[0].shape
     places, observed = [np.empty(0, np.int32)], [np.empty((0, dimensions), np.int16)]
-    for each, shown in zip(descriptors[1:], place_of[1:], strict=True):
-        at, frames = _nearest_frames(shown, count)
+    traverses = [np.empty(0, np.int32)]
+    for number, (each, shown) in enumerate(zip(descriptors[1:], place_of[1:], strict=True), 1):
+        at, frames = nearest_frames(shown, count)
         places.append(at)
+        traverses.append(np.full(len(at), number, np.int32))
         observed.append(quantize(each, DESCRIPTOR_UNIT)[frames])
     all_places = np.concatenate(places)
     order = np.argsort(all_places, kind="stable")
-    return all_places[order], np.concatenate(observed)[order]
+    return all_places[order], np.concatenate(observed)[order], np.concatenate(traverses)[order]
 
 
-def _nearest_frames(
+def nearest_frames(
     shown: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
-    """Return the places near those that frames show, (F,), and the nearest frame of each."""
+    """Return the places near those that frames show, (F,), and the nearest frame of each.
+
+    Args:
+        shown: (F,) int32, the place that each frame shows.
+        count: the number of places.
+    """
     if not len(shown):
         return np.empty(0, np.int32), np.empty(0, np.intp)
     order = np.argsort(shown, kind="stable")

@@ -10,7 +10,7 @@ from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
 from placefield.features.network import NetworkInput
 from placefield.maps.array_files import open_inside
-from placefield.maps.digest import short_digest
+from placefield.maps.digest import DIGEST_LENGTH, lineage_of, short_digest
 from placefield.presets import Preset
 
 SUFFIX = ".pfmap"
@@ -48,7 +48,7 @@ class TraverseRecord(_Record):
     Attributes:
         name: for a person.
         frames: the number of its frames.
-        aligned: the number of frames that show a place of the first traverse; None for the first.
+        aligned: the number of frames that show a place of the map; None for the first.
         by: the method of the alignment; None for the first.
     """
 
@@ -56,6 +56,24 @@ class TraverseRecord(_Record):
     frames: int = Field(ge=0)
     aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
+
+    def is_named(self, name: str) -> bool:
+        """Return whether this is its name, with or without a slash at the end."""
+        return self.name.rstrip("/") == name.rstrip("/")
+
+
+class ChangeRecord(_Record):
+    """One change of a map after it was built.
+
+    Attributes:
+        change: what was done with the drive.
+        drive: the name of the traverse.
+        before: the digest of the map before the change.
+    """
+
+    change: Literal["added", "dropped"]
+    drive: str
+    before: str = Field(pattern=rf"^[0-9a-f]{{{DIGEST_LENGTH}}}$")
 
 
 class RouteRecord(_Record):
@@ -115,6 +133,7 @@ class Manifest(_Record):
         network: input of the network that gives the features; none if no network does.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
+        history: the changes since the map was built, in their order.
         routes: the routes whose places follow each other; none if there is one route.
         links: the number of links between places, see ``placefield.maps.route_graph``.
         local_features: the number of local features of all places.
@@ -135,12 +154,18 @@ class Manifest(_Record):
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None
     traverses: tuple[TraverseRecord, ...]
+    history: tuple[ChangeRecord, ...] = ()
     routes: tuple[RouteRecord, ...] = ()
     links: int = Field(0, ge=0)
     local_features: int = Field(0, ge=0)
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]
+
+    @property
+    def lineage(self) -> str:
+        """The lineage of the map, see ``lineage_of``."""
+        return lineage_of(self.model, len(self.channels))
 
 
 def seal_of(written: bytes) -> bytes:
@@ -176,15 +201,15 @@ def read_manifest(path: Path) -> Manifest:
     return read_identified(path)[0]
 
 
-def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, str]:
+def read_identified(path: Path, lineage: str | None = None) -> tuple[Manifest, str]:
     """Read a map's manifest and return it with the map's digest, see ``short_digest``.
 
     Args:
         path: of the map.
-        digest: the digest that the map must have; None accepts any map.
+        lineage: the lineage that the map must have; None accepts any map.
 
     Raises:
-        MapError: it is missing, too long, damaged, of another format, or of another map.
+        MapError: it is missing, too long, damaged, of another format or lineage.
     """
     try:
         written = _read(path, MANIFEST)
@@ -197,13 +222,12 @@ def read_identified(path: Path, digest: str | None = None) -> tuple[Manifest, st
         raise MapError(f"{path / SEAL}: missing or unreadable; {REBUILD}") from None
     if seal != seal_of(written):
         raise MapError(f"{path / MANIFEST}: damaged: its checksum is wrong; {REBUILD}")
-    found = short_digest(written)
-    if digest not in (None, found):
+    if lineage not in (None, manifest.lineage):
         raise MapError(
-            f"{path}: is now the map {found}, but the services serve {digest}: put that map back, "
-            "or stop all services of it and start them with the new map"
+            f"{path}: is no version of the served map: its descriptor model or its number of "
+            "channels differs; put that map back, or start all services again with the new map"
         )
-    return manifest, found
+    return manifest, short_digest(written)
 
 
 def _read(path: Path, name: str) -> bytes:

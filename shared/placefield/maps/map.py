@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.features.descriptors import DescriptorModel
-from placefield.maps.digest import NO_DIGEST
-from placefield.maps.manifest import TraverseRecord
+from placefield.maps.digest import NO_DIGEST, lineage_of
+from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.route_graph import RouteGraph, line
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
@@ -155,7 +155,11 @@ class Map:
     Attributes:
         preset: the preset of the build, for the record; the settings are in the fields below.
         graph: the routes of the map and the links between its places.
-        alignments: how each traverse but the first was aligned to the first, by traverse number.
+        alignments: how each traverse but the first was aligned to the places, by traverse number.
+        identity: the metric that is not learned, which has the descriptors of the places as they
+            are; None in an old map whose channels all learned theirs, and in a map of which only
+            some channels were opened.
+        history: the drives that were added or dropped since the map was built, in this order.
         local_features: of the places, for the verifier; None if the map was built without.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
@@ -175,6 +179,8 @@ class Map:
     graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
     local_features: PlaceFeatures | None = None
+    identity: MapMetric | None = None
+    history: tuple[ChangeRecord, ...] = ()
     digest: str = field(default=NO_DIGEST, compare=False)
     check_unchanged: Callable[[], None] = field(default=_stays, compare=False, repr=False)
 
@@ -192,9 +198,15 @@ class Map:
         return self.digest != NO_DIGEST
 
     @property
+    def lineage(self) -> str:
+        """What all versions of the map have in common, see ``lineage_of``."""
+        return lineage_of(fingerprint(self.model), len(self.channels))
+
+    @property
     def metrics(self) -> tuple[MapMetric, ...]:
-        """The distinct metrics of its channels."""
-        return tuple(dict.fromkeys(channel.metric for channel in self.channels))
+        """The distinct metrics: the identity, if the map has it, then those of its channels."""
+        own = () if self.identity is None else (self.identity,)
+        return tuple(dict.fromkeys((*own, *(channel.metric for channel in self.channels))))
 
 
 def fingerprint(model: DescriptorModel) -> str:

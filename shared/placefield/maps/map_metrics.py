@@ -44,22 +44,35 @@ def learned_metric(projection: Array, descriptors: Array, *, coarse: bool = Fals
     return _metric(True, projection, unit, places, coarse)
 
 
-def with_looks(metric: MapMetric, shown: NDArray[np.int32], observed: Quantized) -> MapMetric:
+def with_looks(
+    metric: MapMetric,
+    shown: NDArray[np.int32],
+    observed: Quantized,
+    traverses: NDArray[np.int32] | None = None,
+) -> MapMetric:
     """Return a metric with looks of its places.
 
     Args:
         metric: without looks.
         shown: (L,) int32, the place of each look, ascending; at least one.
         observed: (L, N) int16, the quantized descriptors of the looks, not projected.
+        traverses: (L,) int32, the number of the traverse that each is of; None if it is not known.
     """
-    descriptors = observed
-    if metric.learned:
-        project = QuantizedProjection(metric.projection, metric.unit)
-        descriptors = np.empty((len(observed), len(metric.projection)), np.int16)
-        for block in blocks(len(observed), _BLOCK):
-            descriptors[block] = project(observed[block])
+    descriptors = projected(metric, observed)
     codes = None if metric.coarse is None else metric.coarse.encode(descriptors)
-    return replace(metric, looks=looks_at(metric.places, metric.squares, shown, descriptors, codes))
+    looks = looks_at(metric.places, metric.squares, shown, descriptors, codes, traverses)
+    return replace(metric, looks=looks)
+
+
+def projected(metric: MapMetric, descriptors: Quantized) -> Quantized:
+    """Return quantized descriptors (n, N) under a metric, (n, M) int16."""
+    if not metric.learned:
+        return descriptors
+    project = QuantizedProjection(metric.projection, metric.unit)
+    under = np.empty((len(descriptors), len(metric.projection)), np.int16)
+    for block in blocks(len(descriptors), _BLOCK):
+        under[block] = project(descriptors[block])
+    return under
 
 
 def _metric(
@@ -71,12 +84,13 @@ def _metric(
         unit,
         places,
         squares=squared_lengths(places),
-        steps=_steps(places, unit),
+        steps=steps_between(places, unit),
         coarse=coarse_index(places) if coarse else None,
     )
 
 
-def _steps(places: Quantized, unit: float) -> Array:
+def steps_between(places: Quantized, unit: float) -> Array:
+    """Return the steps of places (K, M) in units, see ``MapMetric``: (6, K) float32."""
     steps = np.zeros((STEPS, len(places)), np.float32)
     for step, row in enumerate(steps, 1):
         for start in range(step, len(places), _BLOCK):

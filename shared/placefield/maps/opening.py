@@ -1,7 +1,7 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cache
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, overload
 
@@ -17,6 +17,7 @@ from placefield.maps.array_layout import (
     COARSE_FILES,
     GRAPH_FILES,
     LOCAL_FEATURE_FILES,
+    LOOK_TRAVERSE_FILES,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -41,22 +42,22 @@ _MOST_BYTES_OF_A_PLACE = 2**16
 
 
 def open_map(
-    path: Path | str, channels: Collection[int] | None = None, *, digest: str | None = None
+    path: Path | str, channels: Collection[int] | None = None, *, lineage: str | None = None
 ) -> Map:
     """Open a map; large arrays are memory-mapped, so that all processes of a host share them.
 
     Args:
         path: of the map.
-        channels: the channels that are read and checked now; None: all. The others are read and
-            checked at the first access, which may raise the same errors.
-        digest: the digest that the map must have, see ``Map.digest``; None accepts any map.
+        channels: the channels that are read and checked now; None: all, and the identity. The
+            others are read and checked at the first access, which may raise the same errors.
+        lineage: the lineage that the map must have, see ``lineage_of``; None accepts any map.
 
     Raises:
-        MapError: there is no map, it is of another format or has another digest, or the checksum,
-            dtype or shape of a file is wrong.
+        MapError: there is no map, it is of another format or lineage, or the checksum, dtype or
+            shape of a file is wrong.
     """
     path = Path(path)
-    manifest, found = read_identified(path, digest)
+    manifest, found = read_identified(path, lineage)
     files = _Files(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
@@ -92,6 +93,8 @@ def open_map(
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
         local_features=_open_local_features(files),
+        history=manifest.history,
+        identity=all_channels.open_identity() if channels is None else None,
         digest=found,
         check_unchanged=files.check_unchanged,
     )
@@ -178,13 +181,17 @@ def _check_same(path: Path, same: NDArray[np.int32]) -> None:
         raise MapError(f"{file}: does not name the earliest same place of each; {REBUILD}")
 
 
-def _check_looks(folder: Path, looks: Looks) -> None:
+def _check_looks(folder: Path, looks: Looks, traverses: int) -> None:
     places, biases = looks.places, looks.biases
     if places[0] < 0 or places[-1] >= len(biases) or (places[1:] < places[:-1]).any():
         file = folder / "places.npy"
         raise MapError(f"{file}: does not name places of the map in ascending order; {REBUILD}")
     if biases.min() < 0 or biases.max() > MOST_BIAS:
         raise MapError(f"{folder / 'biases.npy'}: no squared distances; {REBUILD}")
+    of = looks.traverses
+    if of is not None and not (of.min() > 0 and of.max() < traverses):
+        file = folder / "traverses.npy"
+        raise MapError(f"{file}: does not name further traverses of the map; {REBUILD}")
 
 
 def _open_alignments(files: _Files) -> Iterator[tuple[int, MapAlignment]]:
@@ -245,8 +252,8 @@ class _Channels(Sequence[MapChannel]):
     def __init__(self, files: _Files, sizes: Mapping[str, int]) -> None:
         self._files, self._sizes = files, sizes
         self._manifest = files.manifest
-        self._metric = cache(self._open_metric)
-        self._channel = cache(self._open_channel)
+        self._metrics: dict[int, MapMetric] = {}
+        self._channels: dict[int, MapChannel] = {}
 
     def __len__(self) -> int:
         return len(self._manifest.channels)
@@ -255,6 +262,12 @@ class _Channels(Sequence[MapChannel]):
         """Open the channels of these numbers that exist."""
         for number in set(numbers) & set(range(len(self))):
             self._channel(number)
+
+    def open_identity(self) -> MapMetric | None:
+        """Open the metric that is not learned; None if the map has none."""
+        metrics = enumerate(self._manifest.metrics)
+        number = next((number for number, record in metrics if not record.learned), None)
+        return None if number is None else self._metric(number)
 
     @overload
     def __getitem__(self, index: int) -> MapChannel: ...
@@ -265,6 +278,16 @@ class _Channels(Sequence[MapChannel]):
         if isinstance(chosen, range):
             return tuple(map(self._channel, chosen))
         return self._channel(chosen)
+
+    def _channel(self, number: int) -> MapChannel:
+        if number not in self._channels:
+            self._channels[number] = self._open_channel(number)
+        return self._channels[number]
+
+    def _metric(self, number: int) -> MapMetric:
+        if number not in self._metrics:
+            self._metrics[number] = self._open_metric(number)
+        return self._metrics[number]
 
     def _open_metric(self, number: int) -> MapMetric:
         record, folder = self._manifest.metrics[number], f"metrics/{number}"
@@ -277,14 +300,28 @@ class _Channels(Sequence[MapChannel]):
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
             coarse = CoarseIndex(axes, codes, spread, record.coarse_unit)
-        looks = None
-        if record.looks:
-            files = look_files(coarse)
-            looks = Looks(*self._files.load(f"{folder}/looks", files, sizes | {"L": record.looks}))
-            _check_looks(self._files.path / folder / "looks", looks)
         return MapMetric(
-            record.learned, projection, record.unit, places, squares, steps, coarse, looks
+            record.learned,
+            projection,
+            record.unit,
+            places,
+            squares,
+            steps,
+            coarse,
+            self._open_looks(f"{folder}/looks", coarse, sizes | {"L": record.looks}),
         )
+
+    def _open_looks(
+        self, folder: str, coarse: CoarseIndex | None, sizes: dict[str, int]
+    ) -> Looks | None:
+        if not sizes["L"]:
+            return None
+        looks = Looks(*self._files.load(folder, look_files(coarse), sizes))
+        if f"{folder}/traverses.npy" in self._manifest.files:  # older maps are without
+            (traverses,) = self._files.load(folder, LOOK_TRAVERSE_FILES, sizes)
+            looks = replace(looks, traverses=traverses)
+        _check_looks(self._files.path / folder, looks, len(self._manifest.traverses))
+        return looks
 
     def _open_channel(self, number: int) -> MapChannel:
         record, folder = self._manifest.channels[number], f"channels/{number}"

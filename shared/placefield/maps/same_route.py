@@ -1,4 +1,4 @@
-"""Aligns the other reference traverses to the first, and refuses those of another route.
+"""Aligns traverses to the first one, or to the places of a map, and refuses those of another route.
 
 Georeferenced poses decide if both traverses have them. Otherwise the frames are recognised in the
 first traverse like those of a query. If too few are recognised, the traverses may be aligned by
@@ -19,7 +19,10 @@ from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions, feature_of
 from placefield.maps.alignment import align_by_number, align_by_poses, align_by_smoother
 from placefield.maps.geography import Origin
+from placefield.maps.map import Map, MapMetric
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
+from placefield.matching.revisits import same_places
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +78,7 @@ def _align(first: Traverse, reference: Array, other: Traverse, kind: FeatureKind
         dimensions=default_dimensions(_KIND),
         standardise=True,
     )
-    smoothed = align_by_smoother(places, frames)
+    smoothed = align_by_smoother(identity_metric(places), same_places(places), frames)
     if _shows_route(smoothed, count):
         return smoothed
     if len(other.raw) == count:
@@ -99,6 +102,54 @@ def _align(first: Traverse, reference: Array, other: Traverse, kind: FeatureKind
     )
 
 
+def align_to_map(
+    opened: Map, identity: MapMetric, traverse: Traverse, descriptors: Array
+) -> Alignment:
+    """Align a drive to the places of a map, by poses or by the smoother.
+
+    Args:
+        opened: the map.
+        identity: its identity metric.
+        traverse: the drive of M frames; its poses are in the map's coordinate frame.
+        descriptors: (M, N) float32, of its frames.
+
+    Raises:
+        MapError: the drive does not show the route.
+    """
+    count = opened.places.count
+    if len(opened.places.poses) and len(traverse.poses):
+        by_poses = align_by_poses(opened.places.poses, traverse.poses)
+        if _shows_route(by_poses, count):
+            return by_poses
+    smoothed = align_by_smoother(identity, opened.places.same, descriptors)
+    if _shows_route(smoothed, count):
+        return smoothed
+    raise MapError(
+        f"{traverse.name}: does not show the route of the map: only "
+        f"{smoothed.aligned / len(descriptors):.0%} of its frames are recognised there, and "
+        f"{LEAST_SHOWN:.0%} are needed; build a separate map"
+    )
+
+
+def poses_in_map(frame: str | None, traverse: Traverse) -> NDArray[np.float64]:
+    """Return a drive's poses in a map's coordinate frame, (M, 3), or (0, 3).
+
+    There are none if either poses are not georeferenced.
+
+    Args:
+        frame: name of the map's coordinate frame; None if it has no poses.
+        traverse: the drive.
+    """
+    ours = None if frame is None else Origin.of_frame(frame)
+    theirs = Origin.of_frame(traverse.pose_frame)
+    if ours is None or theirs is None:
+        return np.empty((0, 3))
+    poses = traverse.poses.copy()
+    for pose in (row for row in poses if np.isfinite(row[0])):
+        pose[:2] = ours.to_local(*theirs.to_degrees(*pose[:2]))
+    return poses
+
+
 def _shows_route(alignment: Alignment, count: int) -> bool:
     """Return whether enough of a drive's frames show a place, or enough of the places are shown."""
     shown = len(np.setdiff1d(alignment.places, NO_PLACE))
@@ -107,13 +158,8 @@ def _shows_route(alignment: Alignment, count: int) -> bool:
 
 def _by_poses(first: Traverse, other: Traverse) -> Alignment | None:
     """Align by poses; return None if those of either traverse are not georeferenced."""
-    ours, theirs = Origin.of_frame(first.pose_frame), Origin.of_frame(other.pose_frame)
-    if ours is None or theirs is None or not (len(first.poses) and len(other.poses)):
-        return None
-    poses = other.poses.copy()
-    for pose in (row for row in poses if np.isfinite(row[0])):
-        pose[:2] = ours.to_local(*theirs.to_degrees(*pose[:2]))
-    return align_by_poses(first.poses, poses)
+    poses = poses_in_map(first.pose_frame, other)
+    return align_by_poses(first.poses, poses) if len(first.poses) and len(poses) else None
 
 
 def _raws(traverse: Traverse, kind: FeatureKind) -> Array:

@@ -1,9 +1,12 @@
 """Saving a map to disk: ``NAME.pfmap/`` with a manifest and ``.npy`` files.
 
 A map is written to a temporary folder and renamed, so that a killed build leaves no partial map.
+The folder that it leaves is removed when the map is written again.
 """
 
 import errno
+import glob
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +17,7 @@ import numpy as np
 
 from placefield.errors import MapError
 from placefield.files import exchange, sync, write_whole
+from placefield.locking import has_locks, take_lock
 from placefield.maps.array_layout import arrays_of
 from placefield.maps.checksums import checksum_of
 from placefield.maps.manifest import (
@@ -28,6 +32,10 @@ from placefield.maps.manifest import (
     seal_of,
 )
 from placefield.maps.map import Map, fingerprint
+
+# The file in a temporary folder that its writer locks: an unlocked one is of a dead process. It has
+# the second name once it is locked.
+_UNLOCKED, _LOCKED = "unlocked", "locked"
 
 
 def check_map_path(path: Path) -> None:
@@ -63,11 +71,26 @@ def save_map(built: Map, path: Path | str) -> None:
 @contextmanager
 def _written_beside(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as temporary:
+    _remove_abandoned(path)
+    with (
+        tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as temporary,
+        (Path(temporary) / _UNLOCKED).open("wb") as mark,
+    ):
+        if has_locks():
+            take_lock(mark)
+            Path(mark.name).rename(Path(temporary) / _LOCKED)
         folder = Path(temporary) / "new"
         folder.mkdir()
         yield folder
         _put_in_place(folder, path)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what killed processes left behind when they wrote the map at a path."""
+    for mark in path.parent.glob(f".{glob.escape(path.name)}.*/{_LOCKED}"):
+        with mark.open("wb") as opened:
+            if take_lock(opened):
+                shutil.rmtree(mark.parent, ignore_errors=True)
 
 
 def _put_in_place(folder: Path, path: Path) -> None:
@@ -109,6 +132,7 @@ def _write(built: Map, folder: Path) -> None:
         smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,
         traverses=built.traverses,
+        history=built.history,
         routes=_routes(built),
         links=len(built.graph.links),
         local_features=0 if built.local_features is None else len(built.local_features.points),

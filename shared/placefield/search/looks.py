@@ -29,6 +29,8 @@ class Looks:
         biases: (K,) int32, by how much as many looks as a place has lower its squared distance to
             a frame on average; 0 for a place without looks.
         codes: (L, R) int8, for the coarse search, like those of the places; None without one.
+        traverses: (L,) int32, the number of the traverse that each look is of; None if the map does
+            not say.
     """
 
     places: NDArray[np.int32]
@@ -36,6 +38,7 @@ class Looks:
     squares: NDArray[np.int32]
     biases: NDArray[np.int32]
     codes: NDArray[np.int8] | None = None
+    traverses: NDArray[np.int32] | None = None
 
     def __repr__(self) -> str:
         return f"Looks({len(self.places)} of {np.count_nonzero(self.biases)} places)"
@@ -43,11 +46,21 @@ class Looks:
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays."""
-        arrays = (self.places, self.descriptors, self.squares, self.biases, self.codes)
+        arrays = (
+            self.places,
+            self.descriptors,
+            self.squares,
+            self.biases,
+            self.codes,
+            self.traverses,
+        )
         return sum(array.nbytes for array in arrays if array is not None)
 
     def between(self, start: int, stop: int) -> "Looks":
-        """Return the looks of places from ``start`` up to ``stop``, numbered from 0, as views."""
+        """Return the looks of places from ``start`` up to ``stop``, numbered from 0, as views.
+
+        They do not say of which traverse they are.
+        """
         rows = slice(*np.searchsorted(self.places, (start, stop)).tolist())
         places = self.places[rows] - np.int32(start)
         places.setflags(write=self.places.flags.writeable)  # the same compiled code is used
@@ -62,7 +75,7 @@ class Looks:
     def of(self, chosen: NDArray[np.integer]) -> "Looks":
         """Return copies of the looks of the chosen places, (n,), without their codes.
 
-        Their places are positions in ``chosen``.
+        They do not say of which traverse they are. Their places are positions in ``chosen``.
         """
         at, rows = self.rows_of(chosen)
         return Looks(at, self.descriptors[rows], self.squares[rows], self.biases[chosen])
@@ -87,6 +100,7 @@ def looks_at(
     shown: NDArray[np.int32],
     descriptors: Quantized,
     codes: NDArray[np.int8] | None,
+    traverses: NDArray[np.int32] | None = None,
 ) -> Looks:
     """Return looks with their biases.
 
@@ -99,6 +113,7 @@ def looks_at(
         shown: (L,), the place of each look, ascending.
         descriptors: (L, M), of the looks.
         codes: (L, R), for the coarse search; None without one.
+        traverses: (L,), the traverse of each; None if it is not known.
     """
     look_squares = squared_lengths(descriptors)
     sample = np.concatenate([each[:: -(-len(each) // _SAMPLED)] for each in (places, descriptors)])
@@ -115,7 +130,7 @@ def looks_at(
     alike = np.bincount(counts)
     means = np.bincount(counts, lowered) / np.maximum(alike, 1) / len(sample)
     biases = np.rint(means[counts]).astype(np.int32)
-    return Looks(shown, descriptors, look_squares, biases, codes)
+    return Looks(shown, descriptors, look_squares, biases, codes, traverses)
 
 
 def squared_lengths(vectors: Quantized) -> NDArray[np.int32]:

@@ -35,6 +35,10 @@ class LocalFeatures(NamedTuple):
     descriptors: NDArray[np.uint8]
 
 
+NO_FEATURES = LocalFeatures(np.empty((0, 2), np.float32), np.empty((0, LENGTH), np.uint8))
+"""Those of a uniform image."""
+
+
 def extract(pixels: NDArray[np.uint8], count: int) -> LocalFeatures:
     """Return the strongest local features of an image.
 
@@ -55,7 +59,7 @@ def extract(pixels: NDArray[np.uint8], count: int) -> LocalFeatures:
     sift = cv2.SIFT.create(count, contrastThreshold=_CONTRAST)
     found, described = sift.detectAndCompute(resized, None)  # type: ignore[call-overload]
     if described is None:
-        return LocalFeatures(np.empty((0, 2), np.float32), np.empty((0, LENGTH), np.uint8))
+        return NO_FEATURES
     # The same keypoint may come with several orientations, and ties make more than asked for.
     order = np.argsort([-keypoint.response for keypoint in found], kind="stable")[:count]
     points = np.array([found[number].pt for number in order], np.float32)

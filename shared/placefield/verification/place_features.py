@@ -46,6 +46,17 @@ class PlaceFeatures:
         own = slice(self.ends[place - 1] if place else 0, self.ends[place])
         return LocalFeatures(self.points[own], self.descriptors[own])
 
+    def with_places(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
+        """Return them with those of further places; the likelihood ratios stay."""
+        return self._of([*map(self.of, range(len(self.ends))), *views])
+
+    def kept(self, places: NDArray[np.integer]) -> "PlaceFeatures":
+        """Return those of the places with these numbers; the likelihood ratios stay."""
+        return self._of([self.of(place) for place in places.tolist()])
+
+    def _of(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
+        return PlaceFeatures(*stacked(views), self.ratios)
+
 
 def features_of_places(
     places: Sequence[LocalFeatures], again: Views, same: NDArray[np.int32], seed: int
@@ -67,7 +78,6 @@ def features_of_places(
     Returns:
         The local features; None if no place has any, or if the map is too small for such pairs.
     """
-    ends = np.cumsum([len(place.points) for place in places], dtype=np.int64)
     pairs = again or _neighbours(places)
     rng = np.random.default_rng(seed)
     chosen = sorted(rng.permutation(len(pairs))[:_PAIRS].tolist())
@@ -79,15 +89,21 @@ def features_of_places(
             other = int(rng.choice(far))
             ours.append(count_inliers(view, places[place], seed))
             theirs.append(count_inliers(view, places[other], seed))
-    if not ours or not ends[-1]:
+    if not ours or not any(len(place.points) for place in places):
         return None
     by_chance = np.array(theirs)
     found = np.array(ours) if again else _remaining(np.array(ours), by_chance)
-    return PlaceFeatures(
-        np.concatenate([place.points for place in places]),
-        np.concatenate([place.descriptors for place in places]),
-        ends,
-        learn_ratios(found, by_chance),
+    return PlaceFeatures(*stacked(places), learn_ratios(found, by_chance))
+
+
+def stacked(
+    views: Sequence[LocalFeatures],
+) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.int64]]:
+    """Return the points and descriptors of places one after another, and where each place ends."""
+    return (
+        np.concatenate([view.points for view in views]),
+        np.concatenate([view.descriptors for view in views]),
+        np.cumsum([len(view.points) for view in views], dtype=np.int64),
     )
 
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from placefield.verification.local_features import SIDE, LocalFeatures
 
 _RATIO = 0.85  # of the nearest descriptor's distance and the second nearest one's, at most
-_LEAST = 8  # correspondences; fewer always fit a fundamental matrix
 _CONFIDENCE = 0.999  # that the best geometry is found, if there is one
 _TRIALS = 2000
+
+LEAST = 8
+"""Correspondences: fewer always fit a fundamental matrix."""
 
 TOLERANCE = 1.5
 """Pixels from the epipolar line, in an image of the longest side ``SIDE``."""
@@ -60,7 +62,7 @@ def epipolar_inliers(found: Correspondences, seed: int) -> NDArray[np.bool_]:
     It is found by MAGSAC++ (Barath et al. 2020); the same seed gives the same result.
     """
     none = np.zeros(len(found.one), np.bool_)
-    if len(none) < _LEAST:
+    if len(none) < LEAST:
         return none
     settings = ransac_settings(seed, TOLERANCE)
     try:

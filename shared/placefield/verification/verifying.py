@@ -8,7 +8,7 @@ from placefield.fusion.match import Match
 from placefield.verification.likelihood import ratio_of, updated
 from placefield.verification.local_features import LocalFeatures
 from placefield.verification.place_features import PlaceFeatures
-from placefield.verification.two_views import correspondences, epipolar_inliers
+from placefield.verification.two_views import LEAST, correspondences, epipolar_inliers
 
 
 class Verification(NamedTuple):
@@ -28,7 +28,7 @@ class Verification(NamedTuple):
 def verify(
     places: PlaceFeatures, place: int, probability: float, query: LocalFeatures, seed: int
 ) -> Verification:
-    """Compare a frame with its matched place.
+    """Compare a frame with its matched place; a place of few local features says nothing.
 
     Args:
         places: of the map.
@@ -37,8 +37,9 @@ def verify(
         query: local features of the frame.
         seed: of RANSAC: the same input gives the same result.
     """
-    inliers = int(epipolar_inliers(correspondences(places.of(place), query), seed).sum())
-    ratio = ratio_of(places.ratios, inliers)
+    own = places.of(place)
+    inliers = int(epipolar_inliers(correspondences(own, query), seed).sum())
+    ratio = ratio_of(places.ratios, inliers) if len(own.points) >= LEAST else 1.0
     return Verification(inliers, ratio, updated(probability, ratio))
 
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import feature_of
 from placefield.maps.alignment import align_by_number, align_by_poses, align_by_smoother
+from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import Alignment
+from placefield.matching.revisits import same_places
 
 Raws = dict[str, NDArray[np.float32]]
 DAY, LEFT, NIGHT = "gardens_point/day_right", "gardens_point/day_left", "gardens_point/night_right"
@@ -31,7 +33,7 @@ def align(reference: NDArray[np.float32], drive: NDArray[np.float32]) -> Alignme
     _, (places, frames) = fit_descriptors(
         [reference, drive], "gist", dimensions=300, standardise=True
     )
-    return align_by_smoother(places, frames)
+    return align_by_smoother(identity_metric(places), same_places(places), frames)
 
 
 DRIVES = {

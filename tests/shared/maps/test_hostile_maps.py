@@ -397,7 +397,7 @@ def test_a_part_of_a_metric_that_would_fail_at_the_first_frame_is_refused(
     codes = small_map.metrics[0].places
     metric = identity_metric((codes * DESCRIPTOR_UNIT).astype(np.float32), coarse=True)
     channels = tuple(replace(channel, metric=metric) for channel in small_map.channels)
-    save_map(replace(small_map, channels=channels), path)
+    save_map(replace(small_map, channels=channels, identity=metric), path)
     open_map(path)
     np.save(path / file, np.full_like(np.load(path / file), np.nan) if array is None else array)
     seal(path)

@@ -64,6 +64,8 @@ def test_aligned_frames_are_looks_of_their_places_and_of_near_ones_without_a_fra
     looks = built.metrics[0].looks
     assert looks is not None
     assert looks.places.tolist() == list(range(17, 83))
+    assert looks.traverses is not None
+    assert looks.traverses.tolist() == [1] * 66
     raw = make_traverse(len(SHOWN), name="night", noise=1).raw[SHOWN >= 0]
     units = raw / np.linalg.norm(raw, axis=1, keepdims=True)
     standardised = (units - units.mean(axis=0)) / units.std(axis=0)
@@ -118,7 +120,7 @@ def test_looks_come_back_from_disk(
     assert saved is not None
     assert opened is not None
     assert (saved.codes is None) == (coarse_from == 1000)
-    for name in ("places", "descriptors", "squares", "biases", "codes"):
+    for name in ("places", "descriptors", "squares", "biases", "codes", "traverses"):
         one, other = getattr(saved, name), getattr(opened, name)
         assert (one is None) == (other is None)
         if one is not None:
@@ -133,6 +135,20 @@ def test_a_map_from_before_there_were_looks_opens(saved: Path) -> None:
     (saved / MANIFEST).write_bytes(written)
     (saved / SEAL).write_bytes(seal_of(written))
     assert open_map(saved).metrics[0].looks is None
+
+
+def test_a_map_whose_looks_are_of_no_known_traverse_opens(built: Map, tmp_path: Path) -> None:
+    path = tmp_path / "route.pfmap"
+    save_map(built, path)
+    manifest = json.loads((path / MANIFEST).read_text())
+    assert manifest["files"].pop("metrics/0/looks/traverses.npy")
+    (path / "metrics" / "0" / "looks" / "traverses.npy").unlink()
+    written = json.dumps(manifest).encode()
+    (path / MANIFEST).write_bytes(written)
+    (path / SEAL).write_bytes(seal_of(written))
+    looks = open_map(path).metrics[0].looks
+    assert looks is not None
+    assert looks.traverses is None
 
 
 @pytest.mark.parametrize(
@@ -152,6 +168,9 @@ def test_a_map_from_before_there_were_looks_opens(saved: Path) -> None:
         ("biases", lambda known: known[:-1]),
         ("biases", lambda known: known - 1),
         ("biases", lambda known: known + 2**27),
+        ("traverses", lambda known: known[:-1]),
+        ("traverses", lambda known: known - 1),
+        ("traverses", lambda known: known + 1),
     ],
 )
 def test_looks_that_do_not_fit_the_map_are_refused(

@@ -67,7 +67,7 @@ def test_a_map_comes_back_as_it_was_and_read_only(pristine: Path, posed_map: Map
     opened = open_map(pristine)
     assert_same(posed_map, opened)
     arrays = list(arrays_of(opened))
-    assert len(arrays) == 3 + 6 + 2 + 2 * (4 + 4)
+    assert len(arrays) == 3 + 6 + 2 + 4 + 2 * (4 + 4)
     for array in arrays:
         assert not array.flags.writeable
 
@@ -129,16 +129,39 @@ def test_metrics_come_back_and_channels_that_shared_one_share_it(
     shared = identity_metric(descriptors, coarse=coarse)
     metrics = (shared, learned, shared)
     channels = zip((first, other, other), metrics, strict=True)
-    built = replace(posed_map, channels=tuple(replace(c, metric=m) for c, m in channels))
+    changed = tuple(replace(channel, metric=metric) for channel, metric in channels)
+    built = replace(posed_map, channels=changed, identity=shared)
     save_map(built, tmp_path / "route.pfmap")
     opened = open_map(tmp_path / "route.pfmap")
     assert_same(built, opened)
+    assert opened.identity is opened.channels[0].metric
     one, two, three = (channel.metric for channel in opened.channels)
     assert one is three
     assert opened.metrics == (one, two)
     assert [metric.learned for metric in opened.metrics] == [False, True]
     assert [metric.coarse is not None for metric in opened.metrics] == [coarse, coarse]
     assert len(list((tmp_path / "route.pfmap" / "metrics").iterdir())) == 2
+
+
+def test_a_map_whose_channels_all_learned_a_metric_keeps_the_identity_first(
+    posed_map: Map, tmp_path: Path
+) -> None:
+    identity = posed_map.identity
+    assert identity is not None
+    learned = learned_metric(
+        2 * identity.projection, (identity.unit * identity.places).astype(np.float32)
+    )
+    channels = tuple(replace(channel, metric=learned) for channel in posed_map.channels)
+    save_map(replace(posed_map, channels=channels), tmp_path / "route.pfmap")
+    opened = open_map(tmp_path / "route.pfmap")
+    assert [metric.learned for metric in opened.metrics] == [False, True]
+    assert opened.identity is opened.metrics[0]
+    np.testing.assert_array_equal(opened.metrics[0].places, identity.places)
+    assert open_map(tmp_path / "route.pfmap", channels=()).identity is None
+    save_map(replace(posed_map, channels=channels, identity=None), tmp_path / "older.pfmap")
+    older = open_map(tmp_path / "older.pfmap")
+    assert older.identity is None
+    assert [metric.learned for metric in older.metrics] == [True]
 
 
 def test_a_map_keeps_its_network_and_is_another_under_another(

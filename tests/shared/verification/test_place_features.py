@@ -12,7 +12,7 @@ from placefield.errors import MapError
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.verification.local_features import LocalFeatures, extract
+from placefield.verification.local_features import NO_FEATURES, LocalFeatures, extract
 from placefield.verification.place_features import PlaceFeatures, features_of_places
 from placefield.verification.verifying import verify
 from placefield_tools.build.map_from_sources import build_from
@@ -107,3 +107,22 @@ def test_a_map_keeps_them_on_disk_and_refuses_wrong_ones(
 
 def test_a_map_without_them_has_none(route_map: Map) -> None:
     assert route_map.local_features is None
+
+
+def test_places_are_appended_and_dropped_with_their_own(
+    views: list[LocalFeatures], places: PlaceFeatures
+) -> None:
+    grown = places.with_places(views[3:5])
+    assert len(grown.ends) == PLACES + 2
+    np.testing.assert_array_equal(grown.of(PLACES + 1).points, views[4].points)
+    shrunk = grown.kept(np.array([2, PLACES]))
+    np.testing.assert_array_equal(shrunk.of(0).descriptors, views[2].descriptors)
+    np.testing.assert_array_equal(shrunk.of(1).descriptors, views[3].descriptors)
+    assert verify(shrunk, 0, 0.9, views[3], 0) == verify(places, 2, 0.9, views[3], 0)
+
+
+def test_a_place_without_local_features_says_nothing(
+    views: list[LocalFeatures], places: PlaceFeatures
+) -> None:
+    grown = places.with_places([NO_FEATURES])
+    assert verify(grown, PLACES, 0.9, views[0], 0) == (0, 1.0, 0.9)

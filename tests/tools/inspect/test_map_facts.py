@@ -67,6 +67,10 @@ def test_how_many_looks_there_are_and_what_they_cost_is_reported(route_map: Map)
     shown = np.arange(20, 45, dtype=np.int32)
     looked = with_looks(metric, shown, metric.places[shown])
     channels = tuple(replace(channel, metric=looked) for channel in route_map.channels)
-    reported = map_facts(replace(route_map, channels=channels))["looks"]
+    reported = map_facts(replace(route_map, channels=channels, identity=looked))["looks"]
     assert reported.startswith("25 more of 25 places, 0.0 MB; a frame is compared with 85 ")
     assert "instead of 60 in each metric" in reported
+    dusk = TraverseRecord(name="dusk/", frames=60, aligned=60, by="smoother")
+    seen = with_looks(metric, shown, metric.places[shown], np.ones(25, np.int32))
+    told = replace(route_map, traverses=(*route_map.traverses, dusk), identity=seen)
+    assert map_facts(told)["looks"].startswith("25 more of 25 places (25 by dusk/), 0.0 MB; ")

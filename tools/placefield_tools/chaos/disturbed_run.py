@@ -63,7 +63,7 @@ def disturbed_replay(
     bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
     config = config.model_copy(update={"bus": bus_config})
     with (
-        _services(map_path, placemap.digest, channels, config, clock) as children,
+        _services(map_path, placemap.lineage, channels, config, clock) as children,
         open_bus(config.bus) as bus,
     ):
         _await_ready(bus, Keys(config.run), channels, clock)
@@ -107,7 +107,7 @@ def _listening(bus: Bus, config: Config, clock: Clock) -> Iterator[dict[int, Ans
 @contextmanager
 def _services(
     map_path: Path,
-    digest: str,
+    lineage: str,
     channels: Sequence[Sequence[int]],
     config: Config,
     clock: Clock,
@@ -115,14 +115,14 @@ def _services(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         file = Path(folder) / "config.toml"
         file.write_text(config.to_toml())
-        with Children(_commands(map_path, digest, channels, file), clock) as children:
+        with Children(_commands(map_path, lineage, channels, file), clock) as children:
             yield children
 
 
 def _commands(
-    map_path: Path, digest: str, channels: Sequence[Sequence[int]], config: Path
+    map_path: Path, lineage: str, channels: Sequence[Sequence[int]], config: Path
 ) -> Mapping[str, Sequence[str]]:
-    the_map = (map_path, "--digest", digest)
+    the_map = (map_path, "--lineage", lineage)
 
     def command(service: str, *own: object) -> list[str]:
         flags = [*map(str, own), "--config", str(config)]

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from placefield import __version__
 from placefield.errors import PlacefieldError
 from placefield_tools.cli import (
+    add,
     alive,
     bench,
     build,
@@ -19,6 +20,7 @@ from placefield_tools.cli import (
     datasets,
     demo,
     doctor,
+    drop,
     evaluate,
     export,
     fetch,
@@ -67,7 +69,7 @@ def _root(
 
 
 _PANELS = {
-    "Maps": (build, inspect, serve, fetch),
+    "Maps": (build, add, drop, inspect, serve, fetch),
     "Services": (up, services, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),

@@ -64,11 +64,11 @@ MetricsPort = Annotated[
         show_default="none",
     ),
 ]
-Digest = Annotated[
+Lineage = Annotated[
     str | None,
     typer.Option(
         metavar="DIGITS",
-        help="refuse any other map: the first 16 digits of sha256sum MAP/manifest.json",
+        help="refuse a map of another lineage, which is no version of the served one; 'up' sets it",
         show_default="any",
     ),
 ]

@@ -8,6 +8,7 @@ import typer
 from placefield.config import Config, Rule
 from placefield.errors import ConfigError
 from placefield.maps.manifest import read_manifest
+from placefield.maps.store import check_map_path
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
 
@@ -90,6 +91,32 @@ Metric = Annotated[
 Seed = Annotated[
     int | None, typer.Option(help="seed of all random numbers", show_default=str(_DEFAULTS.seed))
 ]
+
+
+ChangedMap = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="another map for the result, which leaves MAP as it is",
+        show_default="MAP",
+    ),
+]
+
+
+def changed_map(map_path: Path, output: Path | None) -> Path:
+    """Return where a changed map is written to: the map's own path, or a new one.
+
+    Raises:
+        ConfigError: the other path is taken.
+        MapError: the other path is no map's, see ``check_map_path``.
+    """
+    if output is None:
+        return map_path
+    check_map_path(output)
+    if output.exists():
+        raise ConfigError(f"{output}: is there already; choose another name, or leave out --output")
+    return output
 
 
 def check_preset(config: Config, map_path: Path) -> None:

@@ -26,7 +26,7 @@ def _ros(
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     metrics_port: options.MetricsPort = None,
-    digest: options.Digest = None,
+    lineage: options.Lineage = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -51,13 +51,13 @@ def _ros(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield.maps.opening import open_map
+    from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
     topics = Topics(domain, topic, odometry, spacing)
-    placemap = open_map(map_path, channels=(), digest=digest)
-    run_ros(placemap, topics, effective, stop_of_service())
+    versions = MapVersions(map_path, lineage=lineage)
+    run_ros(versions, topics, effective, stop_of_service())
     leave()

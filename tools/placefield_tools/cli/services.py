@@ -23,7 +23,7 @@ def _featurizer(
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     metrics_port: options.MetricsPort = None,
-    digest: options.Digest = None,
+    lineage: options.Lineage = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -47,7 +47,7 @@ def _featurizer(
         bus__credentials=credentials,
         monitoring__port=metrics_port,
     )
-    placemap = open_map(map_path, channels=(), digest=digest)
+    placemap = open_map(map_path, channels=(), lineage=lineage)
     run_featurizer(placemap, effective, stop_of_service())
     leave()
 
@@ -68,7 +68,7 @@ def _channel(
     rule: options_map.RuleOption = None,
     exact: options_map.Exact = None,
     metrics_port: options.MetricsPort = None,
-    digest: options.Digest = None,
+    lineage: options.Lineage = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -82,8 +82,8 @@ def _channel(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield.maps.opening import open_map
     from placefield_services.channel import run_channels
+    from placefield_services.map_versions import MapVersions
 
     effective = options.effective_config(
         config,
@@ -97,8 +97,8 @@ def _channel(
         matching__exact=exact,
     )
     number, shards = _shard(shard)
-    placemap = open_map(map_path, channels=channel, digest=digest)
-    run_channels(placemap, channel, effective, stop_of_service(), shard=number, shards=shards)
+    versions = MapVersions(map_path, channel, lineage)
+    run_channels(versions, channel, effective, stop_of_service(), shard=number, shards=shards)
     leave()
 
 
@@ -126,7 +126,7 @@ def _fuser(
         ),
     ] = None,
     metrics_port: options.MetricsPort = None,
-    digest: options.Digest = None,
+    lineage: options.Lineage = None,
     log_json: options.LogJson = False,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -139,8 +139,8 @@ def _fuser(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield.maps.opening import open_map
     from placefield_services.fuser import run_fuser
+    from placefield_services.map_versions import MapVersions
 
     effective = options.effective_config(
         config,
@@ -154,5 +154,5 @@ def _fuser(
         matching__precision=precision,
         fusion__deadline_s=deadline,
     )
-    run_fuser(open_map(map_path, channels=(), digest=digest), effective, stop_of_service())
+    run_fuser(MapVersions(map_path, lineage=lineage), effective, stop_of_service())
     leave()

@@ -73,7 +73,8 @@ def _up(
 
     With several runs, each core has a featurizer and a fuser for some of the runs.
 
-    A service that dies is started again. Ctrl-C stops all services.
+    A service that dies is started again. Ctrl-C stops all services. A new version of the map that
+    replaces MAP is taken over, and no frame is lost.
 
     Examples:
       placefield up route.pfmap --precision 0.99
@@ -81,7 +82,7 @@ def _up(
     """
     from placefield.config import MonitoringConfig
     from placefield.errors import ConfigError
-    from placefield.maps.manifest import read_identified
+    from placefield.maps.manifest import read_manifest
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.common.parallel import cores
@@ -105,7 +106,7 @@ def _up(
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: needs odometry; give --ros-odometry, too")
     options_map.check_preset(effective, map_path)
-    manifest, digest = read_identified(map_path)
+    manifest = read_manifest(map_path)
     manifest.features.check_rule(effective.matching.rule)
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
@@ -130,11 +131,11 @@ def _up(
             partition([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
             _credentials_beside(effective.bus.credentials),
-            digest,
+            manifest.lineage,
         )
         if ros is not None:
             commands["gateway to ROS 2"] = _ros_command(
-                common, ros, ros_odometry, ros_spacing, ros_domain, digest
+                common, ros, ros_odometry, ros_spacing, ros_domain, manifest.lineage
             )
         run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
 
@@ -178,19 +179,19 @@ def _commands(
     channels: Sequence[Sequence[int]],
     runs: Sequence[Sequence[str]],
     credentials: Mapping[str, Path],
-    digest: str,
+    lineage: str,
 ) -> dict[str, list[str]]:
     """Return the command line of each service, by its name.
 
     There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, and one map server. ``credentials`` has folders by command. A restarted service refuses a
-    map of another digest, which was rebuilt in the meantime.
+    runs, and one map server. ``credentials`` has folders by command. A restarted service opens
+    the version of the map that is there then, and refuses a map of another lineage.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
         flags = [part for value in own for part in (flag, str(value))]
-        if service != "serve":  # the map server serves any version of a map
-            flags += ["--digest", digest]
+        if service != "serve":  # the map server sends any map
+            flags += ["--lineage", lineage]
         if service in credentials:
             flags += ["--credentials", str(credentials[service])]
         return [*_PLACEFIELD, service, *common, *flags]
@@ -211,9 +212,9 @@ def _ros_command(
     odometry: str | None,
     spacing_m: float | None,
     domain: int,
-    digest: str,
+    lineage: str,
 ) -> list[str]:
-    flags = ["--topic", topic, "--domain", str(domain), "--digest", digest]
+    flags = ["--topic", topic, "--domain", str(domain), "--lineage", lineage]
     if odometry is not None:
         flags += ["--odometry", odometry]
     if spacing_m is not None:

@@ -28,6 +28,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "looks": _looks(opened),
         "local features": _local_features(opened),
         "seed": str(opened.seed),
+        "history": _history(opened),
         "digest": opened.digest,
     }
 
@@ -64,9 +65,14 @@ def _looks(opened: Map) -> str:
         return "one of each place"
     count, places = len(looks.places), opened.places.count
     size = sum(metric.looks.nbytes for metric in opened.metrics if metric.looks is not None)
+    of = ""
+    if looks.traverses is not None:
+        counts = np.bincount(looks.traverses, minlength=len(opened.traverses))
+        told = zip(opened.traverses, counts, strict=True)
+        of = f" ({', '.join(f'{n} by {record.name}' for record, n in told if n)})"
     return (
-        f"{count} more of {len(np.unique(looks.places))} places, {size / 2**20:.1f} MB; a frame is "
-        f"compared with {places + count} descriptors instead of {places} in each metric"
+        f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; "
+        f"a frame is compared with {places + count} descriptors instead of {places} in each metric"
     )
 
 
@@ -77,6 +83,12 @@ def _local_features(opened: Map) -> str:
         return "none"
     size = found.points.nbytes + found.descriptors.nbytes
     return f"{found.most} of a place at most, {size / 2**20:.1f} MB"
+
+
+def _history(opened: Map) -> str:
+    """Describe what was added and dropped since the map was built, and of which versions."""
+    changes = [f"{one.drive} {one.change} (before: {one.before})" for one in opened.history]
+    return "; ".join(changes) or "as built"
 
 
 def _travelled(places: Places) -> str:

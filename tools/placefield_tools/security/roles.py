@@ -49,7 +49,7 @@ ROLES = {
     "channel": _service(
         "channel",
         publishes=(_ANY.all_candidates, _ANY.all_halos),
-        reads=(_ANY.feature, _ANY.moments, _ANY.all_halos),
+        reads=(_ANY.feature, _ANY.moments, _ANY.all_halos, _ANY.match),
     ),
     "fuser": _service(
         "fuser",

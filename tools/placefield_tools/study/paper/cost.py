@@ -46,7 +46,8 @@ def measure_cost(trial: Trial) -> Cost:
         channels=len(channels),
         longest=max(int(channel.scales.max()) for channel in channels),
         seconds=seconds,
-        kept_bytes=_metric_bytes(trial.placemap.metrics) + _stream_bytes(trial, channels),
+        kept_bytes=_metric_bytes({each.metric for each in channels})
+        + _stream_bytes(trial, channels),
     )
 
 

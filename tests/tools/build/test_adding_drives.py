@@ -1,0 +1,170 @@
+"""``placefield add`` and ``placefield drop`` on maps on disk, by real processes."""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from placefield.maps.manifest import read_identified, read_manifest
+
+# A command whose files take their time to reach the disk.
+SLOWLY = """
+import time
+from placefield.maps import store
+store.sync = lambda file: time.sleep(60)
+from placefield_tools.cli.main import main
+main()
+"""
+
+
+def run(*arguments: str | Path, **options: Callable[[], None]) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "placefield_tools", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def arrays_of(folder: Path) -> dict[str, bytes]:
+    return {name: held for name, held in files_of(folder).items() if name.endswith(".npy")}
+
+
+@pytest.fixture
+def route(map_path: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(map_path, tmp_path / "route.pfmap")
+
+
+@pytest.fixture
+def writing(route: Path, query_dir: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that adds a drive, and is in the middle of writing the new version."""
+    command = [sys.executable, "-c", SLOWLY, "add", str(route), str(query_dir)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            patience = time.monotonic() + 120
+            while not list(route.parent.glob(".route.pfmap.*/new/features/*.npy")):
+                assert process.poll() is None
+                assert time.monotonic() < patience
+                time.sleep(0.02)
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_drive_is_added_and_dropped(route: Path, query_dir: Path, tmp_path: Path) -> None:
+    before, (_, digest) = files_of(route), read_identified(route)
+    other = tmp_path / "dusk.pfmap"
+    added = run("add", route, query_dir, "--name", "dusk", "-o", other)
+    assert added.returncode == 0, added.stderr
+    assert f"{other}: 60 places, of which 0 are new; " in added.stdout
+    assert files_of(route) == before
+    manifest = read_manifest(other)
+    assert [record.name for record in manifest.traverses][1:] == ["dusk"]
+    assert [(one.change, one.drive, one.before) for one in manifest.history] == [
+        ("added", "dusk", digest)
+    ]
+    told = run("inspect", other, "-o", tmp_path / "segments.png").stdout
+    assert f"history  dusk added (before: {digest})" in told
+    assert " by dusk)" in told
+    in_place = run("add", route, query_dir, "--name", "dusk")
+    assert in_place.returncode == 0, in_place.stderr
+    assert files_of(route) == files_of(other)
+    dropped = run("drop", route, "dusk")
+    assert dropped.returncode == 0, dropped.stderr
+    assert arrays_of(route) == {name: held for name, held in before.items() if name[-4:] == ".npy"}
+    assert [one.change for one in read_manifest(route).history] == ["added", "dropped"]
+
+
+def test_a_killed_command_leaves_the_map_and_nothing_that_blocks_the_next(
+    route: Path, query_dir: Path, writing: subprocess.Popen[bytes]
+) -> None:
+    before = files_of(route)
+    writing.kill()
+    writing.wait()
+    assert files_of(route) == before
+    assert list(route.parent.glob(".route.pfmap.*"))
+    added = run("add", route, query_dir)
+    assert added.returncode == 0, added.stderr
+    assert os.listdir(route.parent) == [route.name]
+
+
+def test_of_two_at_once_the_second_is_refused_in_one_line(
+    route: Path, query_dir: Path, writing: subprocess.Popen[bytes]
+) -> None:
+    before = files_of(route)
+    for refused in (run("add", route, query_dir), run("drop", route, "1")):
+        assert refused.returncode == 1
+        line = f"placefield: {route}: another process is changing it; try again when it is done"
+        assert refused.stderr.splitlines() == [line]
+    assert writing.poll() is None
+    assert files_of(route) == before
+
+
+def test_a_full_disk_leaves_the_map_as_it_was(route: Path, query_dir: Path) -> None:
+    before = files_of(route)
+    limit = (2000, 2000)
+    full = run(
+        "add",
+        route,
+        query_dir,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+    )
+    assert full.returncode == 1
+    assert full.stderr.splitlines()[-1] == (
+        f"placefield: {route}: cannot write the map: the disk is full; free some space"
+    )
+    assert files_of(route) == before
+    assert os.listdir(route.parent) == [route.name]
+
+
+def empty(folder: Path, query: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def broken(folder: Path, query: Path) -> Path:
+    shutil.copytree(query, folder)
+    sorted(folder.iterdir())[7].write_bytes(b"no image")
+    return folder
+
+
+def in_reverse(folder: Path, query: Path) -> Path:
+    folder.mkdir()
+    for number, file in enumerate(sorted(query.iterdir(), reverse=True)):
+        shutil.copy(file, folder / f"{number:04}{file.suffix}")
+    return folder
+
+
+def missing(folder: Path, query: Path) -> Path:
+    return folder
+
+
+@pytest.mark.parametrize("make", [empty, broken, in_reverse, missing])
+def test_a_bad_drive_is_one_line_and_leaves_the_map_as_it_was(
+    route: Path, query_dir: Path, tmp_path: Path, make: Callable[[Path, Path], Path]
+) -> None:
+    before, drive = files_of(route), make(tmp_path / "drive", query_dir)
+    refused = run("add", route, drive)
+    assert refused.returncode == 1
+    assert drive.name in refused.stderr.splitlines()[-1]
+    assert "Traceback" not in refused.stderr
+    assert files_of(route) == before
+
+
+def test_a_damaged_map_and_a_taken_output_are_named(
+    route: Path, query_dir: Path, tmp_path: Path
+) -> None:
+    taken = run("add", route, query_dir, "-o", shutil.copytree(route, tmp_path / "other.pfmap"))
+    assert "other.pfmap: is there already; choose another name" in taken.stderr
+    file = route / "places" / "stamps.npy"
+    file.write_bytes(file.read_bytes()[:-1] + b"x")
+    damaged = run("add", route, query_dir)
+    assert damaged.returncode == 1
+    assert f"{file}: damaged: its checksum is wrong" in damaged.stderr

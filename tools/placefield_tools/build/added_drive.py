@@ -1,0 +1,49 @@
+"""Adding a drive to a map from its source of frames."""
+
+from placefield.errors import SourceError
+from placefield.features.extract import feature_of_model
+from placefield.maps.adding import Addition, add_traverse, check_name
+from placefield.maps.map import Map
+from placefield_tools.build.references import describe_reference
+from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources.secrets import without_secrets
+
+
+def add_drive(
+    opened: Map,
+    drive: str,
+    name: str,
+    *,
+    spacing_m: float | None,
+    parts: Parts,
+    leave_out_bad: bool,
+) -> Addition:
+    """Add a drive to a map, showing progress.
+
+    Args:
+        opened: the map, with all its channels.
+        drive: a source of frames.
+        name: of the drive in the map.
+        spacing_m: metres between the frames, by odometry; None: every frame.
+        parts: selects topics and frames.
+        leave_out_bad: add the drive without frames that are missing or cannot be read.
+
+    Raises:
+        SourceError: the source or one of its frames cannot be read, or it is a camera.
+        MapError: see ``add_traverse``.
+    """
+    check_name(opened, name)
+    source = open_source((drive,), spacing_m=spacing_m, parts=parts)
+    if source.live:
+        shown = without_secrets(drive)
+        raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
+    feature = feature_of_model(opened.model)
+    known = opened.local_features
+    described = describe_reference(
+        source,
+        name,
+        feature,
+        leave_out_bad=leave_out_bad,
+        local_features=0 if known is None else known.most,
+    )
+    return add_traverse(opened, described.traverse())
