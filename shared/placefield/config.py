@@ -215,7 +215,7 @@ class BuildConfig(_Section):
         0,
         ge=0,
         le=2000,
-        description="local features that the map keeps of each place, for the verifier, of 136 "
+        description="local features that the map keeps of each place, to verify matches, of 136 "
         "bytes each; 300 to 600 are enough; 0: none",
     )
 

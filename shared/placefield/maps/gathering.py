@@ -11,7 +11,8 @@ from placefield.maps.manifest import TraverseRecord
 from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
-from placefield.verification.place_features import PlaceFeatures, features_of_places
+from placefield.verification.learning import features_of_places
+from placefield.verification.place_features import PlaceFeatures
 
 _NEAR = 3
 """Places within which a frame of one place is a look of another, without a frame of its own."""

@@ -160,7 +160,7 @@ class Map:
             are; None in an old map whose channels all learned theirs, and in a map of which only
             some channels were opened.
         history: the drives that were added or dropped since the map was built, in this order.
-        local_features: of the places, for the verifier; None if the map was built without.
+        local_features: of the places, to verify matches; None if the map was built without.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.

@@ -15,7 +15,8 @@ from placefield.features.images import small_jpeg
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.trajectory import Trajectory, travelled
-from placefield.verification.local_features import LocalFeatures, extract
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
 
 log = logging.getLogger(__name__)
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.verification.in_plane import distance_of, turn_of
+from placefield.verification.plane_pose import PlanePose
 from placefield.verification.relative_pose import Camera, RelativePose, relative_pose
 from placefield.verification.two_views import Correspondences
 
@@ -45,6 +46,15 @@ def test_the_distance_is_in_the_metres_of_the_odometry(two_views: Views) -> None
     assert distance is not None
     assert distance.metres == pytest.approx(4 * np.hypot(0.8, 0.4), rel=0.1)
     assert 0.05 <= distance.deviation / distance.metres < 0.15
+
+
+def test_x_and_y_are_as_far_off_as_their_covariance_says(two_views: Views) -> None:
+    query, neighbour = seen(two_views, 0.8, 0.4, -0.1), seen(two_views, 0.5, 0.0, 0.02)
+    found = PlanePose(turn_of(query[1]), distance_of(query, neighbour, 0.5, CAMERA)).cartesian()
+    assert found is not None
+    error = found[0] - [0.8, 0.4, -0.1]
+    assert np.abs(error[:2]).max() < 0.1
+    assert error @ np.linalg.solve(found[1], error) < 12.8  # χ² of 3 dimensions, 99.5 %
 
 
 def test_there_is_no_distance_without_shared_points(two_views: Views) -> None:

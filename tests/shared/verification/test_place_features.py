@@ -12,8 +12,10 @@ from placefield.errors import MapError
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.verification.local_features import NO_FEATURES, LocalFeatures, extract
-from placefield.verification.place_features import PlaceFeatures, features_of_places
+from placefield.verification.extracting import extract
+from placefield.verification.learning import features_of_places
+from placefield.verification.local_features import NO_FEATURES, LocalFeatures
+from placefield.verification.place_features import PlaceFeatures
 from placefield.verification.verifying import verify
 from placefield_tools.build.map_from_sources import build_from
 
@@ -125,4 +127,4 @@ def test_a_place_without_local_features_says_nothing(
     views: list[LocalFeatures], places: PlaceFeatures
 ) -> None:
     grown = places.with_places([NO_FEATURES])
-    assert verify(grown, PLACES, 0.9, views[0], 0) == (0, 1.0, 0.9)
+    assert verify(grown, PLACES, 0.9, views[0], 0)[1:] == (1, pytest.approx(0.9))

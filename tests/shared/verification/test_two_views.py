@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.verification.local_features import LocalFeatures, extract
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
 from placefield.verification.two_views import (
     Correspondences,
     correspondences,

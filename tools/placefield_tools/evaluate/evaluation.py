@@ -25,7 +25,8 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.verification.local_features import LocalFeatures, extract
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive

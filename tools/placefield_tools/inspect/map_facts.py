@@ -77,7 +77,7 @@ def _looks(opened: Map) -> str:
 
 
 def _local_features(opened: Map) -> str:
-    """Describe the local features of the places, for the verifier."""
+    """Describe the local features of the places, which verify matches."""
     found = opened.local_features
     if found is None:
         return "none"

@@ -13,7 +13,8 @@ from placefield.errors import FrameError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.matching.exploring import Answer, Explorer
-from placefield.verification.local_features import LocalFeatures, extract
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
 from placefield.verification.relative_pose import Camera
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked

@@ -71,8 +71,8 @@ def _lines(loops: DriveLoops) -> Iterator[str]:
         if answer.known:
             measured, covariance = _loop(loops, motion, position, answer)
             ends = f"{frames[answer.place].number} {frames[position].number}"
-            information = np.linalg.inv(covariance)[np.triu_indices(3)] + 0.0  # no -0
-            yield f"EDGE_SE2 {ends} {_numbers(*measured)} {_numbers(*information)}"
+            upper = np.linalg.inv(covariance)[np.triu_indices(3)] + 0.0  # no -0
+            yield f"EDGE_SE2 {ends} {_numbers(*measured)} {_numbers(*upper)}"
     yield f"FIX {frames[0].number}"  # last: GTSAM 4.3 reads no edge after a line it does not know
 
 
@@ -85,7 +85,7 @@ def _loop(loops: DriveLoops, motion: _Motion, position: int, answer: Answer) -> 
         pose = loop_pose(loops.frames, answer.place, position, loops.camera)
     if pose is not None:
         measured[2], covariance[2, 2] = pose.turn.yaw, pose.turn.covariance[1, 1]
-        return pose.edge() or (measured, covariance)
+        return pose.cartesian() or (measured, covariance)
     return measured, covariance
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError
-from placefield.verification.local_features import extract
+from placefield.verification.extracting import extract
 
 Picture = Callable[[int], NDArray[np.uint8]]
 
