@@ -21,7 +21,7 @@ from placefield.maps.store import save_map
 from placefield.matching.comparing import Comparison
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
-from placefield.matching.odometry import RouteCells
+from placefield.matching.roads import RouteCells
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.common.host_process import free_endpoint
 
@@ -79,13 +79,13 @@ def given_odometry(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 
 
 @pytest.fixture
-def given_routes(monkeypatch: pytest.MonkeyPatch) -> list[RouteCells | None]:
-    """The route cells that the filters which begin from now on are given."""
+def given_cells(monkeypatch: pytest.MonkeyPatch) -> list[RouteCells | None]:
+    """The cells of places that the filters which begin from now on are given."""
     given: list[RouteCells | None] = []
     begin: Callable[..., None] = FilterMatcher.__init__
 
     def recording(*arguments: Any, **more: Any) -> None:
-        given.append(signature(begin).bind(*arguments, **more).arguments["whole"].route)
+        given.append(signature(begin).bind(*arguments, **more).arguments["whole"].roads.cells)
         begin(*arguments, **more)
 
     monkeypatch.setattr(FilterMatcher, "__init__", recording)

@@ -4,8 +4,7 @@ from placefield.bus.candidate_messages import CandidatesMessage, FinishedMessage
 from placefield.bus.message import Header
 from placefield.config import MatchingConfig
 from placefield.errors import MessageError
-from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import Map
+from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield.matching.candidate import Candidate
 
 
@@ -22,9 +21,9 @@ def decode_candidates(header: Header, payload: bytes) -> CandidatesMessage | Fin
 class CandidateDecoder:
     """Decodes the messages of channel workers; a message is accepted as a whole or not at all."""
 
-    def __init__(self, placemap: Map, matching: MatchingConfig, stage: FusionStage) -> None:
-        """Take the fuser's own map and rule, which the workers must have, too."""
-        self._map = placemap
+    def __init__(self, digest: str, matching: MatchingConfig, stage: AnyFusionStage) -> None:
+        """Take the digest of the fuser's own map and its rule, which the workers must have, too."""
+        self._digest = digest
         self._matching = matching
         self._stage = stage
 
@@ -44,7 +43,7 @@ class CandidateDecoder:
         Raises:
             MessageError: it is of another map, rule or lag.
         """
-        message.check_map(self._map.digest)
+        message.check_map(self._digest)
         rule = self._matching.rule
         if message.rule != rule:
             raise MessageError(
@@ -63,8 +62,7 @@ class CandidateDecoder:
             MessageError: it is of another map.
         """
         if not self._stage.fits(candidate, shards):
-            places = self._map.places.count
-            raise MessageError(f"candidate of another map: this fuser's has {places} places")
+            raise MessageError("candidate of another map than this fuser's")
 
     def check_smoothed(self, frame: SmoothedFrame, shards: int = 1) -> None:
         """Check what a channel, or one of its shards, smoothed.

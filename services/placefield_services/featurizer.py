@@ -24,12 +24,13 @@ from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptor_stage import DescriptorStage, ImageStream
-from placefield.features.descriptors import DescriptorModel, Moments
+from placefield.features.descriptor_stage import DescriptorStage, FrameStage, FrameStream
+from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.served import Served
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +44,14 @@ _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
+    stage = DescriptorStage(placemap.model)
+    serve_featurizer(stage, fingerprint(placemap.model), placemap, config, stop)
+
+
+def serve_featurizer(
+    stage: FrameStage, model: str, served: Served, config: Config, stop: threading.Event
+) -> None:
+    """Serve with a stage, whose fingerprint is ``model``, until ``stop`` is set."""
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.report)
@@ -60,11 +69,11 @@ def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None
                 features.fetch,
                 moments.fetch,
             )
-        featurizer = Featurizer(placemap.model, outputs, process.counts)
+        featurizer = Featurizer(stage, model, outputs, process.counts)
         featurizer.warm_up()
 
         def handle(received: Received) -> None:
-            placemap.check_unchanged()  # the descriptor model is memory-mapped from its files
+            served.check_unchanged()  # the descriptor model is memory-mapped from its files
             featurizer.handle(received)
 
         with process.sole():
@@ -88,7 +97,7 @@ class _FeaturizerRun:
     outputs: FeaturizerOutputs
     counts: Counter[str]
     follower: StreamFollower
-    images: ImageStream
+    images: FrameStream
     complained_of: str = ""
     """The last stream for which an unreadable frame was logged."""
     patient_from: float = 0.0
@@ -125,14 +134,17 @@ class Featurizer:
 
     def __init__(
         self,
-        model: DescriptorModel,
+        stage: FrameStage,
+        model: str,
         outputs: Mapping[str, FeaturizerOutputs],
         counts: Mapping[str, Counter[str]],
     ) -> None:
-        """Publish to the outputs of each run, and count in the counts of each run."""
-        self._standardises = model.follows_query
-        self._stage = DescriptorStage(model)
-        self._fingerprint = fingerprint(model)
+        """Describe with a stage, whose fingerprint is ``model``.
+
+        Publish to the outputs of each run, and count in the counts of each run.
+        """
+        self._stage = stage
+        self._fingerprint = model
         self._runs = {
             run: _FeaturizerRun(
                 outputs,
@@ -208,7 +220,7 @@ class Featurizer:
 
     def _goes_on(self, header: Header, known: _KnownStream) -> bool:
         """Return whether enough is known to resume a stream as its featurizer would have done."""
-        has_moments = known.moments is not None or not self._standardises
+        has_moments = known.moments is not None or not self._stage.standardises
         needed = 0 if header.live else header.oldest - 1
         return known.made >= needed and has_moments
 
@@ -222,19 +234,20 @@ class Featurizer:
         last = max(described, default=-1)
         fetched = run.outputs.fetch_moments(stream, last, last + 1) if described else {}
         made = max(features, default=-1)
-        if last not in fetched:
+        own = run.images.moments
+        if own is None or last not in fetched:
             return _KnownStream(made, None)
         try:
             moments = MomentsMessage.decode(fetched[last][1])
         except MessageError:
             return _KnownStream(made, None)
-        fits = moments.sums.shape == run.images.moments.sums.shape
+        fits = moments.sums.shape == own.sums.shape
         return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
     def _publish(self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None) -> None:
         feature = None if frame is None else self._describe(run, header, frame)
-        if self._standardises and feature is not None:  # before the descriptor made with them
-            moments = run.images.moments
+        moments = run.images.moments if self._stage.standardises else None
+        if moments is not None and feature is not None:  # before the descriptor made with them
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)

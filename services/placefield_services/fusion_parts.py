@@ -4,11 +4,11 @@ from collections import Counter
 from dataclasses import dataclass
 
 from placefield.config import Config
-from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import Map
+from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield_services.candidate_decoder import CandidateDecoder
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import MatchPublisher
+from placefield_services.served import Served
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class FusionParts:
     """What all streams of a run share in the fuser, under one version of the map.
 
     Attributes:
-        placemap: the version of the map.
+        served: the version of the map.
         config: of the fuser.
         channels: which channels there are, and which are alive.
         stage: fuses candidates.
@@ -25,10 +25,10 @@ class FusionParts:
         counts: of the run.
     """
 
-    placemap: Map
+    served: Served
     config: Config
     channels: LiveChannels
-    stage: FusionStage
+    stage: AnyFusionStage
     decoder: CandidateDecoder
     publisher: MatchPublisher
     counts: Counter[str]

@@ -14,7 +14,7 @@ import subprocess
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
@@ -44,9 +44,10 @@ def run_host(
     stop: threading.Event,
     on_ready: Callable[[], None],
     *,
-    has_source: bool = False,
+    others: Collection[str] = (),
+    is_over: Callable[[Bus], bool] = lambda bus: False,
 ) -> None:
-    """Run the named commands against an embedded router until ``stop`` is set.
+    """Run the named commands against an embedded router until ``stop`` is set, or ``is_over``.
 
     Args:
         commands: command lines of the services, by a name for the log.
@@ -54,7 +55,8 @@ def run_host(
         config: its bus and runs.
         stop: ends the host.
         on_ready: called once, when featurizer, fuser and all channels of all runs are ready.
-        has_source: whether a source of frames is among the services, and must be ready, too.
+        others: services of each run that must be ready, too, for example ``replay``.
+        is_over: called again and again with a session on the bus.
 
     Raises:
         BusError: the endpoint is in use, or services die too often.
@@ -63,11 +65,11 @@ def run_host(
     with open_router(config.bus) as bus:
         if config.monitoring.port is not None:
             serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).report)
-        readiness = _Readiness(bus, config.runs, channels, has_source)
+        readiness = _Readiness(bus, config.runs, channels, others)
         deaths = _Deaths(len(commands))
         children = [_Child(name, command, deaths) for name, command in commands.items()]
         try:
-            while not stop.is_set():
+            while not (stop.is_set() or is_over(bus)):
                 for child in children:
                     if child.has_given_up() and not readiness.was_reported:
                         raise SystemExit(1)
@@ -84,10 +86,12 @@ def run_host(
 class _Readiness:
     """Reports once that all services are alive at the same time."""
 
-    def __init__(self, bus: Bus, runs: Sequence[str], channels: int, has_source: bool) -> None:
+    def __init__(
+        self, bus: Bus, runs: Sequence[str], channels: int, others: Collection[str]
+    ) -> None:
         roles: list[_Role] = [("featurizer", None), ("fuser", None)]
         roles += [("channel", channel) for channel in range(channels)]
-        roles += [("replay", None)] if has_source else []
+        roles += [(service, None) for service in others]
         self._needed = set(itertools.product(runs, roles))
         self._alive: set[str] = set()
         self.was_reported = False

@@ -8,13 +8,13 @@ from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.bus.replay_cache import CachedPublisher
 from placefield.bus.session import Publisher
-from placefield.fusion.fusion_stage import FusionStage
+from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield.fusion.joiner import Joined
 from placefield.fusion.match import Match
 from placefield.fusion.smoothed_joiner import JoinedSmoothed
-from placefield.maps.map import Map
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield_services.process import counting_failure
+from placefield_services.served import Served
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class MatchPublisher:
     """Makes one match of the joined candidates of a frame, and publishes it."""
 
     def __init__(
-        self, placemap: Map, stage: FusionStage, outputs: FuserOutputs, counts: Counter[str]
+        self, served: Served, stage: AnyFusionStage, outputs: FuserOutputs, counts: Counter[str]
     ) -> None:
-        self._map = placemap
+        self._map = served
         self._stage = stage
         self._outputs = outputs
         self._counts = counts

@@ -34,7 +34,7 @@ class NextVersion:
     @property
     def digest(self) -> str:
         """Digest of the version."""
-        return self.parts.placemap.digest
+        return self.parts.served.digest
 
     def begin(self, first: int, *, live: bool) -> None:
         """Begin a stream with the frame of this number."""

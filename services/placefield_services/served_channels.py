@@ -47,10 +47,7 @@ class ServedChannels:
         """Digest of the map."""
         self.model = placemap.model
         """The descriptor model of the map."""
-        places = placemap.places
-        self._stage = ChannelStage(
-            self._channels, matching, shard, shards, places.travelled, places.same
-        )
+        self._stage = ChannelStage(self._channels, matching, shard, shards, placemap.topology)
         # Called before reading, because reading a truncated file kills the process, and after.
         self._check_unchanged = placemap.check_unchanged
         self.needs_all = shards > 1

@@ -43,6 +43,8 @@ def html_of_match(match: "Match") -> str:
     rows["score"] = f"{match.score:.4g}"
     if match.probability is not None:
         rows["probability"] = f"{match.probability:.4g}"
+    if match.new is not None:
+        rows["new place"] = f"{match.new:.4g}"
     if match.known is not None:
         rows["known"] = "yes" if match.known else "no"
     if match.missing:

@@ -33,7 +33,7 @@ class Recognizer:
             config: only the section ``matching`` counts; the map has the rest.
 
         Raises:
-            ConfigError: the rule cannot use the map's descriptors.
+            ConfigError: the rule cannot use the map's descriptors, or does not follow its links.
         """
         placemap.features.check_rule(config.matching.rule)
         matching = config.matching
@@ -41,11 +41,9 @@ class Recognizer:
         self._model = placemap.model
         self._images = DescriptorStage(placemap.model).new_stream()
         channels = dict(enumerate(placemap.channels))
-        places = placemap.places
-        self._channels = ChannelStage(
-            channels, matching, travelled=places.travelled, same=places.same
-        )
-        fusion = FusionStage(places.same, matching, places.pose)
+        topology = placemap.topology
+        self._channels = ChannelStage(channels, matching, topology=topology)
+        fusion = FusionStage(topology, matching, placemap.places.pose)
         self._stream = FusedStream(self._channels, fusion, matching.lag)
 
     def __repr__(self) -> str:

@@ -92,7 +92,7 @@ def test_every_command_shows_an_example_that_parses_but_for_benchmarks() -> None
 
 @pytest.mark.parametrize(
     "line",
-    ["up", "upp m.pfmap", "up m.pfmap --rum x", "plan m.pfmap --cores two", "security ini x"],
+    ["inspect", "upp m.pfmap", "up m.pfmap --rum x", "plan m.pfmap --cores two", "security ini x"],
 )
 def test_what_is_no_command_of_ours_is_reported(line: str) -> None:
     with pytest.raises(Exception, match=r".+"):

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
+    GRAPH_FILES,
     LOCAL_FEATURE_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
@@ -30,6 +31,7 @@ FOLDERS = (
     ("features", NETWORK_FILES),
     ("places", PLACE_FILES),
     ("traverses/1", TRAVERSE_FILES),
+    ("graph", GRAPH_FILES),
     ("metrics/0", METRIC_FILES),
     ("metrics/0/coarse", COARSE_FILES),
     ("metrics/0/looks", LOOK_FILES),

@@ -19,19 +19,27 @@ from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, MatchMessage, SmoothedMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache, ReplicatedCache
 from placefield.config import Config, Rule
+from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services.fuser import Fuser, FuserCaches
+from placefield_services.fuser_run import Fuser, FuserCaches
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import FuserOutputs
+from placefield_services.served import FuserVersion
 
 KEYS = Keys("test")
 CANDIDATES = KEYS.candidates("worker")
 DEADLINE_S = 2.0
 LAG = 3
 CHANNELS = 3
+
+
+def version_of(placemap: Map, config: Config) -> FuserVersion:
+    """Return a version of a map, as a fuser serves it."""
+    stage = FusionStage(placemap.topology, config.matching, placemap.places.pose)
+    return FuserVersion(placemap, stage)
 
 
 class Clock:
@@ -69,7 +77,7 @@ class Stage:
         self.counts: Counter[str] = Counter()
         self._clock = clock
         self._fuser = Fuser(
-            placemap,
+            version_of(placemap, self.config),
             self.config,
             KEYS,
             self.channels,
@@ -95,7 +103,7 @@ class Stage:
 
     def offer(self, version: Map, is_there: Callable[[], bool] = lambda: True) -> None:
         """Let the fuser have a new version of the map."""
-        self._fuser.offer(version, is_there)
+        self._fuser.offer(version_of(version, self.config), is_there)
 
     @property
     def answering(self) -> str:

@@ -18,7 +18,7 @@ from placefield.maps.map import Map
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.filter_matcher import FilterMatcher
 from placefield.matching.matcher import Partial
-from placefield.matching.odometry import RouteCells
+from placefield.matching.roads import RouteCells
 from placefield_services.channel import run_channels
 from placefield_services.map_versions import MapVersions
 
@@ -281,14 +281,14 @@ def test_matchers_get_the_odometry_of_frames_and_none_for_frames_that_did_not_co
 def test_matchers_get_the_metres_travelled_if_the_map_has_them(
     route_map: Map,
     descriptors: list[Descriptor],
-    given_routes: list[RouteCells | None],
+    given_cells: list[RouteCells | None],
     known: bool,
 ) -> None:
     travelled = np.arange(60.0) if known else np.empty(0)
     places = replace(route_map.places, travelled=travelled)
     stage = Stage(replace(route_map, places=places), "filter")
     stage.send(header(0), descriptors[0])
-    assert (given_routes[-1] is not None) == known
+    assert (given_cells[-1] is not None) == known
 
 
 def test_odometry_is_fetched_with_the_frames(

@@ -17,6 +17,7 @@ from placefield.bus.messages import (
 )
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
+from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map, fingerprint
@@ -61,7 +62,8 @@ class Stage:
             PeerCache().fetch,
         )
         self._featurizer = Featurizer(
-            placemap.model,
+            DescriptorStage(placemap.model),
+            fingerprint(placemap.model),
             {"test": outputs, "other": other},
             {"test": self.counts, "other": Counter()},
         )

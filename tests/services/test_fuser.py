@@ -15,7 +15,7 @@ from placefield.errors import MessageError
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_EVIDENCE, NO_PLACES, Candidate
-from placefield_services import fuser as fuser_module
+from placefield_services import fuser_run as fuser_module
 from placefield_services import held_candidates
 
 Held = Callable[[int], tuple[np.ndarray, np.ndarray]]

@@ -9,7 +9,7 @@ from placefield.bus.messages import CacheQuery, FeatureMessage
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.matching.candidate import NO_PLACES, Candidate
-from placefield_services import fuser as fuser_module
+from placefield_services import fuser_run as fuser_module
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from fuser_stage import CANDIDATES, CHANNELS, LAG, Clock, Stage
 
 from placefield.errors import MessageError, OtherMapError
 from placefield.maps.map import Map
-from placefield_services import fuser as fuser_module
+from placefield_services import fuser_run as fuser_module
 
 ALL = tuple(range(CHANNELS))
 NEW, NEWEST = "1" * 16, "2" * 16

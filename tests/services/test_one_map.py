@@ -19,7 +19,7 @@ from placefield.errors import MapError, MessageError, OtherMapError
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield_services import fuser as fuser_module
+from placefield_services import fuser_run as fuser_module
 
 OTHER = {"map": "f" * 16}
 

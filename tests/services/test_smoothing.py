@@ -11,7 +11,7 @@ from placefield.bus.messages import FeatureMessage
 from placefield.errors import MessageError
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
-from placefield_services import fuser as fuser_module
+from placefield_services import fuser_run as fuser_module
 
 ALL = range(CHANNELS)
 

@@ -21,7 +21,7 @@ from placefield.maps.map_metrics import learned_metric
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.candidate import UNANSWERED
 from placefield.matching.comparing import MetricPlaces
-from placefield.matching.odometry import RouteCells
+from placefield.matching.roads import RouteCells
 from placefield.matching.sharding import ChannelShard
 from placefield.recognizer import Recognizer
 
@@ -133,11 +133,11 @@ def test_every_way_to_push_a_frame_reports_the_matchers_its_odometry(
 def test_matchers_are_reported_the_metres_travelled_that_the_map_has(
     make_map: Callable[[Traverse], Map],
     make_traverse: Callable[..., Traverse],
-    given_routes: list[RouteCells | None],
+    given_cells: list[RouteCells | None],
 ) -> None:
     placemap = make_map(make_traverse(spacing=0.5))
     Recognizer(placemap)
-    given = given_routes[-1]
+    given = given_cells[-1]
     assert given is not None
     assert np.diff(given.middles).tolist() == [0.5] * (placemap.places.count - 1)
 

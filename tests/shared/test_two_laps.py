@@ -79,10 +79,10 @@ def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
     map_of_laps: Callable[[int], Map],
 ) -> None:
     placemap, config = map_of_laps(2), MatchingConfig()
-    channels, same = {0: placemap.channels[0]}, placemap.places.same
+    channels = {0: placemap.channels[0]}
     metric = placemap.channels[0].metric
     whole, *parts = (
-        ChannelStage(channels, config, shard, shards, same=same)
+        ChannelStage(channels, config, shard, shards, placemap.topology)
         for shard, shards in ((0, 1), (0, 2), (1, 2))
     )
     alone, *streams = (stage.new_stream() for stage in (whole, *parts))
@@ -95,7 +95,7 @@ def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
         ]
         for stream in streams:
             stream.reduce({0: partials})
-    fusion = FusionStage(same, config)
+    fusion = FusionStage(placemap.topology, config)
     expected, *shards = (stream.finish()[0] for stream in (alone, *streams))
     for (_, one), *rest in zip(expected, *shards, strict=True):
         assert [one.lag] * 2 == [part.lag for _, part in rest]

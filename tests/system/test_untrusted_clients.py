@@ -39,10 +39,9 @@ from placefield_tools.security.folders import write_credentials
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
 STREAMS = ("frame", "odometry", "feature", "moments", "unobserved", CANDIDATE, "match", "ack")
-COUNTS = tuple(f"stats/{role}/x" for role in ("featurizer", "channel", "fuser", "mapserver"))
-TOKENS = tuple(
-    f"alive/{role}/x" for role in ("replay", "featurizer", "channel", "fuser", "mapserver")
-)
+REPORTING = ("featurizer", "channel", "fuser", "mapserver", "mapper")
+COUNTS = tuple(f"stats/{role}/x" for role in REPORTING)
+TOKENS = tuple(f"alive/{role}/x" for role in ("replay", *REPORTING))
 MAP = "placefield/maps/route/manifest"
 
 # What each role may do, as SECURITY.md has it.
@@ -52,25 +51,27 @@ PUBLISHES = {
     "channel": {CANDIDATE, "halo/x", "stats/channel/x"},
     "fuser": {"match", "ack", "stats/fuser/x"},
     "mapserver": {"stats/mapserver/x"},
+    "mapper": {"stats/mapper/x"},
     "dashboard": set[str](),
 }
 """Keys without the run's prefix, as in the next tables."""
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
     "featurizer": {"frame"},
-    "channel": {"feature", "moments", "halo/x"},
+    "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
+    "mapper": {"frame", "feature"},
     "dashboard": {*STREAMS, *COUNTS, "halo/x"},
 }
 IS_ALIVE_AS = {
     "camera": {"alive/replay/x"},
     "dashboard": set[str](),
-    **{role: {f"alive/{role}/x"} for role in ("featurizer", "channel", "fuser", "mapserver")},
+    **{role: {f"alive/{role}/x"} for role in REPORTING},
 }
 SERVICES = {"featurizer", "channel", "fuser"}
-ANSWERS = {RUN + "cache/feature": SERVICES, MAP: {"mapserver"}}
-ASKS = {RUN + "cache/feature": SERVICES | {"dashboard"}, MAP: SERVICES}
+ANSWERS = {RUN + "cache/feature": SERVICES | {"mapper"}, MAP: {"mapserver"}}
+ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES}
 ROLES = tuple(PUBLISHES)
 
 

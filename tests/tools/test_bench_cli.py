@@ -9,7 +9,7 @@ from placefield_tools.bench.figure import Figure
 from placefield_tools.cli.bench import _MODULES
 from placefield_tools.cli.main import main
 
-PARTS = ("match", "features", "build", "chain", "scale", "soak")
+PARTS = ("match", "features", "build", "chain", "scale", "explore", "soak")
 
 
 @pytest.fixture(params=PARTS)

@@ -1,13 +1,12 @@
 """Files on a disk that takes no more: whole or not at all, and one line that names the file."""
 
 import os
-import resource
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import full_after
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
@@ -22,17 +21,6 @@ from placefield_tools.datasets.sums import write_sums
 from placefield_tools.plots import style
 from placefield_tools.record.recorder_files import recorder_of
 from placefield_tools.security.folders import write_credentials
-
-
-@contextmanager
-def full_after(count: int) -> Iterator[None]:
-    """Let no file be longer than so many bytes, as on a disk that is full then."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (count, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def text(path: Path) -> None:

@@ -25,7 +25,8 @@ class FeatureMessage(Message):
 
     Attributes:
         model: fingerprint of the model that made the descriptor.
-        descriptor: (N,) of length 1; None: a missing observation.
+        descriptor: (N,) of length 1, or the raw feature (D,) where a drive is explored; None: a
+            missing observation.
         odometry_m: the odometry reading of the frame, metres.
         forgotten: whether no replay cache had enough of the stream for the featurizer to resume it.
     """
@@ -59,6 +60,8 @@ class MatchMessage(OfMap):
         too_fast: whether the vehicle moves faster than the map resolves; only ``filter`` says so.
         forgotten: whether a service resumed the stream, and no replay cache had enough of it.
         pose: of the place, x and y in metres and yaw in radians, if the map has poses.
+        new: probability that the frame shows no earlier place; only where a drive is explored. Then
+            ``place`` is the number of an earlier frame of the stream.
     """
 
     place: int = Field(ge=-1, lt=2**31)
@@ -69,6 +72,7 @@ class MatchMessage(OfMap):
     too_fast: bool = False
     forgotten: bool = False
     pose: Pose | None = None
+    new: float | None = Field(None, ge=0, le=1)
 
     @classmethod
     def of(cls, match: Match, **more: Any) -> Self:

@@ -1,7 +1,7 @@
 """Which places are right for each query frame."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, TextIO
@@ -9,10 +9,15 @@ from typing import Self, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.errors import TruthError
+from placefield.errors import MapError, TruthError
 
 _COLUMNS = ("query", "first", "last")
+_ROUTE_COLUMNS = ("query", "route", "place")
 _STEP = 6  # most places between the twins of consecutive places of one stretch
+
+
+Near = Callable[[str, int], NDArray[np.int64]]
+"""Returns the places near one that is given by its route and its number in it, ascending."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,16 +175,20 @@ class Truth:
         return type(self)(len(frames), position, self.first[row_of], self.last[row_of], judged)
 
 
-def read_truth(path: Path, queries: int, places: int) -> Truth:
-    """Read a ground truth from a CSV file with the columns `query`, `first` and `last`.
+def read_truth(path: Path, queries: int, places: int, near: Near | None = None) -> Truth:
+    """Read a ground truth from a CSV file.
 
-    Each row gives an inclusive range of right places for one query frame. A query frame may have
-    several rows; one without a row is off the route. Blank lines and other columns are ignored.
+    With the columns `query`, `first` and `last`, each row gives an inclusive range of right places
+    for one query frame. With `query`, `route` and `place`, a row names one place of a map of
+    routes, and the places near it are right, too. A query frame may have several rows; one without
+    a row is off the route. Blank lines and other columns are ignored.
 
     Args:
         path: the CSV file, UTF-8.
         queries: number of query frames.
         places: number of places of the map.
+        near: returns the right places, given a route and the number of a place in it; None where
+            no routes are known.
 
     Raises:
         TruthError: the file cannot be read, lacks a column, or holds a row that is not three
@@ -189,7 +198,7 @@ def read_truth(path: Path, queries: int, places: int) -> Truth:
     try:
         # utf-8-sig: spreadsheets put a byte order mark in front of the header.
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(_rows(file, path, queries, places))
+            rows = list(_rows(file, path, (queries, places), near))
     except OSError as error:
         raise TruthError(f"{path}: cannot be read: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -198,30 +207,52 @@ def read_truth(path: Path, queries: int, places: int) -> Truth:
     return Truth(queries, query, first, last)
 
 
-def _rows(file: TextIO, path: Path, queries: int, places: int) -> Iterator[tuple[int, int, int]]:
+def _rows(
+    file: TextIO, path: Path, sizes: tuple[int, int], near: Near | None
+) -> Iterator[tuple[int, int, int]]:
+    queries, places = sizes
     reader = csv.DictReader(file, skipinitialspace=True)
-    missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
-    if missing:
+    columns = reader.fieldnames or ()
+    by_route = near is not None and all(column in columns for column in _ROUTE_COLUMNS)
+    missing = [column for column in _COLUMNS if column not in columns]
+    if missing and not by_route:
         raise TruthError(
-            f"{path}:1: no column {', '.join(missing)}: the header must be {','.join(_COLUMNS)}"
+            f"{path}:1: no column {', '.join(missing)}: the header must be {','.join(_COLUMNS)}, "
+            f"or {','.join(_ROUTE_COLUMNS)} for a map of routes"
         )
     for row in reader:
         try:
-            yield _parse(row, queries, places)
-        except ValueError as error:
+            query = _query(row, queries)
+            if near is not None and by_route:
+                right = near(row["route"] or "", _integer("place", row["place"]))
+                yield from ((query, first, last) for first, last in _ranges(right))
+            else:
+                yield query, *_parse(row, places)
+        except (ValueError, MapError) as error:
             raise TruthError(f"{path}:{reader.line_num}: {error}") from error
 
 
-def _parse(row: dict[str, str | None], queries: int, places: int) -> tuple[int, int, int]:
-    query, first, last = (_integer(column, row[column]) for column in _COLUMNS)
+def _query(row: dict[str, str | None], queries: int) -> int:
+    query = _integer("query", row["query"])
     if not 0 <= query < queries:
         raise ValueError(f"query {query} is not one of the {queries} query frames (from 0)")
+    return query
+
+
+def _ranges(places: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+    """Yield the inclusive ranges of consecutive places; the places ascend."""
+    for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+        yield int(run[0]), int(run[-1])
+
+
+def _parse(row: dict[str, str | None], places: int) -> tuple[int, int]:
+    first, last = (_integer(column, row[column]) for column in ("first", "last"))
     if first > last:
         raise ValueError(f"first {first} is after last {last}")
     for column, place in (("first", first), ("last", last)):
         if not 0 <= place < places:
             raise ValueError(f"{column} {place} is not one of the {places} places (from 0)")
-    return query, first, last
+    return first, last
 
 
 def _integer(column: str, text: str | None) -> int:

@@ -3,6 +3,8 @@
 It knows no bus: the library and the featurizer both use it.
 """
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,39 @@ from placefield.features.descriptors import DescriptorModel, DescriptorStream, M
 from placefield.features.extract import feature_of_model
 
 Array = NDArray[np.float32]
+
+
+class FrameStream(Protocol):
+    """Describes the frames of one stream, in order."""
+
+    @property
+    def moments(self) -> Moments | None:
+        """The moments of the stream so far; None if it has none."""
+
+    def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
+        """Return the descriptor of the next frame; None if the image is blank.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+
+
+class FrameStage(Protocol):
+    """What a featurizer describes images with; all its streams share it."""
+
+    @property
+    def standardises(self) -> bool:
+        """Whether a descriptor depends on the frames before it."""
+
+    def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
+        """Return the raw feature of an image.
+
+        Raises:
+            FrameError: the image cannot be read.
+        """
+
+    def new_stream(self, moments: Moments | None = None) -> FrameStream:
+        """Begin a stream, or continue one whose moments so far are given."""
 
 
 class DescriptorStage:
@@ -22,6 +57,8 @@ class DescriptorStage:
             ConfigError: OpenCV cannot run its network.
         """
         self._model = model
+        self.standardises = model.follows_query
+        """Whether a descriptor depends on the frames before it."""
         self._feature = feature_of_model(model)
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:

@@ -93,6 +93,17 @@ class DescriptorModel:
         reduced = standardised @ self.components.T
         return reduced if self.plain else unit_length(reduced)
 
+    def restored(self, descriptors: Array) -> Array:
+        """Return raw features (K, D) that give about these descriptors (K, N) of places.
+
+        What the principal axes do not keep is lost. The length of the standardised feature, which a
+        descriptor does not keep either, is taken to be the usual one.
+        """
+        standardised = descriptors @ self.components
+        if not self.plain:
+            standardised *= np.float32(np.sqrt(self.variance_kept * len(self.mean)))
+        return np.asarray(self.mean + self.deviation * standardised, np.float32)
+
     def checked(self, descriptor: Array) -> Array | None:
         """Check an external descriptor (N,); return None if its length is 0 (no observation).
 
@@ -136,33 +147,37 @@ def fit_descriptors(
     standardise: bool,
     plain: bool = False,
     network: Network | None = None,
+    routes: int = 1,
 ) -> tuple[DescriptorModel, list[Array]]:
     """Fit the model on reference traverses, and return it with their descriptors.
 
     Args:
-        traverses: raw features of each, (K, D) float32; the first gives mean and deviation.
+        traverses: raw features of each, (K, D) float32; the first give mean and deviation.
         kind: of the features.
         dimensions: the largest N; it is smaller if there are fewer frames.
         standardise: whether each further traverse is standardised by its own mean and deviation,
             as a query is.
         plain: whether to fit plain PCA instead.
         network: the network that gave the features, if one did.
+        routes: so many of the first traverses are of different routes, which count equally in the
+            mean and in the squared deviation of the model.
 
     Returns:
         The model, and the descriptors of each traverse, (K, N) float32.
     """
     if plain:
-        return _fit_plain(traverses, kind, dimensions, standardise, network)
+        return _fit_plain(traverses, kind, dimensions, standardise, network, routes)
     moments = [_moments(traverse) for traverse in traverses]
+    shared = _mean_moments(moments[:routes])
     if not standardise:
-        moments = [moments[0]] * len(traverses)
+        moments = [shared] * len(traverses)
 
     def standardised() -> Iterator[Iterator[Array]]:
         return map(_standardised, traverses, moments)
 
     components, kept = _principal_axes(lambda: chain.from_iterable(standardised()), dimensions)
     model = DescriptorModel(
-        kind, standardise, *moments[0], components, variance_kept=kept, network=network
+        kind, standardise, *shared, components, variance_kept=kept, network=network
     )
     return model, [
         np.concatenate([model.reduce(block) for block in traverse]) for traverse in standardised()
@@ -175,9 +190,11 @@ def _fit_plain(
     dimensions: int,
     standardise: bool,
     network: Network | None,
+    routes: int,
 ) -> tuple[DescriptorModel, list[Array]]:
     """Fit plain PCA, scaled so that no descriptor of the traverses is longer than 1/4."""
-    mean = traverses[0].mean(axis=0, dtype=np.float64).astype(np.float32)
+    means = [traverse.mean(axis=0, dtype=np.float64) for traverse in traverses[:routes]]
+    mean = np.mean(means, axis=0).astype(np.float32)
     units = np.ones_like(mean)
 
     def centred() -> Iterator[Array]:
@@ -211,6 +228,13 @@ def _moments(raws: Array) -> tuple[Array, Array]:
     mean = total / len(raws)
     deviation = np.sqrt(np.maximum(square_total / len(raws) - mean**2, _LEAST_DEVIATION**2))
     return mean.astype(np.float32), deviation.astype(np.float32)
+
+
+def _mean_moments(moments: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return the mean of means, and the deviation whose square is the mean of the squares."""
+    means, deviations = (np.array(each, np.float64) for each in zip(*moments, strict=True))
+    deviation = np.sqrt(np.mean(deviations**2, axis=0))
+    return np.mean(means, axis=0).astype(np.float32), deviation.astype(np.float32)
 
 
 def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:

@@ -6,15 +6,16 @@ candidates to wait for.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
 from placefield.fusion.shard_joiner import ShardJoiner
-from placefield.matching.best_window import twins_in
+from placefield.maps.topology import Topology
+from placefield.matching.best_window import vicinity_of
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.pose import Pose
 
@@ -23,23 +24,40 @@ def _unposed(place: int) -> None:
     """Return None: no place has a known pose."""
 
 
+class AnyFusionStage(Protocol):
+    """What a fuser makes matches with; all streams share it. See ``FusionStage``."""
+
+    def warm_up(self) -> None:
+        """Compile all that fusion uses."""
+
+    def fits(self, candidate: Candidate, shards: int = 1) -> bool:
+        """Whether a candidate of another process may be of the map and the rule."""
+
+    def new_joiner(self) -> ShardJoiner:
+        """Return a joiner of the shards' candidates, for a new stream."""
+
+    def fuse(self, candidates: Sequence[Candidate], missing: Collection[int] = ()) -> Match:
+        """Make one match of the candidates of a frame."""
+
+
 class FusionStage:
     """Fuses the candidates of channels of a map; all streams may share it."""
 
     def __init__(
         self,
-        same: NDArray[np.int32],
+        topology: Topology,
         matching: MatchingConfig,
         pose_of: Callable[[int], Pose | None] = _unposed,
     ) -> None:
         """Prepare for a map.
 
         Args:
-            same: (K,) int32, which of its places each is the same as, see ``Places``.
+            topology: of the map.
             matching: how candidates are made and fused.
             pose_of: returns the pose of a place, see ``Places.pose``, or None if it is unknown.
         """
-        self._places, self._same = len(same), twins_in(same)
+        self._places = topology.count
+        self._vicinity = vicinity_of(topology, matching.tolerance)
         self._matching = matching
         self._pose_of = pose_of
 
@@ -72,7 +90,7 @@ class FusionStage:
             candidates: of whole channels for one frame, that fit the map.
             missing: the channels that have no candidate.
         """
-        match = fuse(candidates, self._matching, same=self._same, missing=missing)
+        match = fuse(candidates, self._matching, self._vicinity, missing)
         if match.place == UNANSWERED:
             return match
         return replace(match, pose=self._pose_of(match.place))

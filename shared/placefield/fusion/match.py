@@ -27,6 +27,8 @@ class Match:
         forgotten: whether services lost the state of the stream and no other service could restore
             it: the match may differ from that of an undisturbed stream.
         pose: of the place, in the map's frame; None if there is no place, or its pose is unknown.
+        new: that the frame shows no earlier place of its drive; only where a drive is explored, and
+            then ``place`` is the number of an earlier frame.
     """
 
     place: int
@@ -37,6 +39,7 @@ class Match:
     too_fast: bool = False
     forgotten: bool = False
     pose: Pose | None = None
+    new: float | None = None
 
     def _repr_html_(self) -> str:
         return html_of_match(self)

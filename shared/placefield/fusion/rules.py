@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
-from placefield.matching.best_window import best_window
+from placefield.matching.best_window import Vicinity, best_window
 from placefield.matching.candidate import UNANSWERED, Candidate
 
 TOO_FAST = 0.5
@@ -19,8 +19,7 @@ _SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 def fuse(
     candidates: Sequence[Candidate],
     config: MatchingConfig,
-    *,
-    same: NDArray[np.int32] | None = None,
+    vicinity: Vicinity | None = None,
     missing: Collection[int] = (),
 ) -> Match:
     """Make one match of the candidates that arrived, in the order of their channels.
@@ -28,22 +27,30 @@ def fuse(
     Args:
         candidates: for one frame.
         config: by which they were made.
-        same: (K,) int32, which place each is the same as; None: all differ.
+        vicinity: what is near a place, within the tolerance of ``config``; None: on one route whose
+            places all differ.
         missing: channels that have no candidate.
     """
+    vicinity = vicinity or Vicinity(config.tolerance)
     answered = [candidate for candidate in candidates if candidate.place != UNANSWERED]
     absent = tuple(sorted(missing))
     if not answered:
         return Match(UNANSWERED, 0.0, absent)
     if config.rule == "filter":
-        place, probability = _mean_belief(answered, config.tolerance, same)
-        score = float(np.log(probability) - np.log1p(-probability))
+        place, probability = _mean_belief(answered, vicinity)
+        score = log_odds(probability)
         too_fast = sum(each.too_fast for each in answered) / len(answered) >= TOO_FAST
         known = probability >= config.precision and not too_fast
         return Match(place, score, absent, probability, known, too_fast)
     if config.rule == "evidence":
-        return Match(*_mean_evidence(answered, config.neighbourhood, same), absent)
+        return Match(*_mean_evidence(answered, config.neighbourhood, vicinity.same), absent)
     return Match(*_ams(answered), absent)
+
+
+def log_odds(probability: float) -> float:
+    """Return the log odds of a probability, which are finite even at 0 and 1."""
+    within = min(max(probability, 1 - _SUREST), _SUREST)
+    return float(np.log(within) - np.log1p(-within))
 
 
 def _ams(candidates: Sequence[Candidate]) -> tuple[int, float]:
@@ -52,19 +59,15 @@ def _ams(candidates: Sequence[Candidate]) -> tuple[int, float]:
     return best.place, -best.score
 
 
-def _mean_belief(
-    candidates: Sequence[Candidate], tolerance: int, same: NDArray[np.int32] | None
-) -> tuple[int, float]:
-    """Pick the middle of the window of highest mean belief.
+def _mean_belief(candidates: Sequence[Candidate], vicinity: Vicinity) -> tuple[int, float]:
+    """Pick the middle of the window of highest mean belief, see ``best_window``.
 
-    The window is 2 tolerance + 1 consecutive places; its middle is their mean, weighted by belief.
-    Also return the belief that the vehicle is within the tolerance of the middle. Places that are
-    the same share their belief, see ``best_window``.
+    Also return the mean belief that the vehicle is near the middle.
     """
     places = np.concatenate([candidate.places for candidate in candidates])
     beliefs = np.concatenate([candidate.evidence for candidate in candidates])
     order = np.argsort(places, kind="stable")
-    place, around = best_window(places[order], beliefs[order], tolerance, same)
+    place, around = best_window(places[order], beliefs[order], vicinity)
     return place, min(max(around / len(candidates), 1 - _SUREST), _SUREST)
 
 

@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 from placefield.config import MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import MapMetric
+from placefield.maps.topology import Topology
 from placefield.maps.traverse import NO_PLACE, Alignment
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -32,19 +33,19 @@ def align_by_number(count: int) -> Alignment:
     return Alignment(np.arange(count, dtype=np.int32), np.ones(count, np.float32), "number")
 
 
-def align_by_smoother(metric: MapMetric, same: NDArray[np.int32], frames: Array) -> Alignment:
+def align_by_smoother(metric: MapMetric, topology: Topology, frames: Array) -> Alignment:
     """Align frames by their descriptors; the speed may vary, and stretches may be off the route.
 
     A frame shows a place if its smoothed match is known.
 
     Args:
         metric: the identity metric of the K places, with their looks if they have some.
-        same: (K,) int32, which place each is the same as, see ``Places``.
+        topology: of the places.
         frames: (M, N) float32, descriptors of the drive's frames, in the order of travel.
     """
     matching = MatchingConfig(exact=True)
-    fusion = FusionStage(same, matching)
-    shard = ChannelShard(channel_without_segments(metric), matching, same=same)
+    fusion = FusionStage(topology, matching)
+    shard = ChannelShard(channel_without_segments(metric), matching, topology=topology)
     matcher = shard.new_matcher(WHOLE_DRIVE)
     for frame in MetricPlaces(metric, exact=True).compare(frames):
         matcher.update(frame)

@@ -20,9 +20,9 @@ from placefield.maps.gathering import (
     records_of,
     trained_first,
 )
+from placefield.maps.linking import linked, same_by_poses
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
-from placefield.maps.map_metrics import identity_metric, learned_metric, with_looks
-from placefield.maps.route_graph import line
+from placefield.maps.map_metrics import identity_metric, learned_metric, with_graph, with_looks
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
@@ -81,6 +81,7 @@ def adaptive_channels(
         position_weight=scales.position_weight,
         min_scale=min_scale,
         travelled=metres,
+        first=traverse.routes.first,
         seed=config.seed,
         run=run,
         progress=lambda number, share: progress(number, "clustering", share),
@@ -112,9 +113,11 @@ def build_map(
     network: Network | None = None,
     run: Run = map,
 ) -> Map:
-    """Build a map from one or more traverses of one route.
+    """Build a map from one or more traverses of one route, or of a network of routes.
 
-    PCA and metrics learn from all traverses; the places are the first's. With
+    PCA and metrics learn from all traverses; the places are the first's. A first traverse of
+    several routes has a graph; each route is standardised by its own mean and deviation, and a
+    query at its start by their mean. With
     ``build.looks``, the other traverses give looks of the places.
 
     Args:
@@ -137,23 +140,28 @@ def build_map(
     ]
     dimensions = config.features.dimensions or default_dimensions(config.features.kind)
     features = config.features.model_copy(update={"dimensions": dimensions})
-    model, descriptors = fit_descriptors(
-        [
-            chosen_rows(traverse.raw, frames)
-            for traverse, frames in zip(traverses, shown, strict=True)
-        ],
+    first = traverses[0]
+    routes = np.split(first.raw, first.routes.first[1:])
+    others = zip(traverses[1:], shown[1:], strict=True)
+    model, described = fit_descriptors(
+        [*routes, *(chosen_rows(traverse.raw, frames) for traverse, frames in others)],
         features.kind,
         dimensions=dimensions,
         standardise=features.standardise,
         plain=features.plain_pca,
         network=network,
+        routes=len(routes),
     )
-    first, places = traverses[0], descriptors[0]
+    places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
+    descriptors = [places, *described[len(routes) :]]
+    del described
     held_back = held_back_places(len(places), config.seed)
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
     reference = centred(descriptors, order)
-    looks = observed_again(descriptors, place_of) if config.build.looks else None
+    looks = (
+        observed_again(descriptors, place_of, first.routes.first) if config.build.looks else None
+    )
     del descriptors  # the reference has them all
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     if looks is not None and len(looks[0]):
@@ -176,10 +184,13 @@ def build_map(
         learned(1)
         return channel
 
-    # Found by the rule filter, which does not follow plain descriptors.
-    same = np.arange(len(places), dtype=np.int32) if model.plain else same_places(places)
+    # Found by the rule filter, and followed by it alone; it does not serve plain descriptors.
+    graph, same = first.routes, np.arange(len(places), dtype=np.int32)
+    if not model.plain:
+        same = same_by_poses(same_places(places, graph.first), first.poses, graph.first)
+        graph = linked(graph, same, first.poses)
     channels = tuple(run(learn, range(len(encoded))))
-    return Map(
+    built = Map(
         preset=config.preset,
         seed=config.seed,
         features=features,
@@ -190,13 +201,15 @@ def build_map(
         model=model,
         places=_places(first, same),
         channels=channels,
-        graph=line(first.name),
         local_features=local_features_of(traverses, place_of, shown, same, config.seed),
         alignments={
-            number: MapAlignment(each.places) for number, each in enumerate(alignments) if number
+            number: MapAlignment(each.places)
+            for number, each in enumerate(alignments[1:], len(routes))
         },
+        graph=graph,
         identity=identity,
     )
+    return built if graph.is_line else with_graph(built, graph)
 
 
 def _map_channel(

@@ -1,6 +1,5 @@
 """The looks of a map's places, in all of its metrics."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import Map, MapMetric
-from placefield.maps.map_metrics import with_looks
+from placefield.maps.map_metrics import with_looks, with_metrics
 from placefield.search.quantized import Quantized
 
 
@@ -57,15 +56,3 @@ def with_rows(opened: Map, rows: LookRows) -> Map:
         return with_looks(alone, *rows) if len(rows.places) else alone
 
     return with_metrics(opened, change)
-
-
-def with_metrics(opened: Map, change: Callable[[MapMetric], MapMetric]) -> Map:
-    """Return a map with each of its metrics changed; channels that shared one still do."""
-    changed = {metric: change(metric) for metric in opened.metrics}
-    return replace(
-        opened,
-        identity=None if opened.identity is None else changed[opened.identity],
-        channels=tuple(
-            replace(channel, metric=changed[channel.metric]) for channel in opened.channels
-        ),
-    )

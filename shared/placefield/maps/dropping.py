@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from placefield.errors import MapError
 from placefield.maps.adding import check_growable
-from placefield.maps.changing_looks import look_rows, with_metrics, with_rows
+from placefield.maps.changing_looks import look_rows, with_rows
 from placefield.maps.growing_metrics import without_places
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
+from placefield.maps.map_metrics import with_metrics
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.traverse import NO_PLACE
 
@@ -22,20 +23,21 @@ def number_of(traverses: Sequence[TraverseRecord], drive: str) -> int:
     """Return the number of a traverse of a map, by its name or its number.
 
     Raises:
-        MapError: there is none, or several, of this name; or it is the first.
+        MapError: there is none, or several, of this name; or its frames are the places.
     """
     names = [record.name for record in traverses]
     found = [number for number, record in enumerate(traverses) if record.is_named(drive)]
     if not found and drive.isdecimal() and int(drive) < len(names):
         found = [int(drive)]
     if not found:
-        known = ", ".join(names[1:]) or "none that can be dropped"
+        droppable = [record.name for record in traverses if record.aligned is not None]
+        known = ", ".join(droppable) or "none that can be dropped"
         raise MapError(f"{drive}: no drive of the map; there is {known}")
     if len(found) > 1:
         numbers = " or ".join(map(str, found))
         raise MapError(f"{drive}: several drives have this name; give the number, {numbers}")
-    if found == [0]:
-        raise MapError(f"{drive}: the first drive gives the places and cannot be dropped")
+    if traverses[found[0]].aligned is None:
+        raise MapError(f"{drive}: its frames are the places, so it cannot be dropped")
     return found[0]
 
 
@@ -100,13 +102,14 @@ def _route_numbers(graph: RouteGraph, count: int) -> NDArray[np.intp]:
 
 
 def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[np.int32]) -> Map:
-    shrunk = with_metrics(opened, lambda metric: without_places(metric, kept))
+    graph = _without_routes(opened.graph, routes, kept, moved)
+    shrunk = with_metrics(opened, lambda metric: without_places(metric, kept, graph))
     return replace(
         shrunk,
         places=_kept_places(opened.places, kept, moved),
         local_features=opened.local_features and opened.local_features.kept(np.flatnonzero(kept)),
         channels=tuple(_without_segments(channel, kept, moved) for channel in shrunk.channels),
-        graph=_without_routes(opened.graph, routes, kept, moved),
+        graph=graph,
     )
 
 
@@ -124,6 +127,7 @@ def _kept_places(places: Places, kept: Kept, moved: NDArray[np.int32]) -> Places
 
 
 def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32]) -> MapChannel:
+    """Return a channel without the places that are not kept, and without segments there."""
     first, last = channel.segments[:, 0], channel.segments[:, 1] - 1
     is_kept = kept[first]
     numbers = np.cumsum(np.append(0, is_kept), dtype=np.int32)
@@ -132,7 +136,7 @@ def _without_segments(channel: MapChannel, kept: Kept, moved: NDArray[np.int32])
         channel,
         labels=numbers[channel.labels[kept]],
         segments=segments,
-        scales=np.unique(np.diff(segments, axis=1)).astype(np.int32),
+        scales=channel.scales[channel.scales <= np.count_nonzero(kept)],
     )
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.maps.alignment import align_by_number
 from placefield.maps.manifest import TraverseRecord
+from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
 from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
@@ -44,11 +45,16 @@ def chosen_rows(raw: Array, frames: NDArray[np.intp]) -> Array:
 def records_of(
     traverses: Sequence[Traverse], alignments: Sequence[Alignment]
 ) -> tuple[TraverseRecord, ...]:
-    """Return the records of the traverses for a map; the first has no alignment."""
-    first = TraverseRecord(name=traverses[0].name, frames=len(traverses[0].raw))
+    """Return the records of the traverses for a map, each route of the first one by itself.
+
+    The first traverse has no alignment.
+    """
+    first, graph = traverses[0], traverses[0].routes
+    counts = np.diff(graph.first, append=len(first.raw)).tolist()
+    routes = zip(graph.names, counts, strict=True)
     others = zip(traverses[1:], alignments[1:], strict=True)
     return (
-        first,
+        *(TraverseRecord(name=name, frames=count) for name, count in routes),
         *(
             TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
             for each, to in others
@@ -81,7 +87,7 @@ def centred(descriptors: Sequence[Array], order: NDArray[np.intp]) -> Array:
 
 
 def observed_again(
-    descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]]
+    descriptors: Sequence[Array], place_of: Sequence[NDArray[np.int32]], first: Firsts
 ) -> tuple[NDArray[np.int32], Quantized, NDArray[np.int32]]:
     """Return what all traverses but the first observed of the places, by ascending place.
 
@@ -92,6 +98,7 @@ def observed_again(
     Args:
         descriptors: of each traverse, (F, N) float32; the first's are the places.
         place_of: of each traverse, (F,) int32, the place that each of its frames shows.
+        first: (R,) int32, the first place of each route; each route has a record of its own.
 
     Returns:
         The place of each look, (L,), its quantized descriptor, (L, N) int16, and the number of its
@@ -100,8 +107,10 @@ def observed_again(
     count, dimensions = descriptors[0].shape
     places, observed = [np.empty(0, np.int32)], [np.empty((0, dimensions), np.int16)]
     traverses = [np.empty(0, np.int32)]
-    for number, (each, shown) in enumerate(zip(descriptors[1:], place_of[1:], strict=True), 1):
-        at, frames = nearest_frames(shown, count)
+    for number, (each, shown) in enumerate(
+        zip(descriptors[1:], place_of[1:], strict=True), len(first)
+    ):
+        at, frames = nearest_frames(shown, count, first)
         places.append(at)
         traverses.append(np.full(len(at), number, np.int32))
         observed.append(quantize(each, DESCRIPTOR_UNIT)[frames])
@@ -111,13 +120,14 @@ def observed_again(
 
 
 def nearest_frames(
-    shown: NDArray[np.int32], count: int
+    shown: NDArray[np.int32], count: int, first: Firsts = ONE_ROUTE
 ) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
     """Return the places near those that frames show, (F,), and the nearest frame of each.
 
     Args:
         shown: (F,) int32, the place that each frame shows.
         count: the number of places.
+        first: (R,) int32, the first place of each route; a frame of one shows no place of another.
     """
     if not len(shown):
         return np.empty(0, np.int32), np.empty(0, np.intp)
@@ -128,6 +138,7 @@ def nearest_frames(
     apart = [np.abs(shown[order[each]] - all_places) for each in (before, after)]
     nearest = np.where(apart[0] <= apart[1], before, after)
     is_near = np.minimum(*apart) <= _NEAR
+    is_near &= routes_of(first, shown[order[nearest]]) == routes_of(first, all_places)
     return all_places[is_near], order[nearest[is_near]]
 
 
@@ -152,6 +163,7 @@ def local_features_of(
     again = [
         (int(place), traverse.local_features[frame])
         for traverse, places, frames in zip(traverses[1:], place_of[1:], shown[1:], strict=True)
+        if traverse.local_features
         for place, frame in zip(places, frames, strict=True)
     ]
     return features_of_places(traverses[0].local_features, again, same, seed)

@@ -48,8 +48,8 @@ class TraverseRecord(_Record):
     Attributes:
         name: for a person.
         frames: the number of its frames.
-        aligned: the number of frames that show a place of the map; None for the first.
-        by: the method of the alignment; None for the first.
+        aligned: the number of frames that show a place of the map; None if each frame is a place.
+        by: the method of the alignment; None likewise.
     """
 
     name: str

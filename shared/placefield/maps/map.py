@@ -12,6 +12,7 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.maps.digest import NO_DIGEST, lineage_of
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.route_graph import RouteGraph, line
+from placefield.maps.topology import Topology
 from placefield.notebook import html_of_map
 from placefield.pose import Pose
 from placefield.presets import Preset
@@ -92,7 +93,8 @@ class MapMetric:
         places: (K, M) int16, the projected and quantized descriptors of the places.
         squares: (K,) int32, their squared lengths.
         steps: (6, K) float32, the distance of each place to the place before it, to the second
-            before it, and so on; the mean of the row where there is no such place.
+            before it, and so on, along the likeliest way; the mean of the row where there is no
+            such place.
         coarse: index of the coarse search; None if the map was built without one.
         looks: further descriptors of the places, of other traverses; None if there are none.
     """
@@ -201,6 +203,11 @@ class Map:
     def lineage(self) -> str:
         """What all versions of the map have in common, see ``lineage_of``."""
         return lineage_of(fingerprint(self.model), len(self.channels))
+
+    @property
+    def topology(self) -> Topology:
+        """How its places follow each other."""
+        return Topology(self.graph, self.places.travelled, self.places.same)
 
     @property
     def metrics(self) -> tuple[MapMetric, ...]:

@@ -1,12 +1,14 @@
 """The metrics of a map: the places under the identity or under a learned projection."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.maps.map import STEPS, MapMetric
+from placefield.maps.map import STEPS, Map, MapMetric
+from placefield.maps.route_graph import RouteGraph, line
 from placefield.search.coarse import coarse_index
 from placefield.search.looks import looks_at, squared_lengths
 from placefield.search.quantized import (
@@ -84,32 +86,59 @@ def _metric(
         unit,
         places,
         squares=squared_lengths(places),
-        steps=steps_between(places, unit),
+        steps=steps_along(places, unit, line("")),
         coarse=coarse_index(places) if coarse else None,
     )
 
 
-def steps_between(places: Quantized, unit: float) -> Array:
-    """Return the steps of places (K, M) in units, see ``MapMetric``: (6, K) float32."""
-    steps = np.zeros((STEPS, len(places)), np.float32)
-    for step, row in enumerate(steps, 1):
-        for start in range(step, len(places), _BLOCK):
-            arrived = places[start : start + _BLOCK].astype(np.float64)
-            left = places[start - step : start - step + len(arrived)]
-            row[start : start + _BLOCK] = unit * np.linalg.norm(arrived - left, axis=1)
-    fill_first_steps(steps)
+def steps_along(places: Quantized, unit: float, graph: RouteGraph) -> Array:
+    """Return the steps of a metric with these places on a graph, see ``MapMetric``."""
+    count = len(places)
+    steps, known = np.zeros((STEPS, count), np.float32), np.zeros((STEPS, count), np.bool_)
+    before = graph.before(count)
+    left = np.arange(count, dtype=np.int32)
+    for step in range(STEPS):
+        left = np.where(left < 0, left, before[left])
+        known[step] = left >= 0
+        arrived = np.flatnonzero(known[step])
+        for block in blocks(len(arrived), _BLOCK):
+            some = arrived[block]
+            apart = places[some].astype(np.float64) - places[left[some]]
+            steps[step, some] = unit * np.linalg.norm(apart, axis=1)
+    fill_steps(steps, known)
     return steps
 
 
-def fill_first_steps(steps: Array) -> None:
+def fill_steps(steps: Array, known: NDArray[np.bool_]) -> None:
     """Write the steps of places that have no place so far before them, see ``MapMetric``.
 
     Args:
-        steps: (STEPS, K) float32; in row s, counted from 1, the first s columns are written.
+        steps: (STEPS, K) float32.
+        known: (STEPS, K), which steps are known; the others are written.
     """
-    count = steps.shape[1]
-    for step, row in enumerate(steps, 1):
-        if count > step:
-            row[:step] = row[step:].mean(dtype=np.float64)
-        elif step > 1:  # a map that is shorter than the step
-            row[:] = steps[step - 2]
+    for step, (row, ours) in enumerate(zip(steps, known, strict=True)):
+        if ours.any():
+            row[~ours] = row[ours].mean(dtype=np.float64)
+        elif step > 0:  # no place is so far from the first one of its route
+            row[:] = steps[step - 1]
+
+
+def with_metrics(opened: Map, change: Callable[[MapMetric], MapMetric]) -> Map:
+    """Return a map with each of its metrics changed; channels that shared one still do."""
+    changed = {metric: change(metric) for metric in opened.metrics}
+    return replace(
+        opened,
+        identity=None if opened.identity is None else changed[opened.identity],
+        channels=tuple(
+            replace(channel, metric=changed[channel.metric]) for channel in opened.channels
+        ),
+    )
+
+
+def with_graph(opened: Map, graph: RouteGraph) -> Map:
+    """Return a map with another graph of its places, so that its steps follow the graph."""
+
+    def along(metric: MapMetric) -> MapMetric:
+        return replace(metric, steps=steps_along(metric.places, metric.unit, graph))
+
+    return replace(with_metrics(opened, along), graph=graph)

@@ -6,17 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import ScaleConfig
-from placefield.errors import MapError
-from placefield.maps.changing_looks import with_metrics
 from placefield.maps.growing_metrics import with_places
-from placefield.maps.map import Map, MapChannel, Places
+from placefield.maps.map import Map, Places
+from placefield.maps.map_metrics import with_metrics
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.stretches import Stretch
 from placefield.maps.traverse import NO_PLACE, Traverse
-from placefield.scales.channels import make_channels
-from placefield.scales.encoding import Encoding
-from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized
+from placefield.search.quantized import Quantized
 from placefield.verification.local_features import NO_FEATURES
 from placefield.verification.place_features import PlaceFeatures
 
@@ -33,6 +29,9 @@ def with_routes(
 ) -> Map:
     """Return a map with each stretch of a drive as a route after its own, without looks.
 
+    The new places lie in no segment: the rule ``filter`` needs none, and other rules follow no
+    links.
+
     Args:
         opened: the map, with its identity.
         traverse: the drive of F frames; its poses are in the map's coordinate frame.
@@ -40,52 +39,18 @@ def with_routes(
         descriptors: (F, N) int16, the quantized descriptors of the drive.
     """
     routes = [descriptors[stretch.frames] for stretch in stretches]
-    encoded = [_cut(opened, route) for route in routes]
-    grown = with_metrics(opened, lambda metric: with_places(metric, routes))
-    channels = zip(grown.channels, *encoded, strict=True)
+    graph = _with_stretches(opened.graph, traverse.name, stretches, opened.places.count)
+    grown = with_metrics(opened, lambda metric: with_places(metric, routes, graph))
+    inactive = np.zeros(sum(map(len, routes)), np.int32)
     return replace(
         grown,
         places=_with_frames(opened.places, traverse, [each.frames for each in stretches]),
         local_features=_with_views(opened.local_features, traverse, stretches),
-        channels=tuple(_with_segments(channel, added) for channel, *added in channels),
-        graph=_with_stretches(opened.graph, traverse.name, stretches, opened.places.count),
-    )
-
-
-def _cut(opened: Map, route: Quantized) -> list[Encoding]:
-    """Cut a route into the segments of each channel, by the map's settings, lengths in frames.
-
-    A route that is too short for them has no segment. The rule ``filter`` needs none.
-    """
-    scales: ScaleConfig = opened.scales
-    try:
-        channels = make_channels(
-            (route * DESCRIPTOR_UNIT).astype(np.float32),
-            channels=len(opened.channels),
-            clusters=scales.clusters,
-            fuzzifiers=scales.fuzzifiers,
-            same_start=scales.same_start,
-            position_weight=scales.position_weight,
-            min_scale=opened.channels[0].smallest,
-            seed=opened.seed,
-        )
-    except MapError:
-        none = np.empty((0, 2), np.int32)
-        inactive = Encoding(np.zeros(len(route), np.int32), none, np.empty(0, np.int32))
-        return [inactive] * len(opened.channels)
-    return [channel.encoding for channel in channels]
-
-
-def _with_segments(channel: MapChannel, added: Sequence[Encoding]) -> MapChannel:
-    labels, segments = channel.labels, channel.segments
-    for each in added:
-        moved = each.segments + np.int32(len(labels))
-        numbers = np.where(each.labels > 0, each.labels + np.int32(len(segments)), 0)
-        labels = np.concatenate([labels, numbers.astype(np.int32)])
-        segments = np.concatenate([segments, moved])
-    scales = [channel.scales, *(each.scales for each in added)]
-    return replace(
-        channel, labels=labels, segments=segments, scales=np.unique(np.concatenate(scales))
+        channels=tuple(
+            replace(channel, labels=np.append(channel.labels, inactive))
+            for channel in grown.channels
+        ),
+        graph=graph,
     )
 
 

@@ -21,6 +21,7 @@ from placefield.maps.alignment import align_by_number, align_by_poses, align_by_
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, MapMetric
 from placefield.maps.map_metrics import identity_metric
+from placefield.maps.topology import line_of
 from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
 from placefield.matching.revisits import same_places
 
@@ -78,7 +79,9 @@ def _align(first: Traverse, reference: Array, other: Traverse, kind: FeatureKind
         dimensions=default_dimensions(_KIND),
         standardise=True,
     )
-    smoothed = align_by_smoother(identity_metric(places), same_places(places), frames)
+    smoothed = align_by_smoother(
+        identity_metric(places), replace(line_of(len(places)), same=same_places(places)), frames
+    )
     if _shows_route(smoothed, count):
         return smoothed
     if len(other.raw) == count:
@@ -121,7 +124,7 @@ def align_to_map(
         by_poses = align_by_poses(opened.places.poses, traverse.poses)
         if _shows_route(by_poses, count):
             return by_poses
-    smoothed = align_by_smoother(identity, opened.places.same, descriptors)
+    smoothed = align_by_smoother(identity, opened.topology, descriptors)
     if _shows_route(smoothed, count):
         return smoothed
     raise MapError(

@@ -9,7 +9,7 @@ import glob
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def _written_beside(path: Path) -> Iterator[Path]:
 def _remove_abandoned(path: Path) -> None:
     """Remove what killed processes left behind when they wrote the map at a path."""
     for mark in path.parent.glob(f".{glob.escape(path.name)}.*/{_LOCKED}"):
-        with mark.open("wb") as opened:
+        with suppress(OSError), mark.open("rb") as opened:  # gone by now, or of another user
             if take_lock(opened):
                 shutil.rmtree(mark.parent, ignore_errors=True)
 

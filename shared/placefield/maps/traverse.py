@@ -14,6 +14,7 @@ from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
+from placefield.maps.route_graph import RouteGraph, line
 from placefield.maps.trajectory import Trajectory, travelled
 from placefield.verification.extracting import extract
 from placefield.verification.local_features import LocalFeatures
@@ -26,7 +27,8 @@ ROUTE = "route"
 NO_PLACE = -1
 """The place of a frame that shows no place."""
 
-_THUMBNAIL = 160  # pixels of a side, at most
+THUMBNAIL = 160
+"""Pixels of a thumbnail's side, at most."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,8 @@ class Traverse:
         local_features: of the K frames; empty if there are none.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
+        graph: the routes that the frames are of, one after the other, and links between frames that
+            are given; None: one route.
     """
 
     name: str
@@ -100,6 +104,12 @@ class Traverse:
     pose_frame: str = ROUTE
     local_features: tuple[LocalFeatures, ...] = ()
     alignment: Alignment | None = None
+    graph: RouteGraph | None = None
+
+    @property
+    def routes(self) -> RouteGraph:
+        """The routes of the frames; without a graph there is one, of the traverse's name."""
+        return line(self.name) if self.graph is None else self.graph
 
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape
@@ -117,7 +127,7 @@ def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> D
         raw = feature.describe(pixels)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = small_jpeg(pixels, _THUMBNAIL)
+    thumbnail = small_jpeg(pixels, THUMBNAIL)
     local = extract(pixels, local_features) if local_features else None
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail, local)
 

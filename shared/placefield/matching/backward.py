@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.matching.carrying import carry_back
 from placefield.matching.motion import (
     FIND,
     HYPOTHESES,
@@ -18,7 +19,8 @@ from placefield.matching.motion import (
     motion,
     step_likelihood,
 )
-from placefield.matching.odometry import Displacement, RouteCells, carry_back, speeds_of
+from placefield.matching.odometry import Displacement, speeds_of
+from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.matching.smooth_kernel import step_back, weigh
 from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace
 
@@ -57,14 +59,14 @@ NOWHERE = Posterior(np.empty(0, np.int32), np.empty(0, np.float32), 0.0)
 class BackwardPass:
     """Goes back over the frames of one stream."""
 
-    def __init__(self, lengths: StepLengths, route: RouteCells | None) -> None:
+    def __init__(self, lengths: StepLengths, roads: Roads = LINE) -> None:
         """Prepare for a map.
 
         Args:
             lengths: of steps on the whole map.
-            route: cells of the map; None if its metres are not known.
+            roads: of the whole map.
         """
-        self._lengths, self._route, self._motion = lengths, route, motion()
+        self._lengths, self._roads, self._motion = lengths, roads, motion()
 
     def grow(self, lengths: StepLengths) -> None:
         """Replace the lengths of steps: the map has more places."""
@@ -76,10 +78,9 @@ class BackwardPass:
 
     def back(self, later: Trace, message: BackwardMessage, trace: Trace) -> BackwardMessage:
         """Go back from a frame to the one before it, and return the message of the latter."""
-        if self._route is not None and later.displacement is not None:
-            return self._back_by_odometry(
-                later.displacement, self._route, later.transit, message, trace
-            )
+        cells = self._roads.cells
+        if cells is not None and later.displacement is not None:
+            return self._back_by_odometry(later.displacement, cells, later.transit, message, trace)
         before = np.empty_like(trace.belief)
         lost = step_back(
             later.transit,
@@ -88,6 +89,7 @@ class BackwardPass:
             self._lengths.apart,
             self._lengths.stationary,
             self._motion,
+            self._roads.chains,
             trace.places,
             before,
         )
@@ -96,13 +98,13 @@ class BackwardPass:
     def _back_by_odometry(
         self,
         displacement: Displacement,
-        route: RouteCells,
+        cells: RouteCells,
         later: ObservedTransition,
         message: BackwardMessage,
         trace: Trace,
     ) -> BackwardMessage:
         """Go back by a displacement from odometry, whatever the speed before it was."""
-        pace = displacement.pace / route.spacing
+        pace = displacement.pace / cells.spacing
         speeds = speeds_of(pace)
         there = later.observed[:, :, None] * (message.placed @ speeds).astype(np.float32)
         found = float((there[1] @ HYPOTHESES).sum()) / later.all_places
@@ -112,8 +114,7 @@ class BackwardPass:
         steps = np.empty(len(later.places), np.float32)
         step_likelihood(apart, 0, self._lengths.stationary, pace, later.step, steps)
         there *= steps[:, None]
-        carried = np.empty((len(trace.places), 2), np.float32)
-        carry_back(later.places, there, route, displacement, trace.places, carried)
+        carried = carry_back(later.places, there, self._roads, displacement, trace.places)
         before = (1 - LOSE) * carried + LOSE * later.jump * when_lost
         top = max(float(before.max()), from_lost)
         every = np.repeat((before / top).astype(np.float32)[:, :, None], len(SPEEDS), axis=2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.topology import Topology
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
@@ -36,8 +37,7 @@ class ChannelStage:
         matching: MatchingConfig,
         shard: int = 0,
         shards: int = 1,
-        travelled: NDArray[np.float64] | None = None,
-        same: NDArray[np.int32] | None = None,
+        topology: Topology | None = None,
     ) -> None:
         """Prepare channels. For shards, and for rules that compare windows, this reads all places.
 
@@ -46,18 +46,18 @@ class ChannelStage:
             matching: how candidates are made.
             shard: index of the shard of each channel, from 0.
             shards: how many there are.
-            travelled: (K,) metres up to each place of the map; None or empty: unknown.
-            same: (K,) int32, which place of the map each is the same as; None: all differ.
+            topology: of the map; None: one route of unknown metres, whose places all differ.
 
         Raises:
-            ConfigError: the map has too few places for so many shards.
+            ConfigError: the map has too few places for so many shards, or links that the rule does
+                not follow.
         """
         self.channels = tuple(channels)
         self._rule = matching.rule
         self.shard, self.shards = shard, shards
         shared = MetricShards()
         self._parts = {
-            number: ChannelShard(channel, matching, shard, shards, shared, travelled, same)
+            number: ChannelShard(channel, matching, shard, shards, shared, topology)
             for number, channel in channels.items()
         }
         exact = matching.compares_exactly

@@ -7,6 +7,7 @@ stands is no place, and no step of time.
 """
 
 from bisect import bisect_left, bisect_right
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.features.local_descriptors import SPAN, LocalDescriptor, LocalDescriptors
-from placefield.matching.best_window import best_window
+from placefield.matching.best_window import Vicinity, best_window
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.filter_matcher import FilterMatcher, WholeMap
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
@@ -36,17 +37,33 @@ class Answer(NamedTuple):
         place: number of the earlier frame that it most likely shows; ``UNANSWERED`` if none.
         probability: that it shows that frame's place, within the tolerance.
         new: probability that it shows no earlier place.
-        known: whether it is a loop: ``probability`` is at least ``matching.precision``.
+        known: whether it is a loop: ``probability`` is at least ``matching.precision``, and the
+            vehicle is not too fast.
+        too_fast: posterior that the vehicle moves faster than its earlier frames resolve.
     """
 
     place: int
     probability: float
     new: float
     known: bool
+    too_fast: float = 0.0
+
+
+class SmoothedAnswer(NamedTuple):
+    """The smoothed answer of a frame, by its number; it uses ``lag`` later frames."""
+
+    frame: int
+    lag: int
+    answer: Answer
 
 
 NEW = Answer(UNANSWERED, 0.0, 1.0, False)
 """The frame has no earlier place to be compared with."""
+
+
+def is_loop(probability: float, too_fast: float, config: MatchingConfig) -> bool:
+    """Return whether an answer of this probability is known, see ``Answer``."""
+    return probability >= config.precision and too_fast < _TOO_FAST
 
 
 class Explorer:
@@ -67,8 +84,20 @@ class Explorer:
         self._same = np.empty(0, np.int32)  # which place each is the same as
         self._has_twins = False
         self._mapped = 0  # so many of the places, the first ones, are in the map
-        self._smoothed: list[Answer] = []
-        self._smoothed_frames = 0
+        self._smoothed: list[SmoothedAnswer] = []
+        self._waiting: deque[int] = deque()  # numbers of the frames that are not smoothed yet
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far, skipped ones included."""
+        return self._descriptors.frames
+
+    def skip(self, frames: int) -> None:
+        """Count frames that nobody observed, and do not answer them.
+
+        For the filter they take no time. A few of them are better given to ``update`` as None.
+        """
+        self._descriptors.frames += frames
 
     def update(self, raw: Array | None) -> Answer:
         """Answer for the next frame by its raw feature (D,) float32; None: it was not observed.
@@ -78,6 +107,7 @@ class Explorer:
                 does not count.
         """
         described = self._descriptors.update(raw)
+        self._waiting.append(self.frames - 1)
         for first in described[:-1]:
             self._add(first)
         frame = described[-1] if described else None
@@ -90,15 +120,16 @@ class Explorer:
                 self._join(frame.frame, answer)
         return answer
 
-    def smoothed(self) -> list[Answer]:
+    def smoothed(self) -> list[SmoothedAnswer]:
         """Return the smoothed answers that are new since the last call.
 
-        Every frame has one, in order, at most ``lag`` frames later, or when the drive is finished.
+        Every answered frame has one, in order, at most ``matching.lag`` frames later, or when the
+        drive is finished.
         """
         new, self._smoothed = self._smoothed, []
         return new
 
-    def finish(self) -> list[Answer]:
+    def finish(self) -> list[SmoothedAnswer]:
         """Return the remaining smoothed answers: the drive is over."""
         if self._matcher is not None:
             self._smooth(self._matcher.finish())
@@ -106,8 +137,7 @@ class Explorer:
 
     def _match(self, frame: LocalDescriptor | None) -> Answer:
         if self._matcher is None:
-            self._smoothed.append(NEW)
-            self._smoothed_frames += 1
+            self._smoothed.append(SmoothedAnswer(self._waiting.popleft(), 0, NEW))
             return NEW
         self._matcher.local(None if frame is None else compare(self._metric, frame.vector))
         candidate = self._matcher.reduce(())
@@ -132,35 +162,33 @@ class Explorer:
             return
         self._mapped = count
         self._metric = self._places.first(count)
-        lengths, same = lengths_of(self._metric), self._shared()
+        lengths, vicinity = lengths_of(self._metric), self._vicinity()
         if self._matcher is None:
-            smoother = Smoother(lengths, self._config.lag, self._config.tolerance, same=same)
-            whole = WholeMap(lengths, None, None, None, unmapped=_UNMAPPED)
+            smoother = Smoother(lengths, self._config.lag, vicinity)
+            whole = WholeMap(lengths, None, None, unmapped=_UNMAPPED)
             self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
         else:
-            self._matcher.grow(lengths, same)
+            self._matcher.grow(lengths, vicinity)
 
-    def _shared(self) -> NDArray[np.int32] | None:
-        """Return which place of the map each is the same as, (K,); None: all differ."""
-        return self._same[: self._mapped].copy() if self._has_twins else None
+    def _vicinity(self) -> Vicinity:
+        """Return what is near a place of the map so far."""
+        same = self._same[: self._mapped].copy() if self._has_twins else None
+        return Vicinity(self._config.tolerance, same)
 
     def _smooth(self, candidates: Sequence[SmoothedCandidate]) -> None:
         for smoothed in candidates:
-            answer = self._answer(smoothed.candidate)
-            self._join(self._smoothed_frames, answer)
-            self._smoothed.append(answer)
-            self._smoothed_frames += 1
+            frame, answer = self._waiting.popleft(), self._answer(smoothed.candidate)
+            self._join(frame, answer)
+            self._smoothed.append(SmoothedAnswer(frame, smoothed.lag, answer))
 
     def _answer(self, candidate: Candidate) -> Answer:
         if not len(candidate.places):
             return NEW
-        tolerance = self._config.tolerance
-        place, probability = best_window(
-            candidate.places, candidate.evidence, tolerance, self._shared()
-        )
-        new = max(1 - float(candidate.evidence.sum()), 0.0)
-        known = probability >= self._config.precision and candidate.too_fast < _TOO_FAST
-        return Answer(self._frame_of[place], min(probability, 1.0), new, known)
+        place, probability = best_window(candidate.places, candidate.evidence, self._vicinity())
+        new = max(float(np.float32(1) - candidate.evidence.sum()), 0.0)  # exact as float32, too
+        known = is_loop(probability, candidate.too_fast, self._config)
+        frame = self._frame_of[place]
+        return Answer(frame, min(probability, 1.0), new, known, candidate.too_fast)
 
     def _join(self, frame: int, answer: Answer) -> None:
         """Let a frame's place be the same as an earlier one, or its own, as the answer says.

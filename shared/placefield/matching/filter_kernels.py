@@ -42,6 +42,7 @@ class _Block(NamedTuple):
     Attributes:
         first: its first place.
         size: how many places it has.
+        end: where the places of its piece end.
         steps: (S, _BLOCK) float32, likelihood of the step by the place it leads to.
         changed: (_BLOCK + REACH,) float32, belief that changes its speed, in the block and after
             it.
@@ -51,6 +52,7 @@ class _Block(NamedTuple):
 
     first: int
     size: int
+    end: int
     steps: Array
     changed: Array
     moving: Array
@@ -60,7 +62,8 @@ class _Block(NamedTuple):
 @kernel
 def advance(
     belief: Array,
-    halo: Array,
+    pieces: NDArray[np.int32],
+    halos: Array,
     transition: Transition,
     apart: Array,
     ratios: Array,
@@ -73,8 +76,10 @@ def advance(
     Args:
         belief: (2, S, K) float32, on the map and on its reverse, where the vehicle moves the other
             way; receives the beliefs after the frame.
-        halo: (2, S, REACH) float32, beliefs, times ``kept``, in the places before these on the map,
-            and in those after them on its reverse.
+        pieces: (P + 1,) int32, where each piece of the places begins, then K. Beliefs move from
+            place to place in a piece, and into it from its halo only.
+        halos: (P, 2, S, REACH) float32, beliefs, times ``kept``, in the places before each piece on
+            the map, and in those after it on its reverse.
         transition: from the frame before to this one.
         apart: (6, K) float32, see ``StepLengths``.
         ratios: (2, K) float32, likelihood ratio of the frame at each place to that when lost, for a
@@ -87,34 +92,41 @@ def advance(
         The sum of the beliefs on the map before the update, and the sum of each times its
         ``full_ratio``.
     """
-    places, speeds = belief.shape[2], len(transition.prior)
+    speeds = len(transition.prior)
     steps = np.empty((speeds, _BLOCK), np.float32)
     changed = np.empty(_BLOCK + REACH, np.float32)
     moving = np.empty(_BLOCK + 2 * REACH, np.float32)
     predicted = np.empty(_BLOCK, np.float32)
-    # The places before a block are overwritten first, so their old beliefs are kept here.
-    before = _mixed_halo(halo, transition)
-    after_all = before[1].copy()
     total, of_likelihood = 0.0, 0.0
     by_speed[:] = 0
-    for first in range(0, places, _BLOCK):
-        size = min(_BLOCK, places - first)
-        block = _Block(first, size, steps, changed, moving, predicted)
-        for speed in range(speeds):
-            likelihoods, places_per_frame = steps[speed, :size], _SPEEDS[speed]
-            step_likelihood(
-                apart, first, transition.stationary, places_per_frame, transition.step, likelihoods
-            )
-        for hypothesis in range(2):
-            sides = before[hypothesis], after_all
-            own, sums = belief[hypothesis], by_place[hypothesis]
-            _advance_block(
-                block, own, sides, transition, hypothesis, ratios, sums, by_speed[hypothesis]
-            )
-            if hypothesis == 0:
-                total += _sum_of_block(predicted[:size])
-                _multiply(predicted[:size], full_ratio[first : first + size])
-                of_likelihood += _sum_of_block(predicted[:size])
+    for piece in range(len(halos)):
+        end = pieces[piece + 1]
+        # The places before a block are overwritten first, so their old beliefs are kept here.
+        before = _mixed_halo(halos[piece], transition)
+        after_all = before[1].copy()
+        for first in range(pieces[piece], end, _BLOCK):
+            size = min(_BLOCK, end - first)
+            block = _Block(first, size, end, steps, changed, moving, predicted)
+            for speed in range(speeds):
+                likelihoods, places_per_frame = steps[speed, :size], _SPEEDS[speed]
+                step_likelihood(
+                    apart,
+                    first,
+                    transition.stationary,
+                    places_per_frame,
+                    transition.step,
+                    likelihoods,
+                )
+            for hypothesis in range(2):
+                sides = before[hypothesis], after_all
+                own, sums = belief[hypothesis], by_place[hypothesis]
+                _advance_block(
+                    block, own, sides, transition, hypothesis, ratios, sums, by_speed[hypothesis]
+                )
+                if hypothesis == 0:
+                    total += _sum_of_block(predicted[:size])
+                    _multiply(predicted[:size], full_ratio[first : first + size])
+                    of_likelihood += _sum_of_block(predicted[:size])
     return total, of_likelihood
 
 
@@ -135,7 +147,7 @@ def _advance_block(
         block: the block.
         belief: (S, K) float32; receives those after the frame.
         sides: beliefs with changed speeds, (S, REACH) float32 each: in the places before the block,
-            replaced by those before the next one, and in the places after all.
+            replaced by those before the next one, and in the places after its piece.
         transition: see ``advance``.
         hypothesis: 0 for the map, 1 for its reverse.
         ratios: see ``advance``.
@@ -144,8 +156,8 @@ def _advance_block(
     """
     motion, size, moving = transition.motion, block.size, block.moving
     first, end = block.first, block.first + size
-    limit = min(end + REACH, belief.shape[1])
-    inside = REACH + limit - first  # where in ``moving`` all places end
+    limit = min(end + REACH, block.end)
+    inside = REACH + limit - first  # where in ``moving`` the piece ends
     _sum_changes(belief[0, first:limit], by_place[first:limit], motion.change, block.changed)
     sums = block.predicted[:size], by_place[first:end]
     sums[0][:], sums[1][:] = 0, 0

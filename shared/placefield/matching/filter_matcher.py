@@ -8,8 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import MapMetric
+from placefield.maps.map_metrics import steps_along
+from placefield.maps.topology import Topology
 from placefield.matching.belief_kernels import pick
+from placefield.matching.best_window import Vicinity
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
+from placefield.matching.carrying import reached_by
+from placefield.matching.chains import crossed_to
 from placefield.matching.comparing import Comparison, SampledPlaces
 from placefield.matching.evidence_kernels import bound, evidence_of, nearness, step_length
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
@@ -21,15 +26,10 @@ from placefield.matching.motion import (
     evenly_spaced,
     step_lengths,
 )
-from placefield.matching.odometry import (
-    Displacement,
-    Odometer,
-    RouteCells,
-    measures_length,
-    reached_by,
-)
+from placefield.matching.odometry import Displacement, Odometer, measures_length
 from placefield.matching.partial_results import FilterPartial, fits, pack, unpack
 from placefield.matching.place_filter import Observation, PlaceFilter
+from placefield.matching.roads import LINE, Roads
 from placefield.matching.smoother import SmoothedPosterior, Smoother
 from placefield.matching.trace import NEGLIGIBLE, Trace
 from placefield.search.quantized import Quantized
@@ -56,18 +56,18 @@ class WholeMap:
 
     Attributes:
         lengths: of steps.
-        route: cells of the places; None if their metres are not known.
         spread: of all places; None for a whole channel, whose comparisons have the deviation.
         sampled: a sample of the places; None if comparisons have all places, exactly.
         unmapped: places that the map does not have, but that the vehicle may be at, as a fraction
             of the places: each is half like every frame, under the identity metric.
+        roads: where the vehicle may move.
     """
 
     lengths: StepLengths
-    route: RouteCells | None
     spread: Spread | None
     sampled: SampledPlaces | None
     unmapped: float = 0.0
+    roads: Roads = LINE
 
 
 class FilterMatcher(Matcher):
@@ -89,8 +89,8 @@ class FilterMatcher(Matcher):
             number: index of the shard.
             smoother: of a new stream.
         """
-        self._filter = PlaceFilter(whole.lengths, own, whole.route)
-        self._route, self._odometer = whole.route, Odometer()
+        self._filter = PlaceFilter(whole.lengths, own, whole.roads)
+        self._roads, self._odometer = whole.roads, Odometer()
         self._smoother = smoother
         self._lengths, self._own, self._number = whole.lengths, own, number
         self._spread, self._sampled = whole.spread, whole.sampled
@@ -105,15 +105,15 @@ class FilterMatcher(Matcher):
         self._candidate = NO_CANDIDATE
         self._smoothed: list[SmoothedPosterior] = []
 
-    def grow(self, lengths: StepLengths, same: NDArray[np.int32] | None) -> None:
+    def grow(self, lengths: StepLengths, vicinity: Vicinity) -> None:
         """Append places to the map, of which the shard has all.
 
         Args:
             lengths: of steps on the map with the new places, which are its last ones.
-            same: (K,) int32, which place of the map each is the same as; None: all differ.
+            vicinity: see ``Smoother``.
         """
         self._filter.grow(lengths)
-        self._smoother.grow(lengths, same)
+        self._smoother.grow(lengths, vicinity)
         self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
@@ -142,7 +142,8 @@ class FilterMatcher(Matcher):
             if step <= _REPEATED:
                 self._last = last  # so that slow changes add up to a step
                 return None
-        displacement = None if self._route is None else self._odometer.displacement(odometry_m)
+        cells = self._roads.cells
+        displacement = None if cells is None else self._odometer.displacement(odometry_m)
         if frame is None:
             return self._missing(UNKNOWN, displacement) if self._filter.begun else None
         return self._observe(frame, step, displacement)
@@ -162,12 +163,9 @@ class FilterMatcher(Matcher):
             deviation = deviation_from(frame.descriptor, self._spread)
         # A frame similar to the last one is not independent evidence.
         novelty = 1.0 if step < 0 else min(1.0, step / self._lengths.typical)
-        if (
-            displacement is not None
-            and self._route is not None
-            and not measures_length(displacement, self._route)
-        ):
-            step = UNKNOWN
+        cells = self._roads.cells
+        if displacement is not None and cells is not None:
+            step = step if measures_length(displacement, cells) else UNKNOWN
         if deviation == 0:
             return self._missing(step, displacement)
         drive = self._filter.statistics
@@ -196,11 +194,15 @@ class FilterMatcher(Matcher):
 
     def _within_reach(self, displacement: Displacement | None, count: int) -> NDArray[np.int32]:
         """Return where the vehicle may be, among the first so many compared places."""
-        if displacement is None or self._route is None or self._trace is None:
-            return within_reach(self._likely + self._halo[0], count)
-        reached = reached_by(displacement, self._route, self._trace.places)
-        reached += np.int32(self._halo[0] - self._own.start)
-        return reached[(reached >= 0) & (reached < count)]
+        trace, cells, shift = self._trace, self._roads.cells, self._halo[0] - self._own.start
+        if trace is not None and displacement is not None and cells is not None:
+            reached = reached_by(displacement, self._roads, trace.places) + np.int32(shift)
+            return reached[(reached >= 0) & (reached < count)]
+        places = within_reach(self._likely + self._halo[0], count)
+        if trace is None:
+            return places
+        crossed = crossed_to(self._roads.chains, trace.places) + np.int32(shift)
+        return np.union1d(places, crossed[(crossed >= 0) & (crossed < count)])
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Normalise the beliefs over all shards; no candidate before the first observation."""
@@ -253,10 +255,20 @@ class FilterMatcher(Matcher):
         return SmoothedCandidate(candidate, smoothed.lag)
 
 
-def step_lengths_of(metric: MapMetric, *, reverse: bool) -> StepLengths:
-    """Return how long steps are on a map, in the order of travel."""
-    apart = _reversed_steps(metric.steps) if reverse else metric.steps
-    return step_lengths(np.array(apart), random_pairs_of(metric))  # what is mapped is read-only
+def step_lengths_of(metric: MapMetric, topology: Topology, *, reverse: bool) -> StepLengths:
+    """Return how long steps are on a map, in the order of travel.
+
+    Args:
+        metric: of the whole map.
+        topology: of the map, in the order of travel.
+        reverse: whether this is the reverse of the map's order.
+    """
+    steps = metric.steps
+    if reverse and topology.graph.is_line:
+        steps = _reversed_steps(metric.steps)
+    elif reverse:
+        steps = steps_along(metric.places[::-1], metric.unit, topology.graph)
+    return step_lengths(np.array(steps), random_pairs_of(metric))  # what is mapped is read-only
 
 
 def random_pairs_of(metric: MapMetric) -> Array:

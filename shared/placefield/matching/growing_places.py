@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.map import STEPS, MapMetric
-from placefield.maps.map_metrics import fill_first_steps
+from placefield.maps.map_metrics import fill_steps
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.filter_matcher import random_pairs_of
 from placefield.matching.motion import Array, StepLengths, step_lengths
@@ -45,7 +45,7 @@ class GrowingPlaces:
     def first(self, count: int) -> MapMetric:
         """Return the metric of the first ``count`` places; it stays as it is when others follow."""
         steps = self._steps[:, :count].copy()
-        fill_first_steps(steps)
+        fill_steps(steps, np.arange(count) >= np.arange(1, STEPS + 1)[:, None])
         places, squares = self._places[:count], self._squares[:count]
         return MapMetric(False, self._identity, DESCRIPTOR_UNIT, places, squares, steps)
 

@@ -29,6 +29,7 @@ from placefield.matching.belief_kernels import (
     resolve,
     step_likelihood_when_lost,
 )
+from placefield.matching.carrying import carry
 from placefield.matching.drive_statistics import DriveStatistics
 from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import (
@@ -43,9 +44,11 @@ from placefield.matching.motion import (
     motion,
     step_likelihood,
 )
-from placefield.matching.odometry import Displacement, RouteCells, carry, speeds_of
+from placefield.matching.odometry import Displacement, speeds_of
 from placefield.matching.odometry_kernel import spread
 from placefield.matching.partial_results import FilterPartial
+from placefield.matching.pieces import Pieces
+from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace, most
 
 _NOVEL = 0.25  # the evidence of a frame of at least this novelty counts in full
@@ -75,19 +78,20 @@ class Observation(NamedTuple):
 class PlaceFilter:
     """The posterior of every place of a shard, given the frames so far."""
 
-    def __init__(self, lengths: StepLengths, own: slice, route: RouteCells | None = None) -> None:
+    def __init__(self, lengths: StepLengths, own: slice, roads: Roads = LINE) -> None:
         """Prepare for a new stream.
 
         Args:
             lengths: of steps on the whole map.
             own: the shard's places in the map.
-            route: cells of the whole map; None if its metres are not known.
+            roads: of the whole map.
         """
         self._motion = motion()
         self._unlearned = self._motion.prior.astype(np.float64)
         self.statistics = DriveStatistics(self._unlearned)
         """Statistics of the drive so far."""
-        self._lengths, self._own, self._route = lengths, own, route
+        self._lengths, self._own, self._roads = lengths, own, roads
+        self._pieces = Pieces(roads.chains, own)
         self._last_trace: Trace | None = None
         self._apart = np.ascontiguousarray(lengths.apart[:, own])
         self._all_places = lengths.apart.shape[1]
@@ -111,7 +115,7 @@ class PlaceFilter:
         self.begun = False
 
     def grow(self, lengths: StepLengths) -> None:
-        """Append places to the map, which a filter of the whole map has to itself.
+        """Append places to the map, a line, which a filter of the whole map has to itself.
 
         No belief is in the new places yet; the vehicle may be found there from the next frame on.
 
@@ -124,6 +128,7 @@ class PlaceFilter:
         self._lengths, self._apart = lengths, np.ascontiguousarray(lengths.apart)
         self._all_places += added
         self._own = slice(0, self._all_places)
+        self._pieces = Pieces(self._roads.chains, self._own)
 
     def _anywhere(self, by_speed: Vector) -> Array:
         """Return the probability of each place, (2, S), of a vehicle that may be anywhere."""
@@ -139,9 +144,9 @@ class PlaceFilter:
         by_speed = np.empty((2, len(SPEEDS)))
         if not self.begun:
             predicted, expected = self._begin(ratios, by_speed)
-        elif self._route is not None and observation.displacement is not None:
+        elif self._roads.cells is not None and observation.displacement is not None:
             predicted, expected = self._advance_by_odometry(
-                self._route, observation.displacement, ratios, full_ratio, by_speed
+                self._roads.cells, observation.displacement, ratios, full_ratio, by_speed
             )
         else:
             predicted, expected = self._advance(ratios, full_ratio, by_speed)
@@ -179,10 +184,11 @@ class PlaceFilter:
         found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
         kept = (1 - LOSE) / self._total
         transition = Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
-        halo = np.float32(1 - LOSE) * self._halo
+        halos = np.float32(1 - LOSE) * self._pieces.halos(self._halo, self._last_trace)
         return advance(
             self._belief,
-            halo,
+            self._pieces.edges,
+            halos,
             transition,
             self._apart,
             ratios,
@@ -193,7 +199,7 @@ class PlaceFilter:
 
     def _advance_by_odometry(
         self,
-        route: RouteCells,
+        cells: RouteCells,
         displacement: Displacement,
         ratios: Array,
         full_ratio: Array,
@@ -201,10 +207,10 @@ class PlaceFilter:
     ) -> tuple[float, float]:
         """Predict by odometry, which gives the speed on the map and when lost, and update."""
         self._prior = self.statistics.prior.astype(np.float32)
-        speeds = speeds_of(displacement.pace / route.spacing)
-        carried = self._carried(route, displacement)
+        speeds = speeds_of(displacement.pace / cells.spacing)
+        carried = self._carried(cells, displacement)
         steps, self._lost_likelihood, self._jump_likelihood = self._likelihoods_of_displacement(
-            displacement, route
+            displacement, cells
         )
         lost = float(self._lost.sum()) / self._total
         still_lost = self._lost_likelihood * lost * speeds
@@ -222,7 +228,7 @@ class PlaceFilter:
             by_speed,
         )
 
-    def _carried(self, route: RouteCells, displacement: Displacement) -> Array:
+    def _carried(self, cells: RouteCells, displacement: Displacement) -> Array:
         """Carry the beliefs of all shards to the shard's own places, see ``carry``."""
         by_place = self._by_place * np.float32((1 - LOSE) / self._total)
         carried = np.zeros((2, *by_place.shape), np.float32)
@@ -230,20 +236,24 @@ class PlaceFilter:
         picked = np.empty(by_place.shape[1], np.int32)
         own = picked[: pick(by_place[0] + by_place[1], least, picked)]
         first = self._own.start
-        carry(own + np.int32(first), by_place.T[own].copy(), route, displacement, first, carried)
+        carry(
+            own + np.int32(first), by_place.T[own].copy(), self._roads, displacement, first, carried
+        )
         if self._last_trace is not None:
             places = self._last_trace.places
             others = (places < first) | (places >= self._own.stop)
             belief = (1 - LOSE) * self._last_trace.belief[others].sum(axis=2)
-            carry(places[others], belief.astype(np.float32), route, displacement, first, carried)
+            carry(
+                places[others], belief.astype(np.float32), self._roads, displacement, first, carried
+            )
         return np.asarray(carried)
 
     def _likelihoods_of_displacement(
-        self, displacement: Displacement, route: RouteCells
+        self, displacement: Displacement, cells: RouteCells
     ) -> tuple[Array, Vector, float]:
         """Return the likelihood of the step at each place, (K,), when lost, (1,), and of a jump."""
         lengths, step = self._lengths, self._observation.step
-        pace = displacement.pace / route.spacing
+        pace = displacement.pace / cells.spacing
         steps = np.empty(self._apart.shape[1], np.float32)
         step_likelihood(self._apart, 0, lengths.stationary, pace, step, steps)
         return steps, *step_likelihood_when_lost(lengths, np.array([pace]), step)

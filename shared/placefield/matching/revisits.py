@@ -1,14 +1,16 @@
 """Finds the later places of a reference that show the same stretch as earlier ones.
 
-A route may be driven twice. The reference is recognised as if it were a query, by the rule
-``filter`` and smoothed, but each of its frames only among clearly earlier places. Different places
-that look alike must never be joined, so the requirements are high: long runs of frames that are all
+A stretch may be driven twice, in one route or in several. The reference is recognised as if it were
+a query, by the rule ``filter`` and smoothed, but each of its frames only among clearly earlier
+places: those of earlier routes, and of its own route long before. Different places that look alike
+must never be joined, so the requirements are high: long runs of frames that are all
 but certain, most of which are nearest to their twin. A stretch that is driven in reverse is another
 stretch, because the camera faces the other way.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +19,8 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.maps.map import STEPS, MapChannel, MapMetric
 from placefield.maps.map_metrics import identity_metric
-from placefield.matching.best_window import best_window, twins_in
+from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
+from placefield.matching.best_window import Vicinity, best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
@@ -26,8 +29,8 @@ from placefield.matching.sharding import ChannelShard
 MOST = 4000
 """Most places that are searched; a longer reference is sampled evenly."""
 
-_GAP = 20  # places; nearer places are neighbours, which look alike
-_APART = 2 * _GAP  # least places between a place and its twin, so that they are no neighbours
+_GAP = 20  # places; nearer places of a route are neighbours, which look alike
+_APART = 2 * _GAP  # least places of a route between a place and its twin, which is no neighbour
 _LIKELY = 0.9  # probability of each frame of a run
 _CERTAIN, _LEAST = 0.999, 12  # a run must have so many frames of this probability
 _NEAREST = 0.5  # fraction of a run whose nearest earlier place must be the twin
@@ -58,7 +61,7 @@ class _Revisit(NamedTuple):
     twins: Same
 
 
-def same_places(descriptors: Array) -> Same:
+def same_places(descriptors: Array, first: Firsts = ONE_ROUTE) -> Same:
     """Return the earliest place that each is the same as, itself where there is none, (K,) int32.
 
     The cost is quadratic in the places. Of more than ``MOST`` places, only every n-th is searched.
@@ -67,34 +70,37 @@ def same_places(descriptors: Array) -> Same:
 
     Args:
         descriptors: (K, N) float32, of the reference, of length 1.
+        first: (R,) int32, the first place of each route.
     """
     every = -(-len(descriptors) // MOST)
-    searched = descriptors[::every]
-    recognised = _recognised(searched)
+    searched, starts = descriptors[::every], -(-first // every)
+    recognised = _recognised(searched, starts)
     runs: list[_Revisit] = []
     while True:  # once two laps share their places, a third lap can be recognised
-        more = _runs(recognised, _joined(searched, runs))
+        more = _runs(recognised, _joined(searched, runs), starts)
         if sum(len(run.twins) for run in more) <= sum(len(run.twins) for run in runs):
             return _joined(descriptors, runs, every)
         runs = more
 
 
-def _recognised(descriptors: Array) -> _Recognised:
+def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
     """Recognise frames part by part, to limit the memory for frames that are not smoothed yet."""
     metric = identity_metric(descriptors)
     shard = ChannelShard(channel_without_segments(metric), MatchingConfig(tolerance=_TOLERANCE))
     places = MetricPlaces(metric, exact=True)
     nearest: list[int] = []
     posteriors: list[tuple[Same, Array]] = []
-    for start in range(0, len(descriptors), _PART):
-        matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, 0)
-        resembled: list[int] = []
-        for frame in _among_earlier(places, descriptors, first, start + _PART + _AROUND):
-            resembled.append(int(np.argmin(frame.distances)))
-            matcher.update(frame)
-        own = slice(start - first, start - first + _PART)
-        nearest += resembled[own]
-        posteriors += [_posterior(candidate) for candidate, _ in matcher.finish()[own]]
+    for route, end in pairwise([*starts.tolist(), len(descriptors)]):
+        for start in range(route, end, _PART):
+            matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, route)
+            stop = min(start + _PART + _AROUND, end)
+            resembled: list[int] = []
+            for frame in _among_earlier(places, descriptors, (first, stop), route):
+                resembled.append(int(np.argmin(frame.distances)))
+                matcher.update(frame)
+            own = slice(start - first, min(start + _PART, end) - first)
+            nearest += resembled[own]
+            posteriors += [_posterior(candidate) for candidate, _ in matcher.finish()[own]]
     return _Recognised(np.array(nearest), posteriors)
 
 
@@ -113,32 +119,46 @@ def channel_without_segments(metric: MapMetric) -> MapChannel:
 
 
 def _among_earlier(
-    places: MetricPlaces, descriptors: Array, first: int, end: int
+    places: MetricPlaces, descriptors: Array, frames: tuple[int, int], route: int
 ) -> Iterator[Comparison]:
-    """Compare frames with the places before them; all other places get the mean distance."""
-    for number, frame in enumerate(places.compare(descriptors[first:end]), first):
+    """Compare frames with clearly earlier places; all other places get the mean distance.
+
+    Args:
+        places: of all routes.
+        descriptors: of all frames.
+        frames: the first frame, and the last one + 1.
+        route: the first place of their route.
+    """
+    for number, frame in enumerate(places.compare(descriptors[slice(*frames)]), frames[0]):
         distances = frame.distances.copy()
-        distances[max(number - _GAP + 1, 0) :] = distances.mean()
+        distances[max(number - _GAP + 1, route) :] = distances.mean()
         yield replace(frame, distances=distances)
 
 
-def _runs(recognised: _Recognised, same: Same) -> list[_Revisit]:
+def _runs(recognised: _Recognised, same: Same, starts: Firsts) -> list[_Revisit]:
     """Return the runs of frames that are surely the same as earlier places.
+
+    A run is in one route, and so are its twins.
 
     Args:
         recognised: the frames.
         same: (k,) int32, which place each is known to be the same as.
+        starts: (R,) int32, the first frame of each route.
     """
-    shared = twins_in(same)
-    windows = [best_window(*each, _TOLERANCE, shared) for each in recognised.posteriors]
+    frames = np.arange(len(same))
+    route = routes_of(starts, frames)
+    vicinity = Vicinity(_TOLERANCE, twins_in(same))
+    windows = [best_window(*each, vicinity) for each in recognised.posteriors]
     places = np.array([place for place, _ in windows])
     probabilities = np.array([probability for _, probability in windows])
     twins = same[places]
-    likely = (probabilities >= _LIKELY) & (np.arange(len(same)) - places >= _APART)
-    follows = likely[1:] & likely[:-1] & (np.abs(np.diff(twins)) <= STEPS)
+    is_earlier = (frames - places >= _APART) | (route[places] < route)
+    likely = (probabilities >= _LIKELY) & is_earlier
+    one_route = (np.diff(route) == 0) & (np.diff(route[twins]) == 0)
+    follows = likely[1:] & likely[:-1] & (np.abs(np.diff(twins)) <= STEPS) & one_route
     resembles = np.abs(same[recognised.nearest] - twins) <= _TOLERANCE
     runs = []
-    for run in np.split(np.arange(len(same)), np.flatnonzero(~follows) + 1):
+    for run in np.split(frames, np.flatnonzero(~follows) + 1):
         certain = np.count_nonzero(likely[run] & (probabilities[run] >= _CERTAIN))
         if certain >= _LEAST and resembles[run].mean() >= _NEAREST:
             runs.append(_Revisit(int(run[0]), twins[run]))
@@ -153,7 +173,7 @@ def _joined(descriptors: Array, runs: Sequence[_Revisit], every: int = 1) -> Sam
         known = (first + np.arange(len(twins))) * every
         expected = np.interp(frames, known, twins * float(every)).round().astype(np.int32)
         for frame, place in zip(frames, expected, strict=True):
-            around = max(place - every + 1, 0)
-            alike = descriptors[around : place + every] @ descriptors[frame]
+            around, end = max(place - every + 1, 0), min(place + every, frame)
+            alike = descriptors[around:end] @ descriptors[frame]
             same[frame] = same[around + int(np.argmax(alike))]
     return same

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.route_graph import check_rule
+from placefield.maps.topology import Topology, line_of
 from placefield.matching.ams import AmsMatcher
-from placefield.matching.best_window import twins_in
+from placefield.matching.best_window import vicinity_of
 from placefield.matching.comparing import SampledPlaces
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import (
@@ -22,7 +23,7 @@ from placefield.matching.filter_matcher import (
 )
 from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.motion import evenly_spaced
-from placefield.matching.odometry import RouteCells, route_cells
+from placefield.matching.roads import roads_of
 from placefield.matching.smoother import Smoother
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.search.spread import Spread, spread_of
@@ -88,8 +89,7 @@ class ChannelShard:
         shard: int = 0,
         shards: int = 1,
         shared: MetricShards | None = None,
-        travelled: NDArray[np.float64] | None = None,
-        same: NDArray[np.int32] | None = None,
+        topology: Topology | None = None,
     ) -> None:
         """Prepare a shard. This may read all places, except for a whole channel under ``filter``.
 
@@ -100,11 +100,11 @@ class ChannelShard:
             shard: index of the shard, from 0.
             shards: how many there are.
             shared: by the channels of a worker.
-            travelled: (K,) metres up to each place of the map; None or empty: unknown.
-            same: (K,) int32, which place of the map each is the same as; None: all differ.
+            topology: of the map; None: one route of unknown metres, whose places all differ.
 
         Raises:
-            ConfigError: the map has too few places for so many shards.
+            ConfigError: the map has too few places for so many shards, or links that the rule does
+                not follow.
         """
         shared = shared or MetricShards()
         self._channel, self._matching = channel, matching
@@ -117,15 +117,18 @@ class ChannelShard:
         self._number = shards - 1 - shard if matching.reverse else shard
         self._in_order = self._reordered(self.own)
         self._observed = self._in_order
-        self._same = self._reordered_twins(same)
+        topology = topology or line_of(self._places)
+        check_rule(matching.rule, len(topology.graph.names))
         if matching.rule == "filter":
+            topology = topology.reversed() if matching.reverse else topology
             has_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
             self._whole = WholeMap(
-                step_lengths_of(metric, reverse=matching.reverse),
-                self._route_cells(travelled),
+                step_lengths_of(metric, topology, reverse=matching.reverse),
                 shared.spread(metric) if shards > 1 else None,
                 None if has_all else shared.sampled(metric, reverse=matching.reverse),
+                roads=roads_of(topology),
             )
+            self._vicinity = vicinity_of(topology, matching.tolerance)
             first, last = self._in_order.start - HALO, self._in_order.stop + HALO
             self._observed = slice(max(first, 0), min(last, self._places))
         else:
@@ -141,19 +144,6 @@ class ChannelShard:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
-    def _reordered_twins(self, same: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
-        """Return which places are the same, in the order of travel; None where all differ."""
-        twins = None if same is None else twins_in(same)
-        if twins is None or not self._matching.reverse:
-            return twins
-        return np.int32(self._places - 1) - twins[::-1]
-
-    def _route_cells(self, travelled: NDArray[np.float64] | None) -> RouteCells | None:
-        """Return the cells of the places, in the order of travel; None without their metres."""
-        if travelled is None or not len(travelled):
-            return None
-        return route_cells(travelled[-1] - travelled[::-1] if self._matching.reverse else travelled)
-
     def new_matcher(self, lag: int | None = None) -> Matcher:
         """Return a matcher for a new stream; frames are compared under this shard's metric.
 
@@ -166,9 +156,8 @@ class ChannelShard:
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
     def _filter(self, lag: int) -> Matcher:
-        tolerance = self._matching.tolerance
         whole = self._whole
-        smoother = Smoother(whole.lengths, lag, tolerance, whole.route, self._same)
+        smoother = Smoother(whole.lengths, lag, self._vicinity, whole.roads)
         return FilterMatcher(whole, self._in_order, self._number, smoother)
 
     def _windows(self, lag: int) -> Matcher:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
+from placefield.matching.chains import Chains, Passages
 from placefield.matching.motion import (
     FIND,
     HYPOTHESES,
@@ -31,6 +32,7 @@ def step_back(
     apart: Array,
     stationary: float,
     motion: Motion,
+    chains: Chains,
     before: Places,
     backward: Array,
 ) -> Vector:
@@ -45,6 +47,7 @@ def step_back(
         apart: (6, K) float32, see ``StepLengths``.
         stationary: see ``StepLengths``.
         motion: of the vehicle.
+        chains: of the map.
         before: (m,) int32, places in the trace of the frame before.
         backward: (m, 2, S) float32, receives the message of the frame before at each of them.
 
@@ -56,7 +59,7 @@ def step_back(
     weighted, found = _weighted(transit, placed, apart, stationary)
     still_lost = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / transit.all_places * found)
     from_lost = still_lost + motion.change * ((motion.prior * still_lost).sum() - still_lost)
-    _reach_back(transit, weighted, motion, to_lost, before, backward)
+    _reach_back(transit, weighted, motion, chains, to_lost, before, backward)
     values = backward.reshape(backward.size)
     top = from_lost.max()
     for i in range(len(values)):
@@ -107,6 +110,7 @@ def _reach_back(
     transit: ObservedTransition,
     weighted: Array,
     motion: Motion,
+    chains: Chains,
     to_lost: float,
     before: Places,
     backward: Array,
@@ -117,6 +121,7 @@ def _reach_back(
         transit: see ``step_back``.
         weighted: see ``_weighted``.
         motion: of the vehicle.
+        chains: of the map.
         to_lost: the message when lost, times the chance of that.
         before: see ``step_back``.
         backward: see ``step_back``; not scaled.
@@ -126,7 +131,9 @@ def _reach_back(
     reached = np.empty((speeds, len(before)), np.float32)
     mixed = np.empty(len(before), np.float32)
     for hypothesis in range(2):
-        _rows_in_reach(transit.places, before, hypothesis, rows)
+        _rows_in_reach(transit.places, before, chains.edges, hypothesis, rows)
+        passages = chains.ahead if hypothesis == 0 else chains.behind
+        crossings = _crossings(transit.places, before, chains.edges, passages)
         mixed[:] = 0
         for speed in range(speeds):
             reached[speed] = 0
@@ -134,6 +141,9 @@ def _reach_back(
             for step in range(least, min(least + 3, REACH + 1)):
                 there = weighted[min(step, 1), hypothesis, speed]
                 _add(motion.chances[speed, step], there, rows[step], reached[speed])
+            _add_crossings(
+                motion.chances[speed], weighted[1, hypothesis, speed], crossings, reached[speed]
+            )
             _mix(transit.prior[speed], reached[speed], mixed)
         for speed in range(speeds):
             by_speed, change = reached[speed], motion.change[speed]
@@ -157,16 +167,64 @@ def _mix(prior: float, reached: Array, mixed: Array) -> None:
 
 
 @kernel
-def _rows_in_reach(
-    places: Places, before: Places, hypothesis: int, rows: NDArray[np.uint32]
+def _crossings(
+    places: Places, before: Places, edges: Places, passages: Passages
+) -> tuple[NDArray[np.int32], Array]:
+    """Return the steps over passages from some places, (m,), to others, (n,), all ascending.
+
+    Returns:
+        (c, 3) int32, the places in a step, and the numbers of both places in their arrays; and the
+        chance of each passage, (c,) float32.
+    """
+    steps, chances = np.empty((0, 3), np.int32), np.empty(0, np.float32)
+    for once in range(2):  # to count them, then to write them
+        count = 0
+        for passage in range(len(passages.source)):
+            source, target = passages.source[passage], passages.target[passage]
+            shift = int(passages.shift[passage])
+            begin, end = edges[target], edges[target + 1]
+            first = np.searchsorted(before, max(edges[source], begin + shift - REACH))
+            last = np.searchsorted(before, min(edges[source + 1], end + shift + REACH))
+            for j in range(first, last):
+                i = np.searchsorted(places, max(begin, before[j] - shift - REACH))
+                while i < len(places) and places[i] < end:
+                    away = abs(places[i] + shift - before[j])
+                    if away > REACH:
+                        break
+                    if once == 1:
+                        steps[count] = away, j, i
+                        chances[count] = passages.chance[passage]
+                    count += 1
+                    i += 1
+        if once == 0:
+            steps, chances = np.empty((count, 3), np.int32), np.empty(count, np.float32)
+    return steps, chances
+
+
+@kernel
+def _add_crossings(
+    chances: Array, there: Array, crossings: tuple[NDArray[np.int32], Array], reached: Array
 ) -> None:
-    """Write which of n places a step of 0, 1, … from other places, (m,), leads to.
+    """Add the message at the places that steps over passages lead to, at one speed."""
+    steps, passage = crossings
+    for crossing in range(len(steps)):
+        places, j, i = steps[crossing]
+        reached[j] += chances[places] * passage[crossing] * there[i]
+
+
+@kernel
+def _rows_in_reach(
+    places: Places, before: Places, edges: Places, hypothesis: int, rows: NDArray[np.uint32]
+) -> None:
+    """Write which of n places a step of 0, 1, … in its chain leads to from other places, (m,).
 
     ``rows`` is (REACH + 1, m) uint32. It is n where a step leads to none of the n places.
     """
     rows[:] = len(places)
-    first = 0  # that is in reach of a place; both ascend
+    first, chain = 0, 0  # the first place in reach of a place, and the chain of that; all ascend
     for j in range(len(before)):
+        while edges[chain + 1] <= before[j]:
+            chain += 1
         while first < len(places) and places[first] < before[j] - REACH:
             first += 1
         for i in range(first, len(places)):
@@ -174,7 +232,10 @@ def _rows_in_reach(
             if away > REACH:
                 break
             step = away if hypothesis == 0 else -away
-            if 0 <= step <= REACH:  # whatever came from other shards, who may not ascend
+            in_chain = edges[chain] <= places[i] < edges[chain + 1]
+            if (
+                in_chain and 0 <= step <= REACH
+            ):  # whatever came from other shards, who may not ascend
                 rows[step, j] = i
 
 

@@ -10,9 +10,6 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from placefield.matching.backward import (
     NOWHERE,
     BackwardMessage,
@@ -20,10 +17,10 @@ from placefield.matching.backward import (
     Posterior,
     posterior,
 )
-from placefield.matching.best_window import best_window
+from placefield.matching.best_window import Vicinity, best_window
 from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.matching.motion import StepLengths
-from placefield.matching.odometry import RouteCells
+from placefield.matching.roads import LINE, Roads
 from placefield.matching.trace import Trace
 
 _EVERY = 3  # frames between two backward passes
@@ -46,29 +43,27 @@ class Smoother:
         self,
         lengths: StepLengths,
         lag: int,
-        tolerance: int,
-        route: RouteCells | None = None,
-        same: NDArray[np.int32] | None = None,
+        vicinity: Vicinity,
+        roads: Roads = LINE,
     ) -> None:
         """Prepare for a new stream.
 
         Args:
             lengths: of steps on the whole map.
             lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``.
-            tolerance: places within which a match is right.
-            route: cells of the whole map; None if its metres are not known.
-            same: (K,) int32, which place of the map each is the same as; None: all differ.
+            vicinity: within which a match is right.
+            roads: of the whole map.
         """
-        self._lag, self._tolerance, self._same = lag, tolerance, same
-        self._backward = BackwardPass(lengths, route)
+        self._lag, self._vicinity = lag, vicinity
+        self._backward = BackwardPass(lengths, roads)
         self._waiting: deque[Trace | None] = deque()
         self._frames = 0
         self._unobserved = 0  # in a row
 
-    def grow(self, lengths: StepLengths, same: NDArray[np.int32] | None) -> None:
+    def grow(self, lengths: StepLengths, vicinity: Vicinity) -> None:
         """Append places to the map; see the arguments of the same names when it began."""
         self._backward.grow(lengths)
-        self._same = same
+        self._vicinity = vicinity
 
     def update(self, trace: Trace | None) -> list[SmoothedPosterior]:
         """Add the next trace, None before the first observation; return the frames smoothed now."""
@@ -112,7 +107,7 @@ class Smoother:
         if not len(smoothed.places):
             return True
         places, belief, _ = smoothed
-        probability = best_window(places, belief, self._tolerance, self._same)[1]
+        probability = best_window(places, belief, self._vicinity)[1]
         return probability >= _CERTAIN or (probability <= _HOPELESS and lag >= _PATIENCE)
 
     def _back(self) -> Iterator[tuple[Trace, BackwardMessage] | tuple[None, None]]:

@@ -1,10 +1,11 @@
 """The textbook version of the filter and its smoother, to read, and for tests to compare with.
 
 It is a hidden Markov model with the states (hypothesis, speed, place) and (lost, speed). There are
-no shards, no pruning and no compiled loops; arrays are dense and float64. The observation of a
-frame is given as its likelihood at every place, relative to that when lost, and the step from the
-frame before has a likelihood of its own. A frame counts for less where the vehicle already was than
-where it has just come to.
+no shards, no pruning and no compiled loops; numbers are float64. A step of several places is as
+many steps of one place, all by one transition matrix, which is sparse. The observation of a frame
+is given as its likelihood at every place, relative to that when lost, and the step from the frame
+before has a likelihood of its own. A frame counts for less where the vehicle already was than where
+it has just come to.
 """
 
 from collections.abc import Sequence
@@ -12,10 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from placefield.maps.route_graph import RouteGraph
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int32]
+Ways = tuple[csr_array[np.float64], csr_array[np.float64]]
 
 
 class State(NamedTuple):
@@ -35,6 +40,20 @@ class State(NamedTuple):
         return State(self.placed / total, self.lost / total)
 
 
+def ways_of(graph: RouteGraph, count: int) -> Ways:
+    """Return the transition matrices of a step of one place, see ``Step``.
+
+    A vehicle takes each way from a place with the same chance, in reverse as well.
+    """
+    left, arrived = graph.edges(count).T
+    return _transition(left, arrived, count), _transition(arrived, left, count)
+
+
+def _transition(left: Places, arrived: Places, count: int) -> csr_array[np.float64]:
+    chances = 1 / np.bincount(left, minlength=count)[left]
+    return csr_array((chances, (left, arrived)), shape=(count, count))
+
+
 class Step(NamedTuple):
     """The transition to a frame, and the likelihood of the observed step.
 
@@ -43,6 +62,8 @@ class Step(NamedTuple):
         unlearned: (S,), the same when lost.
         change: (S,), chance of a change.
         chances: (S, R), of a step of 0, 1, … places at each speed.
+        ways: chance of a step of one place from each place to each, (K, K), on the map and on its
+            reverse.
         likelihood: (S, K), of the observed step, at each speed, by the place that it leads to.
         lost_likelihood: (S,), the same when lost.
         jump: the same from a place to lost.
@@ -52,6 +73,7 @@ class Step(NamedTuple):
     unlearned: Array
     change: Array
     chances: Array
+    ways: Ways
     likelihood: Array
     lost_likelihood: Array
     jump: float
@@ -100,12 +122,10 @@ def predict(state: State, step: Step) -> Predicted:
     changed = np.einsum("s,hsk->hk", step.change, state.placed)
     mixed = (1 - step.change)[:, None] * state.placed
     mixed = mixed + step.prior[:, None] * changed[:, None]
-    came = np.zeros_like(mixed)
-    count = came.shape[2]
-    for places in range(1, min(step.chances.shape[1], count)):
-        chance = step.chances[:, places, None]
-        came[0, :, places:] += chance * mixed[0, :, : count - places]
-        came[1, :, : count - places] += chance * mixed[1, :, places:]
+    came, moving, count = np.zeros_like(mixed), mixed, mixed.shape[2]
+    for chance in step.chances[:, 1:].T:
+        moving = np.stack([each @ ways for each, ways in zip(moving, step.ways, strict=True)])
+        came += chance[:, None] * moving
     change = step.change
     still_lost = step.lost_likelihood * (
         (1 - change) * state.lost + step.unlearned * (change @ state.lost)
@@ -160,10 +180,9 @@ def predict_backward(backward: State, step: Step, likelihood: Likelihood) -> Sta
     stayed = step.likelihood * backward.placed * likelihood.again
     message = step.likelihood * anew
     reached = step.chances[:, 0, None] * stayed
-    for places in range(1, min(step.chances.shape[1], count)):
-        chance = step.chances[:, places, None]
-        reached[0, :, : count - places] += chance * message[0, :, places:]
-        reached[1, :, places:] += chance * message[1, :, : count - places]
+    for chance in step.chances[:, 1:].T:
+        message = np.stack([each @ ways.T for each, ways in zip(message, step.ways, strict=True)])
+        reached += chance[:, None] * message
     mixed = np.einsum("s,hsk->hk", step.prior, reached)
     change = step.change[:, None]
     kept = (1 - change) * reached + change * mixed[:, None]

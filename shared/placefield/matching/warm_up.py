@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
 from placefield.maps.map import MapChannel
+from placefield.maps.topology import line_of
 from placefield.matching.channel_stage import ChannelStage
 
 _PLACES = 100  # compiled code is the same for any number of them
@@ -32,10 +33,12 @@ def warm_up(
         travelled: (K,) metres up to each place of the map; None or empty: unknown.
     """
     short = dict(enumerate(map(beginning_of, channels)))
-    metres = None if travelled is None else travelled[:_PLACES]
-    stage = ChannelStage(short, matching, travelled=metres)
+    topology = line_of(len(short[0].metric.places))
+    if travelled is not None:
+        topology = replace(topology, travelled=travelled[:_PLACES])
+    stage = ChannelStage(short, matching, topology=topology)
     _match(stage, measured=False)
-    if metres is not None and len(metres):
+    if len(topology.travelled):
         _match(stage, measured=True)
 
 

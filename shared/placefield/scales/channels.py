@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import MapError
+from placefield.maps.route_graph import ONE_ROUTE, Firsts
 from placefield.scales.clustering import cluster, with_route_position
 from placefield.scales.encoding import Encoding, encode
 from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
@@ -56,6 +57,7 @@ def make_channels(
     same_start: bool = False,
     position_weight: float = 1.0,
     travelled: NDArray[np.floating] | None = None,
+    first: Firsts = ONE_ROUTE,
     run: Run = map,
     progress: Progress = lambda number, fraction: None,
 ) -> tuple[Channel, ...]:
@@ -77,6 +79,7 @@ def make_channels(
         same_start: whether all channels start from the same stretches.
         position_weight: of the frame's position in the route, see `with_route_position`.
         travelled: (K,) metres travelled up to each frame, if `min_scale` is in metres.
+        first: (R,) int32, the first frame of each route; no segment lies in two routes.
         run: applies a function to all channels, which do not depend on each other.
         progress: receives every channel's progress; an exception of it ends the work.
 
@@ -97,7 +100,7 @@ def make_channels(
         start = seed if same_start else seed + number
         labels = cluster(placed, clusters, spread[number], start, swept).labels
         progress(number, 1)
-        encoding = encode(labels, min_scale, travelled)
+        encoding = encode(labels, min_scale, travelled, first)
         least = f"{min_scale:g} {'frames' if travelled is None else 'm'}"
         _refuse_too_few(encoding, number, least)
         return Channel(spread[number], labels, encoding)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.maps.route_graph import ONE_ROUTE, Firsts
+
 
 @dataclass(frozen=True)
 class Encoding:
@@ -31,11 +33,12 @@ def encode(
     clusters: NDArray[np.integer],
     min_scale: float,
     travelled: NDArray[np.floating] | None = None,
+    first: Firsts = ONE_ROUTE,
 ) -> Encoding:
     """Divide a traverse into active and inactive segments.
 
-    A segment is a run of consecutive frames of one cluster. A segment shorter than the lower limit
-    is inactive (rule 1); every other one is active and has its own label (rule 2).
+    A segment is a run of consecutive frames of one cluster, in one route. A segment shorter than
+    the lower limit is inactive (rule 1); every other one is active and has its own label (rule 2).
 
     Args:
         clusters: (K,) cluster of each frame in route order, K >= 1.
@@ -43,8 +46,9 @@ def encode(
         travelled: (K,) metres travelled up to each frame. A segment's length is then the distance
             between its first and last frame, plus the traverse's mean spacing for the gap to the
             next segment; lengths are compared to the millimetre.
+        first: (R,) int32, the first frame of each route.
     """
-    changes = np.flatnonzero(np.diff(clusters)) + 1
+    changes = np.union1d(np.flatnonzero(np.diff(clusters)) + 1, first[1:])
     segments = np.column_stack([np.r_[0, changes], np.r_[changes, len(clusters)]])
     frames = np.diff(segments, axis=1)[:, 0]
     lengths = frames if travelled is None else _metres(segments, travelled)

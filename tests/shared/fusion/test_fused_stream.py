@@ -21,7 +21,7 @@ def test_streams_of_one_comparison_match_as_alone(
     descriptors = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
     unobserved = {0, 20, 21}
     stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig(rule=rule))
-    fusion = FusionStage(small_map.places.same, MatchingConfig(rule=rule))
+    fusion = FusionStage(small_map.topology, MatchingConfig(rule=rule))
     streams = {lag: FusedStream(stage, fusion, lag) for lag in (0, 3, 20)}
     together: dict[int, tuple[list[Match], list[SmoothedMatch]]]
     together = {lag: ([], []) for lag in streams}  # causal, and smoothed before the end
@@ -45,7 +45,7 @@ def test_of_a_whole_drive_nothing_is_smoothed_before_its_end(
     small_map: Map, make_traverse: Callable[..., Traverse]
 ) -> None:
     stage = ChannelStage(dict(enumerate(small_map.channels)), MatchingConfig())
-    stream = FusedStream(stage, FusionStage(small_map.places.same, MatchingConfig()), WHOLE_DRIVE)
+    stream = FusedStream(stage, FusionStage(small_map.topology, MatchingConfig()), WHOLE_DRIVE)
     query = [*small_map.model.of_reference(make_traverse(noise=0.3).raw)]
     for compared in stage.compare(query):
         stream.update(compared)

@@ -6,6 +6,7 @@ import pytest
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.rules import fuse
+from placefield.maps.topology import line_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, NO_PLACES, Candidate
 
 COUNT = 9
@@ -33,7 +34,7 @@ FITTING: list[tuple[Rule, Candidate]] = [
 @pytest.mark.parametrize(("rule", "candidate"), FITTING)
 def test_candidates_of_a_rule_and_map_fit_and_are_fused(rule: Rule, candidate: Candidate) -> None:
     matching = MatchingConfig(rule=rule)
-    stage = FusionStage(np.arange(COUNT, dtype=np.int32), matching)
+    stage = FusionStage(line_of(COUNT), matching)
     assert stage.fits(candidate)
     assert stage.fits(NO_CANDIDATE)
     expected = fuse([candidate, NO_CANDIDATE], matching, missing=[2])
@@ -54,21 +55,17 @@ def test_candidates_of_a_rule_and_map_fit_and_are_fused(rule: Rule, candidate: C
     ],
 )
 def test_candidates_of_another_rule_or_map_do_not_fit(rule: Rule, candidate: Candidate) -> None:
-    assert not FusionStage(np.arange(COUNT, dtype=np.int32), MatchingConfig(rule=rule)).fits(
-        candidate
-    )
+    assert not FusionStage(line_of(COUNT), MatchingConfig(rule=rule)).fits(candidate)
 
 
 def test_a_shard_holds_no_more_than_the_map() -> None:
-    stage = FusionStage(np.arange(COUNT, dtype=np.int32), MatchingConfig(rule="evidence"))
+    stage = FusionStage(line_of(COUNT), MatchingConfig(rule="evidence"))
     assert stage.fits(evidence_of(4), shards=2)
     assert not stage.fits(evidence_of(COUNT + 1), shards=2)
 
 
 def test_shards_are_joined_and_whole_channels_pass() -> None:
-    joiner = FusionStage(
-        np.arange(COUNT, dtype=np.int32), MatchingConfig(rule="evidence")
-    ).new_joiner()
+    joiner = FusionStage(line_of(COUNT), MatchingConfig(rule="evidence")).new_joiner()
     assert joiner.add(0, 1, 0, 1, evidence_of(COUNT)) is not None
     assert joiner.add(0, 0, 1, 2, evidence_of(4)) is None
     joined = joiner.add(0, 0, 0, 2, evidence_of(5))

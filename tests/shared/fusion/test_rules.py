@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig, Rule
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
+from placefield.matching.best_window import Vicinity
 from placefield.matching.candidate import (
     NO_CANDIDATE,
     NO_EVIDENCE,
@@ -276,7 +277,7 @@ def test_where_no_place_is_the_same_as_another_matches_are_the_same_to_the_last_
 ) -> None:
     config = MatchingConfig(tolerance=tolerance)
     candidates = [belief_in(dict(sorted(channel.items()))) for channel in channels]
-    assert fuse(candidates, config, same=laps(30)) == fuse(candidates, config)
+    assert fuse(candidates, config, Vicinity(tolerance, laps(30))) == fuse(candidates, config)
 
 
 @given(beliefs, st.integers(0, 4))
@@ -285,7 +286,7 @@ def test_belief_is_that_in_all_places_near_the_match_or_the_same_as_one_near_it(
 ) -> None:
     same = laps(12, 10, 8)
     candidate = belief_in(dict(sorted(belief.items())))
-    match = fuse([candidate], MatchingConfig(tolerance=tolerance), same=same)
+    match = fuse([candidate], MatchingConfig(tolerance=tolerance), Vicinity(tolerance, same))
     near = sum(
         value
         for place, value in belief.items()
@@ -298,7 +299,7 @@ def test_belief_is_that_in_all_places_near_the_match_or_the_same_as_one_near_it(
 def test_two_laps_share_their_belief_and_the_one_of_most_is_the_match() -> None:
     belief = belief_in({3: 0.2, 4: 0.2, 13: 0.1, 14: 0.3, 15: 0.2})
     alone = fuse([belief], MatchingConfig(tolerance=1))
-    shared = fuse([belief], MatchingConfig(tolerance=1), same=laps(10, 10))
+    shared = fuse([belief], MatchingConfig(tolerance=1), Vicinity(1, laps(10, 10)))
     assert (alone.place, shared.place) == (14, 14)
     assert alone.probability == pytest.approx(0.6)
     assert shared.probability == pytest.approx(1, abs=1e-6)
@@ -308,18 +309,18 @@ def test_two_laps_share_their_belief_and_the_one_of_most_is_the_match() -> None:
 
 def test_two_laps_together_are_likelier_than_a_place_that_is_passed_once() -> None:
     belief = belief_in({2: 0.3, 8: 0.4, 12: 0.3})
-    assert fuse([belief], MatchingConfig(tolerance=0), same=laps(10, 5)).place in {2, 12}
+    assert fuse([belief], MatchingConfig(tolerance=0), Vicinity(0, laps(10, 5))).place in {2, 12}
 
 
 def test_belief_is_not_cut_in_two_where_a_second_lap_leaves_the_first() -> None:
     same = laps(10, 20)
     same[15:] = np.arange(15, 30)  # from here on on a road of its own
     belief = belief_in({14: 0.5, 15: 0.5})
-    assert fuse([belief], MatchingConfig(tolerance=1), same=same).probability > 0.999
+    assert fuse([belief], MatchingConfig(tolerance=1), Vicinity(1, same)).probability > 0.999
 
 
 def test_a_match_in_another_lap_is_not_elsewhere_for_the_margin_of_evidence() -> None:
     evidence = evidence_of([5, -3, 5, 5, 0, 5, -2.5, -2, 5, 5])
     config = MatchingConfig(rule="evidence", neighbourhood=1)
     assert fuse([evidence], config) == Match(1, 0.5)
-    assert fuse([evidence], config, same=laps(5, 5)) == Match(1, 3)
+    assert fuse([evidence], config, Vicinity(1, laps(5, 5))) == Match(1, 3)

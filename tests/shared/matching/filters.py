@@ -1,12 +1,14 @@
 """Filters of the places of a metric, for tests of their beliefs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.map import MapChannel, MapMetric
+from placefield.maps.topology import Topology, line_of
 from placefield.matching.candidate import UNANSWERED, Candidate
 from placefield.matching.matcher import Matcher
 from placefield.matching.sharding import ChannelShard
@@ -34,11 +36,16 @@ def filter_of(
     lag: int = 20,
     *,
     tolerance: int = 3,
-    travelled: NDArray[np.float64] | None = None,
+    topology: Topology | None = None,
 ) -> Matcher:
     """A filter of all places, which are the only shard."""
     matching = MatchingConfig(lag=lag, tolerance=tolerance)
-    return ChannelShard(channel_of(metric), matching, travelled=travelled).new_matcher()
+    return ChannelShard(channel_of(metric), matching, topology=topology).new_matcher()
+
+
+def topology_of(travelled: NDArray[np.float64]) -> Topology:
+    """A line of places at these metres."""
+    return replace(line_of(len(travelled)), travelled=travelled)
 
 
 def posterior_of(candidate: Candidate, places: int) -> NDArray[np.float64]:

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.maps.topology import Topology, line_of
+from placefield.matching.carrying import carry
 from placefield.matching.motion import FIND, HYPOTHESES, LOSE
-from placefield.matching.odometry import Displacement, carry, route_cells, speeds_of
+from placefield.matching.odometry import Displacement, speeds_of
+from placefield.matching.roads import roads_of
 from placefield.matching.textbook import (
     Likelihood,
     Predicted,
@@ -20,6 +23,7 @@ from placefield.matching.textbook import (
     predict,
     predict_backward,
     update,
+    ways_of,
 )
 
 Points = NDArray[np.float64]
@@ -89,11 +93,13 @@ class OdometryStep:
 class ReferenceFilter:
     """The distribution over all states, frame by frame, and the data that the smoother needs."""
 
-    def __init__(self, places: Points, travelled: Points | None = None) -> None:
-        """Prepare for places (K, M), at these metres along the route (K,)."""
-        self.route = None if travelled is None else route_cells(travelled)
-        self.places = places
+    def __init__(self, places: Points, topology: Topology | None = None) -> None:
+        """Prepare for places (K, M)."""
         count = len(places)
+        topology = topology or line_of(count)
+        self.roads, self.route = roads_of(topology), roads_of(topology).cells
+        self.places, self.graph = places, topology.graph
+        self.ways = ways_of(self.graph, count)
         self.apart = [self.lengths_of_steps(step) for step in range(1, 7)]
         self.typical = float(np.median(self.apart[0])) or 1.0
         self.stationary = STATIONARY * self.typical
@@ -111,10 +117,25 @@ class ReferenceFilter:
 
     def lengths_of_steps(self, step: int) -> Points:
         """Return the step length to each place; the mean at the map's beginning."""
-        if step >= len(self.places):
+        lengths = np.full(len(self.places), np.nan)
+        for place in range(len(self.places)):
+            before: int | None = place
+            for _ in range(step):
+                before = None if before is None else self.likeliest_before(before)
+            if before is not None:
+                lengths[place] = math.dist(self.places[place], self.places[before])
+        if np.isnan(lengths).all():
             return np.zeros(len(self.places)) if step == 1 else self.lengths_of_steps(step - 1)
-        made = np.linalg.norm(self.places[step:] - self.places[:-step], axis=1)
-        return np.concatenate([np.full(step, made.mean()), made])
+        return np.where(np.isnan(lengths), np.nanmean(lengths), lengths)
+
+    def likeliest_before(self, place: int) -> int | None:
+        """Return the place from which the most vehicles come; of several, the one in the route."""
+        chances = self.ways[0][:, [place]].toarray()[:, 0]
+        if not chances.any():
+            return None
+        if place > 0 and place not in self.graph.first and chances[place - 1] == chances.max():
+            return place - 1
+        return int(np.argmax(chances))
 
     def update(self, frame: Points | None, displacement: Displacement | None = None) -> None:
         """Add the next frame (M,), or a missing observation, and its displacement if known."""
@@ -153,14 +174,18 @@ class ReferenceFilter:
         change = np.array([1 / (PERSISTENCE if speed > 0 else STOP) for speed in SPEEDS])
         if length is None:
             every = np.ones((len(SPEEDS), len(self.places)))
-            return Step(self.prior(), PRIOR, change, chances, every, np.ones(len(SPEEDS)), 1.0)
+            return Step(
+                self.prior(), PRIOR, change, chances, self.ways, every, np.ones(len(SPEEDS)), 1.0
+            )
         walked = max(length, self.stationary)
         likelihood = student(walked - np.array([self.expected(speed) for speed in SPEEDS]))
         lost_likelihood = likelihood[:, self.some].mean(axis=1)
         there = [(place - len(self.places) // 2) % len(self.places) for place in self.some]
         jumps = np.linalg.norm(self.places[self.some] - self.places[there], axis=1)
         jump = float(student(length - jumps).mean())
-        return Step(self.prior(), PRIOR, change, chances, likelihood, lost_likelihood, jump)
+        return Step(
+            self.prior(), PRIOR, change, chances, self.ways, likelihood, lost_likelihood, jump
+        )
 
     def moved(self, before: State, step: Step | OdometryStep) -> Predicted:
         return step.predict(before) if isinstance(step, OdometryStep) else predict(before, step)
@@ -174,7 +199,7 @@ class ReferenceFilter:
             carry(
                 np.array([place], np.int32),
                 np.ones((1, 2), np.float32),
-                self.route,
+                self.roads,
                 displacement,
                 0,
                 arrived,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.features.extract import feature_of
 from placefield.matching.candidate import UNANSWERED
-from placefield.matching.exploring import NEW, Answer, Explorer
+from placefield.matching.exploring import NEW, Answer, Explorer, SmoothedAnswer
 
 Array = NDArray[np.float32]
 CONFIG = MatchingConfig()
@@ -40,11 +40,14 @@ def explored(
     """Return causal and smoothed answers."""
     explorer = Explorer(config)
     causal: list[Answer] = []
-    smoothed: list[Answer] = []
+    smoothed: list[SmoothedAnswer] = []
     for raw in raws:
         causal.append(explorer.update(raw))
         smoothed += explorer.smoothed()
-    return causal, smoothed + explorer.finish()
+    smoothed += explorer.finish()
+    assert [each.frame for each in smoothed] == [*range(len(raws))]
+    assert all(0 <= each.lag <= config.lag for each in smoothed)
+    return causal, [each.answer for each in smoothed]
 
 
 def known(answers: Sequence[Answer]) -> list[int]:
@@ -102,7 +105,7 @@ def test_no_answer_depends_on_a_later_frame(end: int) -> None:
     part: list[Answer] = []
     for raw, answer in zip(raws[:end], causal, strict=False):
         assert explorer.update(raw) == answer
-        part += explorer.smoothed()
+        part += [each.answer for each in explorer.smoothed()]
     assert part == smoothed[: len(part)]
     assert len(part) >= end - CONFIG.lag
 
@@ -115,6 +118,22 @@ def test_unobserved_frames_are_answered_and_become_no_place() -> None:
     assert len(causal) == len(smoothed) == 200
     assert not {answer.place for answer in causal} & {0, 30, 31, 120, 150, 151}
     assert len(known(smoothed)) >= 90
+
+
+def test_skipped_frames_are_counted_but_not_answered() -> None:
+    raws = passing(route(100), range(100), range(100))
+    explorer = Explorer(CONFIG)
+    skipped, smoothed = 10**12, []
+    for number, raw in enumerate(raws):
+        if number == 100:
+            explorer.skip(skipped)
+        answer = explorer.update(raw)
+        smoothed += explorer.smoothed()
+        assert answer.place < 100
+    smoothed += explorer.finish()
+    assert explorer.frames == skipped + 200
+    assert [each.frame for each in smoothed] == [*range(100), *range(skipped + 100, skipped + 200)]
+    assert sum(each.answer.known for each in smoothed) >= 90
 
 
 @pytest.mark.parametrize("raws", [[], [None] * 80, [np.full(60, 3, np.float32)] * 80])

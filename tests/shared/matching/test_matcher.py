@@ -4,7 +4,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from comparisons import compared
-from filters import filter_of, posterior_of
+from filters import filter_of, posterior_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -248,9 +248,12 @@ def test_in_reverse_odometry_is_followed_as_on_a_route_whose_places_come_the_oth
     positions = np.random.default_rng(2).integers(-1, 9, 20).cumsum()
     observed = [int(place) for place in positions if 0 <= place < 90]
     readings = [float(travelled[-1] - travelled[89 - place]) for place in observed]
-    reverse = ChannelStage({0: forth}, MatchingConfig(reverse=True), travelled=travelled)
-    reversed = ChannelStage({0: back}, MatchingConfig(), travelled=travelled[-1] - travelled[::-1])
-    without = ChannelStage({0: back}, MatchingConfig(), travelled=np.empty(0))
+    reverse = ChannelStage(
+        {0: forth}, MatchingConfig(reverse=True), topology=topology_of(travelled)
+    )
+    back_along = topology_of(travelled[-1] - travelled[::-1])
+    reversed = ChannelStage({0: back}, MatchingConfig(), topology=back_along)
+    without = ChannelStage({0: back}, MatchingConfig())
     streams = [stage.new_stream() for stage in (reverse, reversed, without)]
     stages = (reverse, reversed, without)
     differ = False

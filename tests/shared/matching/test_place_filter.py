@@ -1,16 +1,20 @@
 """The filter against its model, written out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from comparisons import comparison, comparison_at, metric_of_quantized
-from filters import filter_of, posterior_of
+from filters import filter_of, posterior_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from reference_filter import ReferenceFilter
+from route_networks import networks
 
+from placefield.maps.map_metrics import steps_along
+from placefield.maps.topology import Topology
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison
 from placefield.matching.odometry import Odometer
@@ -29,13 +33,15 @@ def assert_the_model_is_followed(
     places: Quantized,
     unit: float,
     query: list[Quantized | None],
-    travelled: NDArray[np.float64] | None = None,
+    topology: Topology | None = None,
     readings: Sequence[float | None] | None = None,
 ) -> None:
     """Assert that the posteriors are the reference filter's, filtered and smoothed."""
     metric = metric_of_quantized(places, unit)
-    matcher = filter_of(metric, lag=1000, travelled=travelled)
-    reference, odometer = ReferenceFilter(unit * places.astype(np.float64), travelled), Odometer()
+    if topology is not None:
+        metric = replace(metric, steps=steps_along(places, unit, topology.graph))
+    matcher = filter_of(metric, lag=1000, topology=topology)
+    reference, odometer = ReferenceFilter(unit * places.astype(np.float64), topology), Odometer()
     smoothed, last = [], None
     for frame, reading in zip(query, readings or [None] * len(query), strict=True):
         observation = None if frame is None else comparison(metric, frame)
@@ -103,7 +109,22 @@ def test_posteriors_are_those_of_the_model_with_odometry_as_well(
         None if step is None else float(so_far) for step, so_far in zip(steps_m, total, strict=True)
     ]
     travelled = np.cumsum(gaps)[: len(places)]
-    assert_the_model_is_followed(places, UNIT, query, travelled, readings)
+    assert_the_model_is_followed(places, UNIT, query, topology_of(travelled), readings)
+
+
+@pytest.mark.slow
+@given(st.integers(2, 40), st.integers(0, 10**6), st.data())
+@settings(max_examples=40, deadline=None)
+def test_posteriors_are_those_of_the_model_on_any_network_of_routes(
+    count: int, seed: int, data: st.DataObject
+) -> None:
+    """The frames come along the places in order, then from anywhere."""
+    topology, places = data.draw(networks(count)), random_walk(count, seed)
+    rng = np.random.default_rng(seed)
+    positions = [*range(min(count, 12)), *rng.integers(0, count, 8).tolist()]
+    noise = rng.integers(-100, 101, (len(positions), 6), np.int16)
+    query: list[Quantized | None] = [places[place] + noise[i] for i, place in enumerate(positions)]
+    assert_the_model_is_followed(places, DESCRIPTOR_UNIT, [*query, None, query[0]], topology)
 
 
 def random_walk(count: int, seed: int) -> Quantized:

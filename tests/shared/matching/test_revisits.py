@@ -100,3 +100,19 @@ def test_of_a_long_route_every_nth_place_is_searched(monkeypatch: pytest.MonkeyP
     same = same_places(drive(between, range(300), range(300), noise=0.2))
     np.testing.assert_array_equal(same[same], same)
     assert np.mean(np.abs(same[300:] - np.arange(300)) <= 3) >= 0.9
+
+
+def test_routes_that_share_a_stretch_are_the_same_there_also_where_one_begins_as_another_ends() -> (
+    None
+):
+    views = route(200)
+    same = same_places(drive(views, range(90), range(60, 200)), np.array([0, 90], np.int32))
+    assert same[:90].tolist() == [*range(90)]
+    assert np.mean(np.abs(same[90:120] - np.arange(60, 90)) <= 1) >= 0.9
+    assert same[125:].tolist() == [*range(125, 230)]
+
+
+def test_routes_of_different_places_are_all_different() -> None:
+    views = np.concatenate([route(150, seed=3), route(150, seed=4)])
+    starts = np.array([0, 150], np.int32)
+    assert same_places(drive(views, range(300)), starts).tolist() == [*range(300)]

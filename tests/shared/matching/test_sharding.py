@@ -1,22 +1,25 @@
 """Shards against the whole map: together they answer as it would, frame for frame."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 import pytest
 from comparisons import comparison, metric_of_quantized
-from filters import SCALES, channel_of
+from filters import SCALES, channel_of, topology_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from route_networks import network
 
 from placefield.config import MatchingConfig, Rule
 from placefield.errors import ConfigError
 from placefield.fusion.rules import fuse
 from placefield.fusion.shard_joiner import join_shards
 from placefield.maps.map import MapChannel, MapMetric
-from placefield.maps.map_metrics import identity_metric, learned_metric
+from placefield.maps.map_metrics import identity_metric, learned_metric, steps_along
+from placefield.matching.best_window import vicinity_of
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
@@ -201,6 +204,59 @@ def test_shards_of_the_filter_smooth_every_frame_as_the_whole_does(
     assert {each.lag for each in expected} > {0, 20}
 
 
+FORKED = {
+    "first": [0, 100, 150, 156],
+    "links": [(59, 100), (99, 100), (149, 20), (149, 150), (155, 156), (199, 0), (170, 172)],
+}
+"""Four routes with forks, joins and circuits; shards end in the middle of chains."""
+
+
+@pytest.mark.parametrize("metres", [False, True])
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("shards", [3, 7])
+def test_shards_follow_the_links_of_a_map_as_the_whole_does(
+    shards: int, reverse: bool, metres: bool
+) -> None:
+    walk = random_walk(200, seed=1)
+    travelled = np.cumsum(np.random.default_rng(2).uniform(0, 2, 200)) if metres else []
+    topology = network(200, **FORKED, travelled=travelled)  # type: ignore[arg-type]
+    channel, matching = channel_of(identity_metric(walk)), MatchingConfig(reverse=reverse)
+    steps = steps_along(channel.metric.places, channel.metric.unit, topology.graph)
+    channel = replace(channel, metric=replace(channel.metric, steps=steps))
+    parts = [
+        ChannelShard(channel, matching, *of, topology=topology)
+        for of in ((0, 1), *((shard, shards) for shard in range(shards)))
+    ]
+    whole, *matchers = (part.new_matcher() for part in parts)
+    way = [*range(40, 60), *range(100, 150), *range(150, 200), *range(30), *range(20, 80)]
+    noise = 0.3 * np.random.default_rng(3).normal(size=(len(way), DIMENSIONS)) / DIMENSIONS**0.5
+    observed = (walk[way[::-1] if reverse else way] + noise).astype(np.float32)
+    observed /= np.linalg.norm(observed, axis=1, keepdims=True)
+    places = [MetricPlaces(part.metric, exact=True) for part in parts]
+    known = 0
+
+    def assert_alike(one: Candidate, joined_one: Candidate) -> None:
+        if metres:  # by odometry, beliefs of other shards come without the negligible ones
+            expected, found = beliefs_of(one, 200), beliefs_of(joined_one, 200)
+            np.testing.assert_allclose(found, expected, atol=1e-4)
+        else:
+            assert_same_beliefs(one, joined_one, 200)
+
+    for number, frame in enumerate(observed):
+        compared, *each = (next(some.compare(frame[None])) for some in places)
+        expected = whole.update(compared, float(number))
+        partials = [
+            matcher.local(one, float(number)) for matcher, one in zip(matchers, each, strict=True)
+        ]
+        found = join_shards([matcher.reduce(partials) for matcher in matchers], "filter")
+        assert_alike(expected, found)
+        known += bool(fuse([found], matching, vicinity_of(topology, 3)).known)
+    assert known > len(way) / 2
+    for one, *others in zip(whole.finish(), *(each.finish() for each in matchers), strict=True):
+        joined_one = join_shards([other.candidate for other in others], "filter")
+        assert_alike(one.candidate, joined_one)
+
+
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize(("places", "shards"), [(61, 2), (97, 4), (150, 5)])
 @pytest.mark.parametrize("make", [unlearned_channel, learned_channel])
@@ -304,7 +360,10 @@ def test_shards_follow_odometry_as_the_whole_does_over_any_distance(reverse: boo
     channel, matching = channel_of(identity_metric(places)), MatchingConfig(reverse=reverse)
     travelled = np.cumsum(rng.uniform(0, 2, 400))
     made = [
-        [ChannelShard(channel, matching, shard, of, travelled=travelled) for shard in range(of)]
+        [
+            ChannelShard(channel, matching, shard, of, topology=topology_of(travelled))
+            for shard in range(of)
+        ]
         for of in (1, 4)
     ]
     (whole,), parts = ([shard.new_matcher() for shard in shards] for shards in made)

@@ -22,6 +22,7 @@ PLACES, DIMENSIONS = 240, 30
 
 COUNTS_WHAT_IS_COMPILED = """
 import gc, sys
+from dataclasses import replace
 from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
@@ -38,12 +39,13 @@ path, rule, reverse, measured = sys.argv[1:]
 matching = MatchingConfig(rule=rule, reverse=bool(reverse))
 opened = open_map(Path(path))
 travelled = np.arange(float(opened.places.count)) if measured else None
+topology = opened.topology if travelled is None else replace(opened.topology, travelled=travelled)
 warm_up(opened.channels, matching, travelled)
 before = compiled()
 frames = np.random.default_rng(0).normal(size=(6, len(opened.model.components)))
 frames = (frames / np.linalg.norm(frames, axis=1, keepdims=True)).astype(np.float32)
 for shards in (1, 2):
-    stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards, travelled)
+    stage = ChannelStage(dict(enumerate(opened.channels)), matching, 0, shards, topology)
     stream = stage.new_stream()
     compared = list(stage.compare(list(frames)))
     drive = [*compared, None, *compared, *(one for each in compared for one in (each, None))]

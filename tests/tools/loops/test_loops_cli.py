@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from laps import FRAMES, PLACES, images_of_laps
 from numpy.typing import NDArray
 from typer.testing import CliRunner, Result
 
 from placefield.errors import ConfigError, PlacefieldError, SourceError
 from placefield_tools.cli.main import app
 
-PLACES, FRAMES = 70, 140
 RADIUS = 20.0  # metres, of the circuit
 
 Array = NDArray[np.float64]
@@ -22,16 +22,9 @@ Array = NDArray[np.float64]
 
 def write_laps(folder: Path, columns: str = "", rows: list[str] | None = None) -> Path:
     """Write two laps of a circuit, whose views change gradually."""
-    rng = np.random.default_rng(0)
     folder.mkdir()
-    views, view = [], rng.normal(size=(12, 16))
-    for _ in range(PLACES):
-        view = 0.7 * view + rng.normal(size=(12, 16))
-        views.append(view)
     lines = [f"file,stamp{columns}"]
-    for number in range(FRAMES):
-        seen = views[number % PLACES] + rng.normal(scale=0.2, size=(12, 16))
-        image = cv2.resize(np.clip(128 + 30 * seen, 0, 255).astype(np.uint8), (64, 48))
+    for number, image in enumerate(images_of_laps()):
         cv2.imwrite(str(folder / f"{number:04}.png"), image)
         lines.append(f"{number:04}.png,{1000 + number / 10}{'' if rows is None else rows[number]}")
     (folder / "frames.csv").write_text("\n".join(lines))

@@ -41,6 +41,7 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
         "too_fast": False,
         "forgotten": False,
         "pose": (1.5, -2.25, 0.5),
+        "new": None,
     }
 
 

@@ -13,7 +13,7 @@ from placefield.evaluation.truth import Truth
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
 from placefield.features.images import decode, grey
-from placefield.matching.odometry import RouteCells
+from placefield.matching.roads import RouteCells
 from placefield_tools.evaluate.evaluation import Query
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.methods import methods_of, run_methods
@@ -84,12 +84,12 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_reported_th
     reference_dir: Path,
     query_dir: Path,
     given_odometry: list[float | None],
-    given_routes: list[RouteCells | None],
+    given_cells: list[RouteCells | None],
 ) -> None:
     query = Query(str(query_dir), protocol="odometry", seed=3)
     prepared = prepare(str(reference_dir), query, within_3, CONFIG)
     assert prepared.every == 2
-    assert prepared.metres.places.travelled.tolist() == [*range(30)]
+    assert prepared.metres.placemap.places.travelled.tolist() == [*range(30)]
     for placemap in (prepared.placemap, prepared.published, prepared.multiscale):
         assert placemap.places.travelled.tolist() == [*range(30)]
     drive = drive_of("odometry", 60, foreign_count=0, seed=3, every=2)
@@ -103,10 +103,10 @@ def test_with_odometry_places_are_a_metre_apart_and_our_matchers_are_reported_th
         prepared.matching("filter"),
     )
     assert given_odometry == drive.odometry.tolist()
-    assert given_routes[-1] is not None
-    assert given_routes[-1].middles.tolist() == [*range(30)]
+    assert given_cells[-1] is not None
+    assert given_cells[-1].middles.tolist() == [*range(30)]
     assert trial.metres.readings == [None] * 60
-    assert not len(trial.metres.places.travelled)
+    assert not len(trial.metres.placemap.places.travelled)
 
 
 def test_a_frame_of_a_stop_is_described_from_its_own_picture_for_every_method(

@@ -16,6 +16,7 @@ from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
 from placefield.maps.map import MapChannel
 from placefield.maps.map_metrics import identity_metric
+from placefield.maps.topology import line_of
 from placefield.matching.channel_stage import ChannelStage
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.random_walks import observed_again, random_walk
@@ -70,7 +71,7 @@ def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames
     """Return what matches the next descriptors (B, N) of a stream."""
     config = MatchingConfig(rule=rule, reverse=reverse)
     stage = ChannelStage(dict(enumerate(channels)), config)
-    stream, fusion = stage.new_stream(), FusionStage(np.arange(PLACES, dtype=np.int32), config)
+    stream, fusion = stage.new_stream(), FusionStage(line_of(PLACES), config)
 
     def match(descriptors: Array) -> list[Match]:
         compared = stage.compare(list(descriptors))

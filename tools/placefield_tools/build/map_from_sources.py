@@ -11,12 +11,14 @@ from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import feature_of, network_of
+from placefield.features.network import Network
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
+from placefield.maps.traverse import Traverse
 from placefield_tools.build.references import describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
@@ -56,7 +58,7 @@ def build_from(
     without_poses = replace(parts, poses=None, pose_axes=None)
     described = [
         describe_reference(
-            _open_reference(drive, spacing_m, own),
+            open_reference(drive, spacing_m, own),
             name_of(drive),
             feature,
             leave_out_bad=leave_out_bad,
@@ -64,17 +66,22 @@ def build_from(
         )
         for drive, own in [(first, parts), *((other, without_poses) for other in others)]
     ]
-    traverses = align_traverses(
-        [each.traverse() for each in without_bad(described)], config.features.kind
+    return built_of(
+        align_traverses([each.traverse() for each in without_bad(described)], config.features.kind),
+        config,
+        feature.network,
     )
+
+
+def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:
+    """Build a map of aligned traverses on all cores, showing progress; see ``build_map``."""
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(
-            traverses, config, progress, cut, network=feature.network, run=map_in_order
-        )
+        return build_map(traverses, config, progress, cut, network=network, run=map_in_order)
 
 
-def _open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+def open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
+    """Open the sources of a reference; see ``build_from`` for the errors."""
     source = open_source(drive, spacing_m=spacing_m, parts=parts)
     if source.live:
         raise SourceError(

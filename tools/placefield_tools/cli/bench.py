@@ -20,6 +20,7 @@ _MODULES = {
     "build": "build_cost",
     "chain": "chain",
     "scale": "scale",
+    "explore": "exploring",
     "soak": "soak",
 }
 """The module of ``placefield_tools.bench`` behind each command."""
@@ -75,6 +76,18 @@ def _scale(
         from placefield_tools.bench.scale_picture import draw_scale
 
         draw_scale(picture, as_object(figures), SIZES)
+
+
+@_app.command("explore")
+def _explore(
+    frames: Annotated[
+        int,
+        typer.Option(min=2000, help="number of frames, each a new place; 100000 take an hour"),
+    ] = 10_000,
+    as_json: options.Json = False,
+) -> None:
+    """Exploring without a map: time of a frame, and memory of a place."""
+    _measure("explore", as_json, frames=frames)
 
 
 @_app.command("soak")

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from placefield_tools.cli import options, options_frames, options_map
+from placefield.errors import ConfigError
+from placefield_tools.cli import options, options_frames, options_map, options_routes
 
 
 def add_to(app: typer.Typer) -> None:
@@ -18,14 +19,12 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings of one route, of any length and speed; or the "
-            "parts of one drive",
+            help="folders, videos or recordings: traverses of one route, of any length and speed; "
+            "the parts of one drive; or with --routes a route each",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="replace a map of this name")
-    ] = False,
+    overwrite: options_map.Overwrite = False,
     start: options_frames.Start = 0,
     stop: options_frames.Stop = None,
     stride: options_frames.Stride = 1,
@@ -38,6 +37,12 @@ def _build(
             show_default="parts if one begins where another ends",
         ),
     ] = None,
+    routes: Annotated[
+        bool,
+        typer.Option("--routes", help="each reference is a route of its own, in one map"),
+    ] = False,
+    links: options_routes.Links = None,
+    same_frame: options_routes.SameFrame = False,
     spacing: options_frames.Spacing = None,
     topic: options_frames.Topic = None,
     odometry_topic: options_frames.OdometryTopic = None,
@@ -63,14 +68,20 @@ def _build(
     --leave-out-bad, a frame that cannot be read is left out; if all traverses have the same number
     of frames, it is left out of all.
 
+    With --routes, the map holds several routes, and the links between them that the frames or the
+    poses show: where two routes share a stretch, or one begins where another ends. A link lets a
+    vehicle pass from one route to another.
+
     Examples:
       placefield build day/ dusk/ -o route.pfmap
+      placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
-    from placefield.errors import ConfigError
-    from placefield.maps.store import check_map_path, save_map
+    from placefield.maps.store import save_map
     from placefield_tools.build.map_from_sources import build_from
+    from placefield_tools.build.routes_from_sources import build_routes
     from placefield_tools.inspect.map_facts import traverse_line
+    from placefield_tools.inspect.route_facts import route_lines, warn_of_unlinked
     from placefield_tools.sources import Parts
 
     effective = options.effective_config(
@@ -86,23 +97,41 @@ def _build(
         metric__kind=metric,
         seed=seed,
     )
-    check_map_path(output)
-    if output.exists() and not overwrite:
-        raise ConfigError(
-            f"{output}: is there already, and services may be using it; choose another name, or "
-            "give --overwrite"
-        )
+    options_map.check_new_map(output, overwrite=overwrite)
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
-    built = build_from(
-        references,
-        effective,
-        spacing_m=spacing,
-        parts=parts,
-        one_drive=one_drive,
-        leave_out_bad=leave_out_bad,
-    )
+    if routes:
+        _refuse_with_routes(one_drive, poses)
+        built = build_routes(
+            references,
+            effective,
+            parts,
+            options_routes.route_options(links, same_frame=same_frame),
+            spacing_m=spacing,
+            leave_out_bad=leave_out_bad,
+        )
+    else:
+        options_routes.refuse_without_routes(links, same_frame=same_frame)
+        built = build_from(
+            references,
+            effective,
+            spacing_m=spacing,
+            parts=parts,
+            one_drive=one_drive,
+            leave_out_bad=leave_out_bad,
+        )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
-    for record in built.traverses[1:]:
-        print(traverse_line(record))
+    for record in built.traverses:
+        if record.aligned is not None:
+            print(traverse_line(record))
+    for line in route_lines(built):
+        print(line)
+    warn_of_unlinked(built.graph)
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
+
+
+def _refuse_with_routes(one_drive: bool | None, poses: Path | None) -> None:
+    if one_drive is not None:
+        raise ConfigError("--routes and --one-drive/--traverses: give one of them")
+    if poses is not None:
+        raise ConfigError("--routes: --poses is of one route; give poses in each frames.csv")

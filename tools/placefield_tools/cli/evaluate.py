@@ -113,10 +113,12 @@ def _evaluate(
         parts=parts,
         leave_out_bad=leave_out_bad,
     ) as map_path:
+        right_within = effective.matching.tolerance
+        near = options_truth.places_near_in(map_path, right_within)
         evaluation = evaluate(
             map_path,
             asked_query,
-            partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth),
+            partial(options_truth.truth_of, tolerance=right_within, truth=truth, near=near),
             effective,
             services=services,
             asked=asked,

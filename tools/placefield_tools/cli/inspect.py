@@ -28,20 +28,28 @@ def _inspect(
     """Print the contents of a map, and draw its segments per channel.
 
     If the map has several traverses, a second picture, NAME-alignment.png beside the first, shows
-    how each was aligned.
+    how each was aligned. If it has several routes or links, NAME-network.png shows them.
 
     Examples:
       placefield inspect route.pfmap -o segments.png
     """
     from placefield.maps.opening import open_map
-    from placefield_tools.inspect.map_summary import draw_alignment, draw_segments, print_map
+    from placefield_tools.inspect.map_summary import (
+        draw_alignment,
+        draw_network,
+        draw_segments,
+        print_map,
+    )
 
     opened = open_map(map_path)
     print_map(opened, map_path)
     path = picture or map_path.with_name(f"{map_path.stem}-segments.png")
     draw_segments(opened, path)
     print(path)
+    stem = path.stem.removesuffix("-segments")
     if opened.alignments:
-        beside = path.with_name(f"{path.stem.removesuffix('-segments')}-alignment.png")
-        draw_alignment(opened, beside)
-        print(beside)
+        draw_alignment(opened, alignment := path.with_name(f"{stem}-alignment.png"))
+        print(alignment)
+    if not opened.graph.is_line:
+        draw_network(opened, network := path.with_name(f"{stem}-network.png"))
+        print(network)

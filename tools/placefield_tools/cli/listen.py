@@ -3,7 +3,8 @@
 import json
 import logging
 from functools import partial
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,7 +12,13 @@ from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield_tools.cli import options, options_map
 from placefield_tools.common.certainty import certainty_of, percent
+from placefield_tools.common.place_words import place_words
 from placefield_tools.record.records import as_object
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from placefield.maps.route_graph import RouteGraph
 
 log = logging.getLogger(__name__)
 
@@ -23,6 +30,10 @@ def add_to(app: typer.Typer) -> None:
 
 def _listen(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON lines")] = False,
+    map_path: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP", help="name the routes of this map of several routes"),
+    ] = None,
     run: options.Run = None,
     precision: options_map.Precision = None,
     endpoint: options.Endpoint = None,
@@ -34,16 +45,19 @@ def _listen(
 
     Each frame has a match at once, and a smoothed match later, which uses the frames after it.
     A match is known, or likely, or unknown. Give --precision as the services have it, for the
-    percentage asked.
+    percentage asked. A map of several routes numbers its places from the first one; with --map, a
+    match says its route and the place in it.
 
     Examples:
       placefield listen
       placefield listen --run rear --json
+      placefield listen --map town.pfmap
     """
     from placefield.bus.keys import Keys
     from placefield.bus.refusing import count_refused
     from placefield.bus.session import open_bus
     from placefield.errors import MessageError
+    from placefield.maps.opening import open_map
     from placefield_services.process import stop_event
     from placefield_tools.common.natural_sort import counted
     from placefield_tools.listen.match_queue import MatchQueue, warn_of_other_runs
@@ -56,7 +70,12 @@ def _listen(
         bus__endpoint=endpoint,
         bus__credentials=credentials,
     )
-    printed = _as_json if as_json else partial(_as_line, precision=effective.matching.precision)
+    graphs = {}
+    if map_path is not None:
+        placemap = open_map(map_path, channels=())
+        graphs[placemap.digest] = placemap.graph
+    as_line = partial(_as_line, precision=effective.matching.precision, graphs=graphs)
+    printed = _as_json if as_json else as_line
     keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop, viewer=True) as bus:
@@ -75,14 +94,22 @@ def _listen(
         log.warning("%s of another map refused", counted(others, "message"))
 
 
-def _as_line(header: Header, match: MatchMessage | None, precision: float) -> str:
+def _as_line(
+    header: Header,
+    match: MatchMessage | None,
+    precision: float,
+    graphs: "Mapping[str, RouteGraph]",
+) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
-    place = "no place" if match.place < 0 else f"place {match.place}"
     smoothed = isinstance(match, SmoothedMessage)
     frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
-    parts = [f"{frame}: {place}, score {match.score:.2f}"]
-    if match.probability is not None:
+    parts = [f"{frame}: {_place_of(match, graphs)}"]
+    if match.new is None:
+        parts.append(f"score {match.score:.2f}")
+    if _is_new(match):
+        parts.append(percent(match.new or 0.0))
+    elif match.probability is not None:
         asked = "" if match.known or match.too_fast else f" ({100 * precision:g} % asked)"
         parts.append(f"{certainty_of(match)}, {percent(match.probability)}{asked}")
     if match.pose is not None:
@@ -95,6 +122,18 @@ def _as_line(header: Header, match: MatchMessage | None, precision: float) -> st
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
     return ", ".join(parts)
+
+
+def _place_of(match: MatchMessage, graphs: "Mapping[str, RouteGraph]") -> str:
+    """Return the words for a place; where a drive is explored, the place is one of its frames."""
+    if match.new is not None:
+        return "new place" if _is_new(match) else f"place of frame {match.place}"
+    return place_words(match.place, graphs.get(match.map or ""))
+
+
+def _is_new(match: MatchMessage) -> bool:
+    """Whether a place of an explored drive is more likely new than that of an earlier frame."""
+    return match.new is not None and match.new > (match.probability or 0.0)
 
 
 def _as_json(header: Header, match: MatchMessage | None) -> str:

@@ -22,9 +22,11 @@ from placefield_tools.cli import (
     doctor,
     drop,
     evaluate,
+    explore,
     export,
     fetch,
     inspect,
+    join,
     listen,
     loops,
     plan,
@@ -69,8 +71,8 @@ def _root(
 
 
 _PANELS = {
-    "Maps": (build, add, drop, inspect, serve, fetch),
-    "Services": (up, services, router, plan, status, alive),
+    "Maps": (build, add, drop, join, inspect, serve, fetch),
+    "Services": (up, services, explore, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),
     "Accuracy and tests": (evaluate, study, bench, chaos, datasets),

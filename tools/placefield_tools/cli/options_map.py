@@ -93,6 +93,7 @@ Seed = Annotated[
 ]
 
 
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace a map of this name")]
 ChangedMap = Annotated[
     Path | None,
     typer.Option(
@@ -102,6 +103,21 @@ ChangedMap = Annotated[
         show_default="MAP",
     ),
 ]
+
+
+def check_new_map(path: Path, *, overwrite: bool) -> None:
+    """Refuse a path for a new map where there is one, unless it may be replaced.
+
+    Raises:
+        ConfigError: the path is taken.
+        MapError: the path is no map's, see ``check_map_path``.
+    """
+    check_map_path(path)
+    if path.exists() and not overwrite:
+        raise ConfigError(
+            f"{path}: is there already, and services may be using it; choose another name, or "
+            "give --overwrite"
+        )
 
 
 def changed_map(map_path: Path, output: Path | None) -> Path:

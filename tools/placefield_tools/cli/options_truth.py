@@ -15,7 +15,9 @@ from placefield.evaluation.protocols import (
     TAKES_EVERY,
     Protocol,
 )
-from placefield.evaluation.truth import Truth, read_truth
+from placefield.evaluation.truth import Near, Truth, read_truth
+from placefield.maps.opening import open_map
+from placefield.maps.route_graph import place_in, places_near
 from placefield_tools.cli.options import METRES, metres_of
 
 _DEFAULTS = Config()
@@ -47,7 +49,9 @@ SameFrame = Annotated[
 TruthFile = Annotated[
     Path | None,
     typer.Option(
-        "--truth", help="ground truth as CSV: query,first,last; frame numbers before any thinning"
+        "--truth",
+        help="ground truth as CSV: query,first,last, frame numbers before any thinning; or "
+        "query,route,place for 'evaluate' on a map of routes, where near places are right, too",
     ),
 ]
 ProtocolOption = Annotated[
@@ -106,8 +110,28 @@ def check_truth(
         raise ConfigError(f"--aligned: needs --tolerance in places, not {tolerance}")
 
 
+def places_near_in(map_path: Path, tolerance: int) -> Near:
+    """Return what gives the places near a place of a map, along its routes and links.
+
+    Args:
+        map_path: the map.
+        tolerance: steps of one place.
+    """
+    opened = open_map(map_path, channels=())
+    graph, count = opened.graph, opened.places.count
+    return lambda route, number: places_near(
+        graph, count, place_in(graph, count, route, number), tolerance
+    )
+
+
 def truth_of(
-    queries: int, references: int, every: int = 1, *, tolerance: int | None, truth: Path | None
+    queries: int,
+    references: int,
+    every: int = 1,
+    *,
+    tolerance: int | None,
+    truth: Path | None,
+    near: Near | None = None,
 ) -> Truth:
     """Return the ground truth: from the file, or else within the tolerance.
 
@@ -117,12 +141,13 @@ def truth_of(
         every: every so many frames of the reference are places.
         tolerance: in places; not used if a file is given.
         truth: the file of the ground truth.
+        near: see ``read_truth``.
 
     Raises:
         TruthError: the file does not fit so many frames.
     """
     if truth is not None:
-        return read_truth(truth, queries, references).thinned(references, every)
+        return read_truth(truth, queries, references, near).thinned(references, every)
     return Truth.within(queries, references, tolerance or 0, every)
 
 

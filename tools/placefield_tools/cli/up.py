@@ -1,15 +1,20 @@
 """``placefield up``: all services of a host."""
 
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from placefield_tools.cli import options, options_map
+
+if TYPE_CHECKING:
+    from placefield.config import Config
 
 _ROLES = {
     "featurizer": "featurizer",
@@ -28,14 +33,26 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _up(
-    map_path: options.MapPath,
+    map_path: Annotated[
+        Path | None,
+        typer.Argument(metavar="MAP", help="a map: NAME.pfmap", show_default=False),
+    ] = None,
+    explore: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NAME.pfmap",
+            help="explore a drive without a map; at its end the map is saved here, and served",
+            show_default=False,
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="channel workers", show_default="one per core"),
+        typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
     ] = None,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
+    feature: options_map.Feature = None,
     preset: options_map.PresetOption = None,
     rule: options_map.RuleOption = None,
     precision: options_map.Precision = None,
@@ -76,13 +93,19 @@ def _up(
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.
 
+    With --explore there is no map yet. Each frame is matched with the earlier ones of its stream:
+    it shows the place of one of them, or a new place. At the end of the stream, or at Ctrl-C, the
+    map is built of the frames and saved; further streams are matched with it. --feature is for
+    --explore.
+
     Examples:
       placefield up route.pfmap --precision 0.99
+      placefield up --explore warehouse.pfmap
       placefield up street.pfmap --ros /camera/image_raw/compressed --connect tcp/127.0.0.1:7447
     """
-    from placefield.config import MonitoringConfig
     from placefield.errors import ConfigError
     from placefield.maps.manifest import read_manifest
+    from placefield.maps.route_graph import check_rule
     from placefield_services.host import run_host
     from placefield_services.process import stop_event
     from placefield_tools.common.parallel import cores
@@ -97,6 +120,7 @@ def _up(
         bus__credentials=credentials,
         bus__connect=connect,
         monitoring__port=metrics_port,
+        features__kind=feature,
         matching__rule=rule,
         matching__precision=precision,
         matching__exact=exact,
@@ -105,9 +129,21 @@ def _up(
         raise ConfigError("--ros-odometry: needs images; give --ros, too")
     if ros_spacing is not None and ros_odometry is None:
         raise ConfigError("--ros-spacing: needs odometry; give --ros-odometry, too")
+    if (map_path is None) == (explore is None):
+        raise ConfigError("give a MAP, or --explore NAME.pfmap")
+    if explore is None and feature is not None:
+        raise ConfigError("--feature: is for --explore; a map has its own feature")
+    if explore is not None and ros is not None:
+        raise ConfigError("--ros: needs a map; explore without it, then start again with the map")
+    if explore is not None:
+        if not _explored(explore, effective, workers or 1, stop, log_json=log_json):
+            return
+        map_path = explore
+    assert map_path is not None
     options_map.check_preset(effective, map_path)
     manifest = read_manifest(map_path)
     manifest.features.check_rule(effective.matching.rule)
+    check_rule(effective.matching.rule, len(manifest.routes))
     channels = manifest.channels
     runs = ", ".join(map(repr, effective.runs))
     replaying = "" if ros else "'placefield replay SOURCE' and "
@@ -121,23 +157,60 @@ def _up(
         )
 
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
-        file = Path(folder) / "config.toml"
-        # The host reports the metrics of all services at one port.
-        of_services = effective.model_copy(update={"monitoring": MonitoringConfig()})
-        file.write_text(of_services.to_toml())
-        common = [str(map_path), "--config", str(file), *(["--log-json"] if log_json else [])]
+        common = [str(map_path), *_common_flags(effective, Path(folder), log_json=log_json)]
         commands = _commands(
             common,
             partition([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
-            _credentials_beside(effective.bus.credentials),
+            _credentials_beside(effective.bus.credentials, _ROLES),
             manifest.lineage,
         )
         if ros is not None:
             commands["gateway to ROS 2"] = _ros_command(
                 common, ros, ros_odometry, ros_spacing, ros_domain, manifest.lineage
             )
-        run_host(commands, len(channels), effective, stop, ready, has_source=ros is not None)
+        run_host(
+            commands,
+            len(channels),
+            effective,
+            stop,
+            ready,
+            others=() if ros is None else ("replay",),
+        )
+
+
+def _explored(
+    path: Path, effective: "Config", workers: int, stop: threading.Event, *, log_json: bool
+) -> bool:
+    """Explore a drive; return whether its map is there, and is to be served."""
+    from placefield_tools.explore.exploring_host import check_explored, commands_of, explore
+
+    check_explored(path, effective)
+    with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
+        common = _common_flags(effective, Path(folder), log_json=log_json)
+        services = ("featurizer", "channel", "fuser", "mapper")
+        credentials = _credentials_beside(
+            effective.bus.credentials, {service: service for service in services}
+        )
+        commands = commands_of(path, workers, common, credentials)
+        is_there = explore(path, effective, commands, stop, _end_at_next_signal)
+        return is_there and not stop.is_set()
+
+
+def _end_at_next_signal() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _common_flags(effective: "Config", folder: Path, *, log_json: bool) -> list[str]:
+    """Return the flags of all services; their configuration is written to a file in a folder."""
+    from placefield.config import MonitoringConfig
+
+    file = folder / "config.toml"
+    # The host reports the metrics of all services at one port.
+    of_services = effective.model_copy(update={"monitoring": MonitoringConfig()})
+    file.write_text(of_services.to_toml())
+    return ["--config", str(file), *(["--log-json"] if log_json else [])]
 
 
 def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
@@ -157,8 +230,12 @@ def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
     return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
 
 
-def _credentials_beside(routers: str | None) -> dict[str, Path]:
+def _credentials_beside(routers: str | None, roles: Mapping[str, str]) -> dict[str, Path]:
     """Return the folders of the services' credentials, which are beside the router's.
+
+    Args:
+        routers: the folder of the router's; None: there are no credentials.
+        roles: the role of each command.
 
     Raises:
         BusError: credentials are missing or not valid. Each service would fail for the same reason.
@@ -168,7 +245,7 @@ def _credentials_beside(routers: str | None) -> dict[str, Path]:
     if routers is None:
         return {}
     beside = Path(routers).resolve().parent
-    credentials = {command: beside / role for command, role in _ROLES.items()}
+    credentials = {command: beside / role for command, role in roles.items()}
     for folder in credentials.values():
         tls_settings(folder)
     return credentials

@@ -10,6 +10,7 @@ from placefield.bus.messages import SmoothedMessage
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
 from placefield_tools.common.certainty import percent
+from placefield_tools.common.place_words import place_words
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.charts import certainty_chart, set_certainty
 from placefield_tools.dashboard.site import Site, card, chart, svg
@@ -54,9 +55,10 @@ class FramesPanel:
         _set_image(
             self._reference,
             f"/place/{place}.jpg?{_STARTED}" if there else None,
-            f"Reference frame of place {place}",
+            f"Reference frame of {place_words(place, self._site.placemap.graph)}",
         )
-        words = f"reference, place {place}" if place >= 0 else "no place"
+        named = place_words(place, self._site.placemap.graph)
+        words = f"reference, {named}" if place >= 0 else named
         self._reference_caption.text = words if there or place < 0 else f"{words}: of another map"
 
 
@@ -80,7 +82,7 @@ class MatchPanel:
     """The verdict and its numbers."""
 
     def __init__(self, site: Site) -> None:
-        self._origin = Origin.of_frame(site.placemap.pose_frame)
+        self._origin, self._graph = Origin.of_frame(site.placemap.pose_frame), site.placemap.graph
         with card("Match", "third"):
             self._warning = (
                 ui.label("").classes("warning").props("role=status data-shown=missing-services")
@@ -101,7 +103,8 @@ class MatchPanel:
         match = answer.match
         self._verdict.text = answer.verdict
         self._verdict.classes(replace=f"verdict {answer.verdict.replace(' ', '-')}")
-        self._place.text = "none" if match.place < 0 else str(match.place)
+        named = place_words(match.place, self._graph).removeprefix("place ")
+        self._place.text = "none" if match.place < 0 else named
         probability = match.probability
         self._probability.text = "none" if probability is None else percent(probability)
         self._score.text = f"{match.score:.2f}"
@@ -112,8 +115,7 @@ class MatchPanel:
 
     def show_smoothed(self, header: Header, match: SmoothedMessage) -> None:
         """Show the newest smoothed match."""
-        place = "no place" if match.place < 0 else f"place {match.place}"
-        parts = [f"frame {header.sequence + 1}: {place}"]
+        parts = [f"frame {header.sequence + 1}: {place_words(match.place, self._graph)}"]
         if match.probability is not None:
             parts.append(percent(match.probability))
         if match.too_fast:

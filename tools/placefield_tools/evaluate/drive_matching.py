@@ -10,7 +10,7 @@ from placefield.config import MatchingConfig
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
-from placefield.maps.map import MapChannel, Places
+from placefield.maps.map import Map, MapChannel
 from placefield.matching.channel_stage import ChannelStage
 
 Descriptors = Sequence[NDArray[np.float32] | None]
@@ -18,14 +18,14 @@ Descriptors = Sequence[NDArray[np.float32] | None]
 
 @dataclass(frozen=True, eq=False)
 class Metres:
-    """The odometry of a drive of Q frames, and the K places of its map.
+    """The odometry of a drive of Q frames, and its map.
 
     Attributes:
-        places: with their metres travelled, and which of them are the same.
+        placemap: whose places have their metres travelled.
         readings: Q readings of the odometry, metres, None where unknown.
     """
 
-    places: Places
+    placemap: Map
     readings: Sequence[float | None]
 
 
@@ -58,11 +58,9 @@ def match_drive(
         config: of the matching; its lag is not used.
         lags: lags of the smoothed matches, or ``WHOLE_DRIVE``.
     """
-    places = metres.places
-    stage = ChannelStage(
-        dict(enumerate(channels)), config, travelled=places.travelled, same=places.same
-    )
-    fusion = FusionStage(places.same, config, places.pose)
+    topology = metres.placemap.topology
+    stage = ChannelStage(dict(enumerate(channels)), config, topology=topology)
+    fusion = FusionStage(topology, config, metres.placemap.places.pose)
     streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])

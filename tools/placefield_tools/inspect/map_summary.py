@@ -6,18 +6,29 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from placefield.maps.linking import overlaps
 from placefield.maps.map import Map
 from placefield_tools.inspect.map_facts import map_facts, traverse_line
-from placefield_tools.plots import AlignedTraverse, ChannelSegments, plot_alignment, plot_segments
+from placefield_tools.inspect.route_facts import route_lines
+from placefield_tools.plots import (
+    AlignedTraverse,
+    ChannelSegments,
+    DrawnNetwork,
+    plot_alignment,
+    plot_network,
+    plot_segments,
+)
 
 
 def print_map(opened: Map, path: Path) -> None:
-    """Print the facts about a map and a table of its channels."""
+    """Print the facts about a map, its routes and links, and a table of its channels."""
     console = Console(markup=False)  # a path may hold brackets
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     facts = {"map": f"{path}, {size / 2**20:.1f} MB", **map_facts(opened)}
     for name, fact in facts.items():
         console.print(f"{name:>10}  {fact}", highlight=False, soft_wrap=True)
+    for line in route_lines(opened):
+        console.print(line, highlight=False, soft_wrap=True)
     table = Table("channel", "fuzzifier", "clusters", "segments", "active", "metric", "scales")
     for number, channel in enumerate(opened.channels):
         table.add_row(
@@ -57,3 +68,13 @@ def draw_alignment(opened: Map, path: Path) -> None:
         for number, alignment in opened.alignments.items()
     ]
     plot_alignment(path, traverses, opened.places.count)
+
+
+def draw_network(opened: Map, path: Path) -> None:
+    """Draw the routes of a map of several, and the links between them."""
+    places = opened.places
+    positions = places.poses[:, :2]
+    if not np.isfinite(positions).all():
+        positions = np.empty((0, 2))
+    shared = overlaps(places.same, opened.graph.first)
+    plot_network(path, DrawnNetwork(opened.graph, shared, positions, places.count))

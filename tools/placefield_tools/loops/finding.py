@@ -109,8 +109,8 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
         for kept, raw in map_in_order(describe, read):
             frames.append(kept)
             causal.append(explorer.update(raw))
-            smoothed += explorer.smoothed()
-    smoothed += explorer.finish()
+            smoothed += [each.answer for each in explorer.smoothed()]
+    smoothed += [each.answer for each in explorer.finish()]
     if len(faults) == len(frames):
         why = f" ({faults[0]})" if faults else ""
         raise SourceError(f"{name}: no frame can be read{why}")

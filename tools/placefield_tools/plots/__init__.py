@@ -18,6 +18,7 @@ from placefield_tools.plots.neighbourhood import (
     plane_positions,
     plot_neighbourhood,
 )
+from placefield_tools.plots.network import DrawnNetwork, plot_network
 from placefield_tools.plots.precision_recall import plot_precision_recall
 from placefield_tools.plots.precision_recall_panels import plot_precision_recall_panels
 from placefield_tools.plots.reliability_diagram import plot_reliability
@@ -29,6 +30,7 @@ __all__ = [
     "AucBar",
     "ChannelCount",
     "ChannelSegments",
+    "DrawnNetwork",
     "MatchPair",
     "Neighbourhood",
     "autocorrelation",
@@ -44,6 +46,7 @@ __all__ = [
     "plot_groups",
     "plot_match_pairs",
     "plot_neighbourhood",
+    "plot_network",
     "plot_precision_recall",
     "plot_precision_recall_panels",
     "plot_reliability",

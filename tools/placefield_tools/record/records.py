@@ -31,6 +31,7 @@ COLUMNS = (
     "lag",
     "map",
     "forgotten",
+    "new",
 )
 """The columns of a CSV file; only smoothed matches have a lag."""
 
@@ -61,7 +62,7 @@ def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     are separated by spaces.
     """
     row = {name: getattr(header, name) for name in _HEADER}
-    row |= match.model_dump(include={"place", "score", "probability", "map"})
+    row |= match.model_dump(include={"place", "score", "probability", "map", "new"})
     row["known"] = "" if match.known is None else str(match.known).lower()
     row |= {name: str(getattr(match, name)).lower() for name in ("too_fast", "forgotten")}
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)

@@ -56,6 +56,13 @@ ROLES = {
         publishes=(_ANY.match, _ANY.smoothed, _ANY.ack),
         reads=(_ANY.feature, _ANY.moments, _ANY.all_candidates),
     ),
+    "mapper": Role(
+        publishes=(_ANY.stats("mapper", "*"),),
+        reads=(_ANY.frame, _ANY.feature),
+        is_alive_as=(_ANY.all_alive("mapper"),),
+        asks=(_CACHES,),
+        answers=(_CACHES,),
+    ),
     "camera": Role(
         publishes=(_ANY.frame, _ANY.odometry),
         reads=(_ANY.match, _ANY.ack, _ANY.unobserved, _ANY.odometry),

@@ -34,7 +34,8 @@ def smoothed_candidates(
 
     A frame is compared with the places once for all channels that share a metric.
     """
-    stage = ChannelStage(dict(enumerate(channels)), config, travelled=metres.places.travelled)
+    topology = metres.placemap.topology
+    stage = ChannelStage(dict(enumerate(channels)), config, topology=topology)
     stream = stage.new_stream()
     compared = stage.compare([one for one in descriptors if one is not None])
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):

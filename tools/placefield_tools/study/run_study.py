@@ -130,7 +130,7 @@ def prepare(
         reference=described_reference,
         query=described_query,
         descriptors=descriptors_of(placemap.model, described_query.raws),
-        metres=Metres(placemap.places, readings),
+        metres=Metres(placemap, readings),
         truth=ground.truth,
         ground=ground,
         jumps=drive.jumps,

@@ -105,7 +105,7 @@ class Trial:
             placemap=placemap,
             plain=plain_channel(placemap, self.traverse),
             descriptors=descriptors_of(placemap.model, self.query.raws),
-            metres=replace(self.metres, places=placemap.places),
+            metres=replace(self.metres, placemap=placemap),
         )
 
     def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:

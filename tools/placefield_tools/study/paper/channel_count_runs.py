@@ -33,7 +33,7 @@ def count_channels(trial: Trial) -> tuple[CountResult, ...]:
     placemap = trial.build(trial.config.model_copy(update={"scales": scales}))
     matching = trial.matching("ams")
     candidates = smoothed_candidates(placemap.channels, trial.descriptors, trial.metres, matching)
-    fusion = FusionStage(placemap.places.same, matching)
+    fusion = FusionStage(placemap.topology, matching)
     numbers = range(1, CHANNELS + 1)
     with tracked(numbers, "combining channels", CHANNELS) as in_turn:
         return tuple(_count(trial, candidates, number, fusion) for number in in_turn)

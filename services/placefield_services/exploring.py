@@ -1,0 +1,63 @@
+"""Featurizer and fuser while a drive is explored, and what stands for the map meanwhile.
+
+The places are earlier frames of the drive.
+"""
+
+import threading
+from dataclasses import dataclass
+
+from placefield.config import Config, MatchingConfig
+from placefield.errors import ConfigError
+from placefield.features.raw_stage import RawStage
+from placefield.fusion.exploration_stage import ExplorationStage
+from placefield_services.featurizer import serve_featurizer
+from placefield_services.fuser import serve_fuser
+from placefield_services.served import FuserVersion
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """Stands for a map of one channel.
+
+    Attributes:
+        digest: the fingerprint of the feature.
+    """
+
+    digest: str
+    channels = (0,)
+
+    def check_unchanged(self) -> None:
+        """Do nothing: there is no file that could change."""
+
+
+def run_exploring_featurizer(config: Config, stop: threading.Event) -> None:
+    """Publish raw features until ``stop`` is set.
+
+    Raises:
+        ConfigError: the feature cannot be computed.
+    """
+    stage = RawStage(config.features.kind)
+    serve_featurizer(stage, stage.fingerprint, Exploration(stage.fingerprint), config, stop)
+
+
+def run_exploring_fuser(config: Config, stop: threading.Event) -> None:
+    """Publish what explorers answer until ``stop`` is set.
+
+    Raises:
+        ConfigError: the feature cannot be computed, or the rule cannot explore.
+    """
+    check_exploring(config.matching)
+    digest = RawStage(config.features.kind).fingerprint
+    version = FuserVersion(Exploration(digest), ExplorationStage(config.matching))
+    version.stage.warm_up()
+    serve_fuser(version, config, stop)
+
+
+def check_exploring(matching: MatchingConfig) -> None:
+    """Refuse a rule that cannot explore.
+
+    Raises:
+        ConfigError: the rule is another than ``filter``.
+    """
+    if matching.rule != "filter":
+        raise ConfigError(f"rule {matching.rule}: cannot explore; leave --rule and --preset out")

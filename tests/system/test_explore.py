@@ -1,0 +1,134 @@
+"""A drive is explored by real processes; its map is saved and served, whoever dies meanwhile."""
+
+import re
+import signal
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+from hosting import Answer as Received
+from hosting import Host, Listener, Process, placefield, refusal, wait_until
+from laps import FRAMES, images_of_laps
+from numpy.typing import NDArray
+
+import placefield as library
+from placefield.config import MatchingConfig
+from placefield.features.extract import feature_of
+from placefield.maps.opening import open_map
+from placefield.matching.exploring import Answer, Explorer
+from placefield_services.mapper import drive_path, ended_path
+
+IMAGES = images_of_laps()
+SOON = 60  # frames
+AGAIN = slice(90, 130)  # frames of the second lap
+
+Said = tuple[int, float | None, float | None, bool | None]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The laps as files."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for number, image in enumerate(IMAGES):
+        cv2.imwrite(str(folder / f"{number:04}.png"), image)
+    return folder
+
+
+def said(answers: Sequence[Answer]) -> list[Said]:
+    return [(each.place, each.probability, each.new, each.known) for each in answers]
+
+
+def explored() -> tuple[list[Said], list[Said]]:
+    """Return what the library says of the laps, causal and smoothed."""
+    describe = feature_of("gist").describe
+    explorer = Explorer(MatchingConfig())
+    causal = [explorer.update(describe(image)) for image in IMAGES]
+    smoothed = [*explorer.smoothed(), *explorer.finish()]
+    return said(causal), said([each.answer for each in smoothed])
+
+
+def kill(processes: list[psutil.Process], listener: Listener, service: str) -> None:
+    """Kill the only process of a service, and wait for the next one."""
+    before = listener.alive(service)
+    for process in processes:
+        process.kill()
+    wait_until(lambda: listener.alive(service) - before, f"there is another {service}")
+    wait_until(lambda: not listener.alive(service) & before, f"the first {service} is gone")
+
+
+def test_a_drive_is_explored_as_the_library_does_and_its_map_is_served_whoever_is_killed(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "laps.pfmap"
+    with Host(tmp_path, Path(f"--explore={path}")) as host, host.listener() as listener:
+        answers: list[Received] = []
+
+        def images() -> Iterator[NDArray[np.uint8]]:
+            for number, image in enumerate(IMAGES):
+                if number in (90, 110, 125):  # all frames before have been answered
+                    answers.extend(listener.answers(len(answers), count=number - len(answers)))
+                if number == 90:
+                    kill(host.service("explore channel"), listener, "channel")
+                if number == 110:
+                    kill(host.service("explore mapper"), listener, "mapper")
+                if number == 125:
+                    kill(host.service("explore featurizer"), listener, "featurizer")
+                yield image
+
+        with library.connect(host.endpoint) as client:
+            with Process(tmp_path, "listen", "--endpoint", host.endpoint) as listening:
+                matches = [*client.stream(images())]
+                wait_until(lambda: "end of stream" in listening.out, "the listener has it all")
+                assert re.search(r"frame \d+: place of frame \d+, known, 99\.\d %", listening.out)
+            answers += listener.answers(len(answers))
+            stream = answers[0][0].stream
+            smoothed = [match for _, match in listener.smoothed(stream)]
+            for got, expected in zip((matches, smoothed), explored(), strict=True):
+                assert [(m.place, m.probability, m.new, m.known) for m in got] == expected
+            assert sum(match.known for match in smoothed) > 50
+            assert not any(match.missing or match.forgotten for match in matches)
+
+            wait_until(lambda: host.out.count("ready: ") == 2, "the map is served")
+            placemap = open_map(path)
+            assert placemap.places.count == FRAMES
+            assert (placemap.places.same[AGAIN] < 70).all()
+            assert not ended_path(path).exists()
+            again = [*client.stream(IMAGES[:SOON])]
+            assert [match.new for match in again] == [None] * SOON
+            assert sum(bool(match.known) for match in again) > SOON / 2
+            header, match = listener.next_match()
+            assert (header.sequence, match and match.map) == (0, placemap.digest)
+    assert not drive_path(path).exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_what_was_explored_becomes_a_map_when_the_host_is_ended(
+    tmp_path: Path, folder: Path, number: signal.Signals
+) -> None:
+    path = tmp_path / "laps.pfmap"
+    with Host(tmp_path, Path(f"--explore={path}")) as host, host.listener() as listener:
+        with Process(
+            tmp_path, "replay", folder, "--rate", "20", "--endpoint", host.endpoint
+        ) as replay:
+            listener.answers(count=SOON)
+            replay.stop(signal.SIGKILL)
+            wait_until(lambda: listener.count("mapper", "kept") >= SOON, "the frames are kept")
+            code = host.stop(number)
+        wait_until(lambda: not host.left_behind(), "the services have ended, too")
+    if number == signal.SIGKILL:
+        assert not path.exists()
+        with Host(tmp_path, Path(f"--explore={path}")) as again:
+            assert "channels" in again.out
+            assert "has left its drive" in again.err
+    else:
+        assert code == 0, host.err
+    assert SOON <= open_map(path).places.count < FRAMES
+    assert [each.name for each in tmp_path.glob("laps.*")] == ["laps.pfmap"]
+
+
+def test_nothing_is_explored_to_a_map_that_exists(tmp_path: Path, map_path: Path) -> None:
+    assert "exists already" in refusal(placefield("up", "--explore", map_path))

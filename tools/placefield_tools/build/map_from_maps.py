@@ -1,0 +1,35 @@
+"""Joining maps to one map with the routes of all."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from placefield.errors import MapError
+from placefield.maps.joined_maps import check_joinable, config_of, traverses_of, with_records
+from placefield.maps.map import Map
+from placefield.maps.opening import open_map
+from placefield_tools.build.map_from_sources import built_of
+from placefield_tools.build.routes_from_sources import RouteOptions
+
+
+def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
+    """Join the maps at two or more paths, showing progress.
+
+    Args:
+        paths: of the maps.
+        options: about the routes.
+
+    Raises:
+        MapError: a map cannot be read, cannot be joined with the first, or is given twice.
+    """
+    maps: list[Map] = []
+    for path in paths:
+        opened = open_map(path)
+        if opened.digest in {each.digest for each in maps}:
+            raise MapError(f"{path}: is given twice; give different maps")
+        maps.append(opened)
+        try:
+            check_joinable(maps[0], opened)
+        except MapError as error:
+            raise MapError(f"{path}: {error}") from None
+    traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
+    return with_records(built_of(traverses, config_of(maps), maps[0].model.network), maps)

@@ -1,0 +1,82 @@
+"""Building a map of several routes from sources of frames, one source for each route."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from placefield.config import Config
+from placefield.errors import ConfigError
+from placefield.features.extract import feature_of
+from placefield.maps.joining import GivenLink, joined
+from placefield.maps.map import Map
+from placefield_tools.build.map_from_sources import built_of, open_reference
+from placefield_tools.build.references import describe_reference
+from placefield_tools.sources import Parts
+
+_LINK = re.compile(r"(.+):([0-9]{1,9}),(.+):([0-9]{1,9})")
+
+
+@dataclass(frozen=True)
+class RouteOptions:
+    """What a user knows about the routes of a map.
+
+    Attributes:
+        links: between places of the routes.
+        same_frame: whether poses that are not georeferenced are in the same metres.
+    """
+
+    links: tuple[GivenLink, ...] = ()
+    same_frame: bool = False
+
+
+def link_of(text: str) -> GivenLink:
+    """Read a link such as ``A:120,B:0``.
+
+    Raises:
+        ConfigError: the text has another form.
+    """
+    found = _LINK.fullmatch(text)
+    if found is None:
+        raise ConfigError(f"--link {text!r}: write it as ROUTE:PLACE,ROUTE:PLACE, e.g. A:120,B:0")
+    return found[1], int(found[2]), found[3], int(found[4])
+
+
+def build_routes(
+    references: Sequence[str],
+    config: Config,
+    parts: Parts,
+    options: RouteOptions,
+    *,
+    spacing_m: float | None = None,
+    leave_out_bad: bool = False,
+) -> Map:
+    """Build a map of several routes, each from a source of its own, showing progress.
+
+    A route has the name of its source's folder or file, with a number if another has this name.
+
+    Args:
+        references: sources of frames.
+        config: of the map.
+        parts: selects topics and frames of each source; has no file of poses.
+        options: about the routes.
+        spacing_m: see ``build_from``.
+        leave_out_bad: see ``build_from``.
+
+    Raises:
+        ConfigError: the descriptors are of plain PCA, which no rule serves on several routes.
+        SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        MapError: no map can be built of the routes, see ``joined`` and ``build_map``.
+    """
+    if config.features.plain_pca:
+        raise ConfigError(
+            "--routes: only --rule filter follows routes, and it does not serve descriptors of "
+            "plain PCA: leave out --preset paper and features.plain_pca"
+        )
+    feature = feature_of(config.features.kind)
+    routes = []
+    for reference in references:
+        source = open_reference((reference,), spacing_m, parts)
+        described = describe_reference(source, reference, feature, leave_out_bad=leave_out_bad)
+        routes.append(described.traverse())
+    network = joined(routes, options.links, same_frame=options.same_frame)
+    return built_of([network], config, feature.network)

@@ -1,0 +1,75 @@
+"""The map of an explored drive."""
+
+import logging
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import Config
+from placefield.errors import MapError
+from placefield.features.extract import network_of
+from placefield.features.local_descriptors import LocalDescriptors
+from placefield.maps.build import adaptive_channels, build_map
+from placefield.maps.drive_file import DriveFrame, read_drive
+from placefield.maps.map import Map
+from placefield.maps.traverse import DescribedFrame, Traverse, traverse_of
+from placefield_tools.common.parallel import map_in_order
+from placefield_tools.common.progress import channel_progress
+
+log = logging.getLogger(__name__)
+
+
+def build_explored(drive: Path, name: str, config: Config) -> Map:
+    """Build a map of the frames of a drive that became places, showing progress.
+
+    Args:
+        drive: its file.
+        name: of the drive, for the record.
+        config: of the map; its feature is that of the drive.
+
+    Raises:
+        MapError: the file is of no drive, or the drive is too short for a map.
+        ConfigError: the feature's network cannot be read.
+        OSError: the file cannot be read.
+    """
+    frames = {frame.number: frame for frame in read_drive(drive)}
+    places = places_of([*frames.values()])
+    if not places:
+        raise MapError(f"{drive}: the views of {len(frames)} frames change too little for a map")
+    traverse = _traverse(name, [frames[number] for number in places])
+    with channel_progress(config.scales.channels) as progress:
+        cut = partial(adaptive_channels, run=map_in_order, progress=progress)
+        network = network_of(config.features.kind)
+        return build_map([traverse], config, progress, cut, network=network, run=map_in_order)
+
+
+def places_of(frames: Sequence[DriveFrame]) -> list[int]:
+    """Return the numbers of the frames that an explorer makes places of: the vehicle moved."""
+    descriptors, places, last = LocalDescriptors(), [], -1.0
+    for frame in frames:
+        for described in descriptors.update(frame.raw):
+            if described.travelled != last:
+                places.append(frames[described.frame].number)
+                last = described.travelled
+    return places
+
+
+def _traverse(name: str, frames: Sequence[DriveFrame]) -> Traverse:
+    readings = [frame.odometry_m for frame in frames]
+    metres = [reading for reading in readings if reading is not None]
+    if len(metres) == len(frames) and (np.diff(metres) < 0).any():
+        log.warning("%s: the odometer was reset during the drive; its metres are left out", name)
+        readings = [None] * len(frames)
+    described = (
+        DescribedFrame(_raw_of(frame), frame.stamp_ns, None, metre, frame.thumbnail)
+        for frame, metre in zip(frames, readings, strict=True)
+    )
+    return traverse_of(name, described)
+
+
+def _raw_of(frame: DriveFrame) -> NDArray[np.float32]:
+    assert frame.raw is not None  # a place was observed
+    return frame.raw

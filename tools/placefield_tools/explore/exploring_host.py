@@ -1,0 +1,183 @@
+"""A host that explores a drive, and has its map at the end."""
+
+import logging
+import sys
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from placefield.bus.keys import Keys
+from placefield.bus.session import Bus
+from placefield.config import Config
+from placefield.errors import ConfigError, MapError, PlacefieldError
+from placefield.features.extract import feature_of
+from placefield.maps.drive_file import DriveFile
+from placefield.maps.map import Map
+from placefield.maps.store import check_map_path, save_map
+from placefield_services.exploring import check_exploring
+from placefield_services.host import run_host
+from placefield_services.mapper import drive_path, ended_path
+from placefield_tools.common.natural_sort import counted
+from placefield_tools.explore.explored_map import build_explored
+
+log = logging.getLogger(__name__)
+
+_LOOK_EVERY_S = 0.2
+
+_PLACEFIELD = (sys.executable, "-m", "placefield_tools")
+
+
+def check_explored(path: Path, config: Config) -> None:
+    """Refuse a map that exists, and settings that cannot explore.
+
+    Raises:
+        ConfigError: the map exists, the rule or the feature cannot explore, or there are several
+            runs.
+        MapError: the path does not end in ``.pfmap``.
+    """
+    check_map_path(path)
+    if path.exists():
+        raise ConfigError(f"{path}: exists already; name another map, or leave --explore out")
+    check_exploring(config.matching)
+    _ = config.run
+    feature_of(config.features.kind)
+
+
+def explore(
+    path: Path,
+    config: Config,
+    commands: Mapping[str, Sequence[str]],
+    stop: threading.Event,
+    on_stop: Callable[[], None] = lambda: None,
+) -> bool:
+    """Explore one drive, and save its map; return whether the map is there.
+
+    The services go on until the map is saved and no source of frames is alive. There is no map of a
+    drive with too little in it; then the next drive is explored. If the map cannot be saved, the
+    drive is kept, and ``explore`` builds its map when it is called again.
+
+    Args:
+        path: of the map.
+        config: of the services and of the map.
+        commands: command lines of the services, by name.
+        stop: ends the exploration; the map is of the drive so far.
+        on_stop: called then, before the map is built, which may take minutes.
+
+    Raises:
+        BusError: see ``run_host``.
+        MapError: the map of a drive that an earlier call has kept cannot be saved, or another
+            process explores it.
+        OSError: the drive of an earlier call cannot be read.
+    """
+    if _finish_drive(path):
+        log.warning("%s: an earlier exploration has left its drive; building its map", path)
+        built = _build(path, config)
+        if built is not None:
+            _save(built, path)
+            return True
+    builder = _Builder(path, config, stop)
+    builder.start()
+    run = Keys(config.run)
+
+    def is_over(bus: Bus) -> bool:
+        return builder.is_done and not bus.alive(run.all_alive("replay"))
+
+    def ready() -> None:
+        print(
+            f"ready: run {config.run!r} at {config.bus.endpoint}, exploring; "
+            "now 'placefield replay SOURCE' and 'placefield listen'",
+            flush=True,
+        )
+
+    run_host(commands, 1, config, stop, ready, others=("mapper",), is_over=is_over)
+    if stop.is_set():
+        on_stop()
+    builder.join()
+    if not builder.is_done and not builder.has_failed and _finish_drive(path):
+        log.warning("%s: building the map; Ctrl-C keeps the drive, for a later --explore", path)
+        builder.build()
+    return builder.is_done
+
+
+def _finish_drive(path: Path) -> bool:
+    """Say that the drive is over, if there is one; return whether there is.
+
+    Raises:
+        MapError: another process is exploring it.
+        OSError: the disk fails.
+    """
+    for there in (drive_path(path), ended_path(path)):
+        if there.exists():
+            file = DriveFile(there)
+            file.end(ended_path(path))
+            file.close()
+            return True
+    return False
+
+
+def _build(path: Path, config: Config) -> Map | None:
+    """Build the map of the drive that is over; None if there is too little of it, which is logged.
+
+    Raises:
+        OSError: the drive cannot be read.
+    """
+    try:
+        return build_explored(ended_path(path), f"{path.stem}, explored", config)
+    except MapError as error:
+        log.error("%s: there is no map of this drive: %s", path, error)
+        ended_path(path).unlink()
+        return None
+
+
+def _save(built: Map, path: Path) -> None:
+    save_map(built, path)
+    ended_path(path).unlink()
+    log.warning("%s: saved, %s", path, counted(built.places.count, "place"))
+
+
+class _Builder(threading.Thread):
+    """Builds the map of the first drive that is over and has one."""
+
+    def __init__(self, path: Path, config: Config, stop: threading.Event) -> None:
+        super().__init__(daemon=True)
+        self._path, self._config, self._is_stopped = path, config, stop
+        self.is_done = False
+        self.has_failed = False
+        """Whether the map could not be saved; its drive is kept."""
+
+    def run(self) -> None:
+        while not (self.is_done or self.has_failed):
+            if ended_path(self._path).exists():
+                self.build()
+            elif self._is_stopped.wait(_LOOK_EVERY_S):
+                return
+
+    def build(self) -> None:
+        """Build and save the map of the drive that is over."""
+        try:
+            built = _build(self._path, self._config)
+            if built is not None:
+                _save(built, self._path)
+                self.is_done = True
+        except (PlacefieldError, OSError) as error:
+            self.has_failed = True
+            kept = ended_path(self._path)
+            log.error("%s; the drive is kept as %s: start again with --explore", error, kept)
+
+
+def commands_of(
+    path: Path, workers: int, common: Sequence[str], credentials: Mapping[str, Path]
+) -> dict[str, list[str]]:
+    """Return the command line of each exploring service, by its name."""
+
+    def command(service: str, *flags: str) -> list[str]:
+        if service in credentials:
+            flags = (*flags, "--credentials", str(credentials[service]))
+        return [*_PLACEFIELD, "explore", service, *common, *flags]
+
+    return {
+        "featurizer": command("featurizer"),
+        **{f"channel worker {number}": command("channel") for number in range(workers)},
+        "fuser": command("fuser"),
+        "mapper": command("mapper", "--output", str(path)),
+    }
