@@ -101,7 +101,7 @@ def add_traverse(opened: Map, traverse: Traverse) -> Addition:
     if not takes_places(opened.places, traverse):
         stretches, left_out = [], sum(len(stretch.frames) for stretch in stretches)
     quantized, number = quantize(descriptors, DESCRIPTOR_UNIT), len(opened.traverses)
-    seen = _looks(opened.places.count, alignment, quantized, is_clear, number)
+    seen = _looks(opened, alignment, quantized, is_clear, number)
     adds = looks_that_add(identity, seen.places, seen.observed)
     grown = with_routes(opened, traverse, stretches, quantized) if stretches else opened
     grown = _recorded(grown, opened, traverse, alignment, stretches)
@@ -155,7 +155,7 @@ def _distinct(
 
 
 def _looks(
-    count: int,
+    opened: Map,
     alignment: Alignment,
     quantized: Quantized,
     is_clear: NDArray[np.bool_],
@@ -164,7 +164,9 @@ def _looks(
     """Return how traverse ``number`` shows the places of the map, one look of each at most."""
     frames = alignment.shown()
     frames = frames[is_clear[frames]]
-    places, nearest = nearest_frames(alignment.places[frames], count)
+    places, nearest = nearest_frames(
+        alignment.places[frames], opened.places.count, opened.graph.first
+    )
     return LookRows(places, quantized[frames[nearest]], np.full(len(places), number, np.int32))
 
 

@@ -13,6 +13,7 @@ from placefield.maps.growing_metrics import without_places
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.map import Map, MapAlignment, MapChannel, Places
 from placefield.maps.map_metrics import with_metrics
+from placefield.maps.new_routes import route_name
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.traverse import NO_PLACE
 
@@ -93,7 +94,8 @@ def _routes_of(opened: Map, number: int) -> list[int]:
     name = opened.traverses[number].name
     if name in {record.name for record in opened.traverses[:number]}:
         return []
-    return [route for route, named in enumerate(opened.graph.names) if named == name]
+    own = {route_name(name, number) for number in range(1, len(opened.graph.names))}
+    return [route for route, named in enumerate(opened.graph.names) if named in own]
 
 
 def _route_numbers(graph: RouteGraph, count: int) -> NDArray[np.intp]:

@@ -168,6 +168,18 @@ class Manifest(_Record):
         return lineage_of(self.model, len(self.channels))
 
 
+def check_map_path(path: Path) -> None:
+    """Refuse a path that a map cannot be saved to, before the map is built.
+
+    Raises:
+        MapError: the path does not end in ``.pfmap``, or holds something that is no map.
+    """
+    if path.suffix != SUFFIX:
+        raise MapError(f"{path}: a map's name ends in {SUFFIX}")
+    if path.exists() and not (path / MANIFEST).is_file():
+        raise MapError(f"{path}: exists and is no map; remove it or choose another name")
+
+
 def seal_of(written: bytes) -> bytes:
     """Return the content of ``SEAL`` for a manifest's bytes, as sha256sum writes it.
 

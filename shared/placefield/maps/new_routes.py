@@ -54,6 +54,11 @@ def with_routes(
     )
 
 
+def route_name(drive: str, number: int) -> str:
+    """Return the name of the route of a drive's first, second, … new stretch."""
+    return drive if number == 1 else f"{drive} ({number})"
+
+
 def _with_frames(places: Places, traverse: Traverse, routes: Sequence[Numbers]) -> Places:
     frames, count = np.concatenate(routes), places.count
     thumbnails = [traverse.thumbnails[frame] for frame in frames.tolist()]
@@ -114,7 +119,7 @@ def _with_stretches(
         first.append(count)
         count = last + 1
     return RouteGraph(
-        (*graph.names, *[name] * len(stretches)),
+        (*graph.names, *(route_name(name, number) for number in range(1, len(stretches) + 1))),
         np.array(first, np.int32),
         np.array(sorted(links), np.int32).reshape(-1, 2),
     )

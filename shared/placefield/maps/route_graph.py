@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from placefield.config import Rule
 from placefield.errors import ConfigError, MapError
@@ -114,17 +112,6 @@ def place_in(graph: RouteGraph, count: int, route: str, number: int) -> int:
     if not 0 <= number < end - start:
         raise MapError(f"{route} has no place {number}, but places 0 to {end - start - 1}")
     return int(start + number)
-
-
-def places_near(graph: RouteGraph, count: int, place: int, tolerance: int) -> NDArray[np.int64]:
-    """Return the places at most so many steps before or behind a place, ascending, (n,) int64.
-
-    A step leads from a place to the next one of its route, or along a link.
-    """
-    steps = graph.edges(count)
-    table = coo_array((np.ones(len(steps)), tuple(steps.T)), shape=(count, count)).tocsr()
-    ways = dijkstra(table, directed=False, unweighted=True, indices=[place], limit=tolerance)
-    return np.flatnonzero(np.isfinite(ways[0]))
 
 
 def check_rule(rule: Rule, routes: int) -> None:

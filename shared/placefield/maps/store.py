@@ -24,11 +24,11 @@ from placefield.maps.manifest import (
     LONGEST_MANIFEST,
     MANIFEST,
     SEAL,
-    SUFFIX,
     ChannelRecord,
     Manifest,
     MetricRecord,
     RouteRecord,
+    check_map_path,
     seal_of,
 )
 from placefield.maps.map import Map, fingerprint
@@ -36,18 +36,6 @@ from placefield.maps.map import Map, fingerprint
 # The file in a temporary folder that its writer locks: an unlocked one is of a dead process. It has
 # the second name once it is locked.
 _UNLOCKED, _LOCKED = "unlocked", "locked"
-
-
-def check_map_path(path: Path) -> None:
-    """Refuse a path that a map cannot be saved to, before the map is built.
-
-    Raises:
-        MapError: the path does not end in ``.pfmap``, or holds something that is no map.
-    """
-    if path.suffix != SUFFIX:
-        raise MapError(f"{path}: a map's name ends in {SUFFIX}")
-    if path.exists() and not (path / MANIFEST).is_file():
-        raise MapError(f"{path}: exists and is no map; remove it or choose another name")
 
 
 def save_map(built: Map, path: Path | str) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from placefield.errors import TruthError
 from placefield.evaluation.truth import Truth, read_truth
-from placefield.maps.route_graph import RouteGraph, place_in, places_near
+from placefield.maps.near_places import places_near
+from placefield.maps.route_graph import RouteGraph, place_in
 
 # A has places 0 to 9, B 10 to 19; A's end leads to place 3 of B, and B's end to B's start.
 GRAPH = RouteGraph(("A", "B"), np.array([0, 10], np.int32), np.array([[9, 13], [19, 10]], np.int32))

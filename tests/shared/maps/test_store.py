@@ -21,10 +21,11 @@ from placefield.errors import MapError
 from placefield.features.network import read_network
 from placefield.maps import store
 from placefield.maps.build import build_map
+from placefield.maps.manifest import check_map_path
 from placefield.maps.map import Map, MapAlignment, fingerprint
 from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.opening import open_map
-from placefield.maps.store import check_map_path, save_map
+from placefield.maps.store import save_map
 from placefield.maps.traverse import Alignment, Traverse
 
 

@@ -7,8 +7,7 @@ import typer
 
 from placefield.config import Config, Rule
 from placefield.errors import ConfigError
-from placefield.maps.manifest import read_manifest
-from placefield.maps.store import check_map_path
+from placefield.maps.manifest import check_map_path, read_manifest
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
 

@@ -16,8 +16,6 @@ from placefield.evaluation.protocols import (
     Protocol,
 )
 from placefield.evaluation.truth import Near, Truth, read_truth
-from placefield.maps.opening import open_map
-from placefield.maps.route_graph import place_in, places_near
 from placefield_tools.cli.options import METRES, metres_of
 
 _DEFAULTS = Config()
@@ -117,6 +115,10 @@ def places_near_in(map_path: Path, tolerance: int) -> Near:
         map_path: the map.
         tolerance: steps of one place.
     """
+    from placefield.maps.near_places import places_near
+    from placefield.maps.opening import open_map
+    from placefield.maps.route_graph import place_in
+
     opened = open_map(map_path, channels=())
     graph, count = opened.graph, opened.places.count
     return lambda route, number: places_near(

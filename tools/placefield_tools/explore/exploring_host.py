@@ -12,8 +12,9 @@ from placefield.config import Config
 from placefield.errors import ConfigError, MapError, PlacefieldError
 from placefield.features.extract import feature_of
 from placefield.maps.drive_file import DriveFile
+from placefield.maps.manifest import check_map_path
 from placefield.maps.map import Map
-from placefield.maps.store import check_map_path, save_map
+from placefield.maps.store import save_map
 from placefield_services.exploring import check_exploring
 from placefield_services.host import run_host
 from placefield_services.mapper import drive_path, ended_path
