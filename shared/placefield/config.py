@@ -225,6 +225,13 @@ class BuildConfig(_Section):
         description="a map of several traverses keeps each one's descriptors of the places, and a "
         "frame is compared with the nearest",
     )
+    local_features: int = Field(
+        0,
+        ge=0,
+        le=2000,
+        description="local features that the map keeps of each place, to verify matches, of 136 "
+        "bytes each; 300 to 600 are enough; 0: none",
+    )
 
 
 class MatchingConfig(_Section):
@@ -264,6 +271,20 @@ class FusionConfig(_Section):
     )
 
 
+class VerificationConfig(_Section):
+    """How matches are verified by geometry."""
+
+    least_probability: float = Field(
+        0.1, ge=0, le=1, description="matches of a lower probability are not verified"
+    )
+    focal: float | None = Field(
+        None,
+        gt=0,
+        description="focal length of the camera, as a fraction of the image's longest side; "
+        "without it there are no relative poses",
+    )
+
+
 class MonitoringConfig(_Section):
     """The address at which a service answers Prometheus."""
 
@@ -291,6 +312,7 @@ class Config(_Section):
     build: BuildConfig = BuildConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
+    verification: VerificationConfig = VerificationConfig()
     monitoring: MonitoringConfig = MonitoringConfig()
 
     @property

@@ -12,6 +12,7 @@ from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
+    LOCAL_FEATURE_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
     LOOK_TRAVERSE_FILES,
@@ -40,6 +41,7 @@ FOLDERS = (
     ("metrics/0/looks", LOOK_CODE_FILES),
     ("metrics/0/looks", LOOK_TRAVERSE_FILES),
     ("channels/0", CHANNEL_FILES),
+    ("local_features", LOCAL_FEATURE_FILES),
 )
 
 

@@ -53,10 +53,16 @@ class Feature:
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        pixels = pixels_of(image)
-        used = pixels if self.mask is None else self.mask.apply(pixels)
-        row: Array = self._describe([used])[0]
+        row: Array = self._describe([self.used(pixels_of(image))])[0]
         return row
+
+    def used(self, pixels: Pixels) -> Pixels:
+        """Return an image without what the mask hides.
+
+        Raises:
+            FrameError: the image has another aspect ratio than the mask.
+        """
+        return pixels if self.mask is None else self.mask.apply(pixels)
 
     def accept(self, descriptor: GivenDescriptor) -> Array:
         """Return the raw feature of a frame that is a given descriptor: itself, (D,) float32.

@@ -109,6 +109,7 @@ def _without_places(opened: Map, kept: Kept, routes: list[int], moved: NDArray[n
     return replace(
         shrunk,
         places=_kept_places(opened.places, kept, moved),
+        local_features=opened.local_features and opened.local_features.kept(np.flatnonzero(kept)),
         channels=tuple(_without_segments(channel, kept, moved) for channel in shrunk.channels),
         graph=graph,
     )

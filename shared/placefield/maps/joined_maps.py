@@ -106,7 +106,7 @@ def with_records(built: Map, maps: Sequence[Map]) -> Map:
 
 
 def _places_of(opened: Map) -> Traverse:
-    places = opened.places
+    places, views = opened.places, opened.local_features
     return Traverse(
         ", ".join(opened.graph.names),
         _restored(opened, _identity_of(opened).places),
@@ -115,6 +115,7 @@ def _places_of(opened: Map) -> Traverse:
         places.travelled,
         tuple(places.thumbnail(place) for place in range(places.count)),
         opened.pose_frame or ROUTE,
+        () if views is None else tuple(map(views.of, range(places.count))),
         graph=opened.graph,
     )
 

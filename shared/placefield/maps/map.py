@@ -19,6 +19,7 @@ from placefield.presets import Preset
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import Looks
 from placefield.search.quantized import Quantized
+from placefield.verification.place_features import PlaceFeatures
 
 Array = NDArray[np.float32]
 
@@ -166,6 +167,7 @@ class Map:
             are; None in an old map whose channels all learned theirs, and in a map of which only
             some channels were opened.
         history: the drives that were added or dropped since the map was built, in this order.
+        local_features: of the places, to verify matches; None if the map was built without.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -183,6 +185,7 @@ class Map:
     channels: Sequence[MapChannel]
     graph: RouteGraph = field(default_factory=lambda: line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
+    local_features: PlaceFeatures | None = None
     identity: MapMetric | None = None
     history: tuple[ChangeRecord, ...] = ()
     digest: str = field(default=NO_DIGEST, compare=False)

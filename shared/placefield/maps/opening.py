@@ -18,6 +18,7 @@ from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
+    LOCAL_FEATURE_FILES,
     LOOK_TRAVERSE_FILES,
     MASK_FILES,
     MASK_FOLDER,
@@ -35,6 +36,8 @@ from placefield.maps.map import STEPS, Map, MapAlignment, MapChannel, MapMetric,
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import MOST_BIAS, Looks
+from placefield.verification.local_features import LENGTH
+from placefield.verification.place_features import PlaceFeatures, problem_with
 
 if TYPE_CHECKING:  # a router has no OpenCV
     from placefield.features.mask import Mask
@@ -97,6 +100,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        local_features=_open_local_features(files),
         history=manifest.history,
         identity=all_channels.open_identity() if channels is None else None,
         digest=found,
@@ -231,6 +235,17 @@ def _open_graph(files: _Files) -> RouteGraph:
     if problem is not None:
         raise MapError(f"{files.path}: routes and links: {problem}; {REBUILD}")
     return graph
+
+
+def _open_local_features(files: _Files) -> PlaceFeatures | None:
+    manifest = files.manifest
+    if not manifest.local_features:
+        return None
+    sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2, "B": LENGTH}
+    found = PlaceFeatures(*files.load("local_features", LOCAL_FEATURE_FILES, sizes))
+    if problem := problem_with(found):
+        raise MapError(f"{files.path / 'local_features'}: {problem}; {REBUILD}")
+    return found
 
 
 def _open_network(files: _Files) -> Network | None:

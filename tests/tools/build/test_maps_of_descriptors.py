@@ -116,10 +116,17 @@ def test_descriptors_are_evaluated_like_their_images(
     assert [path.name for path in pictures] == ["precision-recall.png", "distances.png"]
 
 
-def test_a_mask_of_descriptors_is_refused(save: Save, reference_dir: Path) -> None:
+def test_what_needs_images_is_refused_with_descriptors(save: Save, reference_dir: Path) -> None:
+    descriptors = save(reference_dir)
     for asked in ("auto", "mask.png"):
-        with pytest.raises(ConfigError, match=r"^--mask: is for images, .*; leave it out$"):
-            build_from([save(reference_dir)], CONFIG, mask=asked)
+        with pytest.raises(ConfigError, match=r"^--mask: needs images, .*; leave it out$"):
+            build_from([descriptors], CONFIG, mask=asked)
+    local = Config.model_validate({"build": {"local_features": 100}})
+    with pytest.raises(ConfigError, match=r"^setting build\.local_features: needs images"):
+        build_from([descriptors], local)
+    focal = Config.model_validate({"verification": {"focal": 0.8}})
+    with pytest.raises(ConfigError, match=r"^setting verification\.focal: needs images"):
+        find_loops(open_source((descriptors,)), descriptors, focal)
 
 
 def test_a_map_of_descriptors_is_inspected_and_shown(built_path: Path) -> None:

@@ -6,13 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from placefield.config import Config
+from placefield.config import BuildConfig, Config, InferenceConfig
 from placefield.errors import ConfigError, MapError
 from placefield.features.extract import feature_of_model
+from placefield.features.frames import Frame
 from placefield.maps.map import fingerprint
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.evaluate.observing import observer
 from placefield_tools.inspect.map_facts import map_facts
 
 CONFIG = Config.model_validate({"metric": {"kind": "identity"}, "scales": {"channels": 1}})
@@ -66,6 +68,25 @@ def test_a_painted_mask_is_taken_if_it_fits_the_frames(bonnet_dir: Path, tmp_pat
 
 def test_a_drive_in_which_everything_changes_has_no_mask(reference_dir: Path) -> None:
     assert build_from([str(reference_dir)], CONFIG, mask="auto").model.mask is None
+
+
+def test_local_features_of_a_map_are_not_those_of_what_its_mask_hides(
+    bonnet_dir: Path, tmp_path: Path
+) -> None:
+    file = str(mask_file(tmp_path, 72, 96))
+    config = CONFIG.model_copy(update={"build": BuildConfig(local_features=100)})
+    built = build_from([str(bonnet_dir)], config, mask=file)
+    assert built.local_features is not None
+    pixels = cv2.imread(str(min(bonnet_dir.glob("*.jpg"))))
+    assert pixels is not None
+    hidden = pixels[2 * len(pixels) // 3 + 2 :]
+    hidden[:] = np.random.default_rng(0).integers(0, 256, hidden.shape)
+    frame = Frame(0, 0, "noise", np.asarray(pixels, np.uint8))
+    observed = observer(built, InferenceConfig())(frame).local_features
+    assert observed is not None
+    assert len(observed.points) > 20
+    np.testing.assert_array_equal(observed.points, built.local_features.of(0).points)
+    np.testing.assert_array_equal(observed.descriptors, built.local_features.of(0).descriptors)
 
 
 def test_a_mask_of_other_values_refuses_the_map(bonnet_dir: Path, tmp_path: Path) -> None:

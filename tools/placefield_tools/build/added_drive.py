@@ -35,11 +35,17 @@ def add_drive(
         MapError: see ``add_traverse``.
     """
     check_name(opened, name)
+    known = opened.local_features
     with open_source((drive,), spacing_m=spacing_m, parts=parts) as source:
         if source.live:
             shown = without_secrets(drive)
             raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
         check_frames(source, drive, dimensions_of(opened.model), "the map")
-        feature = feature_of_model(opened.model)
-        described = describe_reference(source, name, feature, leave_out_bad=leave_out_bad)
+        described = describe_reference(
+            source,
+            name,
+            feature_of_model(opened.model),
+            leave_out_bad=leave_out_bad,
+            local_features=0 if known is None else known.most,
+        )
     return add_traverse(opened, described.traverse())

@@ -26,7 +26,7 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.drives import Drive, drives_of
-from placefield_tools.sources.frame_content import check_frames, with_feature_of
+from placefield_tools.sources.frame_content import check_frames, check_images, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source_factory import name_of
 
@@ -97,18 +97,27 @@ def describe_drives(
 
     Raises:
         SourceError: see ``build_from``.
+        ConfigError: the feature cannot be computed, or local features are asked for and the frames
+            are descriptors.
     """
     (first, parts), *others = drives
+    describe = partial(
+        describe_reference,
+        leave_out_bad=leave_out_bad,
+        local_features=config.build.local_features,
+    )
     first_name = name_of(first)
     with open_reference(first, spacing_m, parts) as source:
         config = with_feature_of(source, first_name, config)
+        if config.build.local_features:
+            check_images(source, "setting build.local_features")
         feature = replace(feature_of(config.features.kind, config.inference), mask=mask)
-        described = [describe_reference(source, first_name, feature, leave_out_bad=leave_out_bad)]
+        described = [describe(source, first_name, feature)]
     for drive, own in others:
         name = name_of(drive)
         with open_reference(drive, spacing_m, own) as other:
             check_frames(other, name, source.dimensions, first_name)
-            described.append(describe_reference(other, name, feature, leave_out_bad=leave_out_bad))
+            described.append(describe(other, name, feature))
     return described, config, feature
 
 

@@ -11,6 +11,7 @@ from placefield.features.frames import Frame
 from placefield.features.mask import LEARNING_FRAMES, Mask, learn_mask, learning_image, read_mask
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
+from placefield_tools.sources.frame_content import check_images
 
 AUTO = "auto"
 """Instead of a file: the mask is learned."""
@@ -29,8 +30,7 @@ def mask_of(asked: str, source: Source) -> Mask | None:
         SourceError: the source fails.
     """
     with source:
-        if source.dimensions is not None:
-            raise ConfigError("--mask: is for images, and the frames are descriptors; leave it out")
+        check_images(source, "--mask")
         if asked == AUTO:
             with tracked(source, "learning the mask", source.count) as frames:
                 return learn_mask(_learning_images(frames))

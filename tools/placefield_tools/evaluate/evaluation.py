@@ -18,7 +18,6 @@ from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling,
 from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
 from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame, Pose
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map
@@ -28,8 +27,10 @@ from placefield.matching.matcher import WHOLE_DRIVE
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
+from placefield_tools.evaluate.observing import observer
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
+from placefield_tools.evaluate.verified import verified_matches
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.frame_content import check_frames, dimensions_of
 from placefield_tools.sources.resampled import ResampledTraverse
@@ -146,6 +147,8 @@ class Evaluation:
         results: causal matches of each rule; empty without a ground truth.
         smoothed: smoothed matches of each rule, by ascending lag, the last one ``WHOLE_DRIVE``;
             only the configured lag if services matched.
+        verified: smoothed matches of the configured lag after their verification; None if the map
+            has no local features.
         ground: the ground truth and its source.
         known: number of known causal matches, of each rule that reports them.
         missing: number of missing frames of the query.
@@ -157,6 +160,7 @@ class Evaluation:
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
+    verified: Judged | None
     ground: TruthSource
     known: dict[Rule, int]
     missing: int
@@ -291,10 +295,13 @@ def evaluate(
     results: dict[Rule, Judged] = {}
     smoothed: dict[Rule, dict[int, Judged]] = {}
     known: dict[Rule, int] = {}
+    verified = None
     with query.open() as source:
         check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
-        describe = feature_of_model(placemap.model, config.inference).of_frame
-        raws, readings, poses = describe_query_with_poses(source, describe)
+        observe = observer(placemap, config.inference)
+        observed, readings, poses = describe_query_with_poses(source, observe)
+        raws = [None if frame is None else frame.raw for frame in observed]
+        local = [None if frame is None else frame.local_features for frame in observed]
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)
         ground = find_truth(
@@ -323,5 +330,10 @@ def evaluate(
                 each: judge_smoothed(of_lag, ground.truth)
                 for each, of_lag in matches.smoothed.items()
             }
+            if rule == "filter" and lag and placemap.local_features is not None:
+                checked = verified_matches(placemap, matches.smoothed[lag], local, config)
+                verified = judge_smoothed(checked, ground.truth)
         missing = source.not_given["missing"]
-    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known, missing)
+    return Evaluation(
+        placemap, query, raws, lag, results, smoothed, verified, ground, known, missing
+    )

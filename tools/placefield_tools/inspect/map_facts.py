@@ -28,6 +28,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "metric": _metric(opened),
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
         "looks": _looks(opened),
+        "local features": _local_features(opened),
         "seed": str(opened.seed),
         "history": _history(opened),
         "digest": opened.digest,
@@ -79,6 +80,15 @@ def _looks(opened: Map) -> str:
         f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; "
         f"a frame is compared with {places + count} descriptors instead of {places} in each metric"
     )
+
+
+def _local_features(opened: Map) -> str:
+    """Describe the local features of the places, which verify matches."""
+    found = opened.local_features
+    if found is None:
+        return "none"
+    size = found.points.nbytes + found.descriptors.nbytes
+    return f"{found.most} of a place at most, {size / 2**20:.1f} MB"
 
 
 def _history(opened: Map) -> str:

@@ -1,7 +1,7 @@
 """What the frames of sources are: images, or descriptors of one dimension."""
 
 from placefield.config import DESCRIPTOR, Config
-from placefield.errors import SourceError
+from placefield.errors import ConfigError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
@@ -54,6 +54,20 @@ def check_frames(source: Source, where: str, dimensions: int | None, other: str)
             f"{without_secrets(where)}: holds {_content(source.dimensions)}, and {other} has "
             f"{_content(dimensions)}; give frames of one kind"
         )
+
+
+def check_images(source: Source, asked: str) -> None:
+    """Refuse what is asked for if it needs images, and the frames of a source are descriptors.
+
+    Args:
+        source: opened.
+        asked: the flag or setting, used in messages.
+
+    Raises:
+        ConfigError: the frames are descriptors.
+    """
+    if source.dimensions is not None:
+        raise ConfigError(f"{asked}: needs images, and the frames are descriptors; leave it out")
 
 
 def _content(dimensions: int | None) -> str:
