@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,15 @@ Kept = NDArray[np.bool_]
 
 
 def number_of(traverses: Sequence[TraverseRecord], drive: str) -> int:
-    """Return the number of a traverse of a map, by its name or its number.
+    """Return the number of a traverse of a map, by its name, the end of its path, or its number.
 
     Raises:
         MapError: there is none, or several, of this name; or its frames are the places.
     """
     names = [record.name for record in traverses]
     found = [number for number, record in enumerate(traverses) if record.is_named(drive)]
+    if not found:
+        found = [number for number, name in enumerate(names) if Path(name).name == drive]
     if not found and drive.isdecimal() and int(drive) < len(names):
         found = [int(drive)]
     if not found:

@@ -266,6 +266,12 @@ def test_a_drive_is_named_by_its_name_or_number(grown: Addition, drive: str, fou
     assert found in str(refused.value)
 
 
+def test_a_drive_is_named_by_the_end_of_its_path(grown: Addition) -> None:
+    day, night = grown.map.traverses
+    paths = [day, night.model_copy(update={"name": "/data/night/"})]
+    assert number_of(paths, "night") == number_of(paths, "/data/night") == 1
+
+
 def test_of_drives_of_one_name_the_number_is_asked_for(grown: Addition) -> None:
     record = grown.map.traverses[1]
     with pytest.raises(MapError, match=r"night: several drives have this name; .* 1 or 2"):
