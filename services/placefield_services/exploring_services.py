@@ -36,7 +36,7 @@ def run_exploring_featurizer(config: Config, stop: threading.Event) -> None:
     Raises:
         ConfigError: the feature cannot be computed.
     """
-    stage = RawStage(config.features.kind)
+    stage = RawStage(config.features.kind, config.inference)
     serve_featurizer(stage, stage.fingerprint, Exploration(stage.fingerprint), config, stop)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
@@ -36,7 +37,6 @@ log = logging.getLogger(__name__)
 
 SERVICE = "featurizer"
 
-_LARGE = (2160, 3840, 3)  # frame; 25 MB
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after a failed fetch: untrusted clients may begin streams by the thousand
 _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
@@ -44,7 +44,7 @@ _LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
     """Serve until ``stop`` is set."""
-    stage = DescriptorStage(placemap.model)
+    stage = DescriptorStage(placemap.model, config.inference)
     serve_featurizer(stage, fingerprint(placemap.model), placemap, config, stop)
 
 
@@ -77,7 +77,8 @@ def serve_featurizer(
             featurizer.handle(received)
 
         with process.sole():
-            # A batch of frames saves no work, and a waiting frame can still be displaced.
+            # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame
+            # can still be displaced.
             process.serve(inbox, handle, stop, at_once=1)
 
 
@@ -160,10 +161,14 @@ class Featurizer:
     def warm_up(self) -> None:
         """Describe a frame of no stream, so that everything is loaded and compiled before serving.
 
+        Given descriptors need nothing of that.
+
         The frame is large: glibc keeps as much memory for later frames as the largest block that
         was freed. Otherwise each frame would have to map its pages again.
         """
-        frame = np.zeros(_LARGE, np.uint8)
+        if not self._stage.describes_images:
+            return
+        frame = np.zeros(self._stage.large_frame, np.uint8)
         self._stage.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
         self._stage.describe(frame)
@@ -252,10 +257,16 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
+    def _raw(self, frame: FrameMessage) -> NDArray[np.float32]:
+        if frame.descriptor is not None:
+            return self._stage.accept(frame.descriptor)
+        assert frame.image is not None  # a frame has one of both
+        return self._stage.describe(frame.image)
+
     def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.images.update(frame.image)
+            descriptor = run.images.update_raw(self._raw(frame))
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))

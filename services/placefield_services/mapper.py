@@ -109,7 +109,7 @@ class Mapper:
         self._is_growing = self._file is not None
 
     def keep_image(self, received: Received) -> None:
-        """Keep the image of a frame until its feature comes, as a thumbnail.
+        """Keep the image of a frame until its feature comes, as a thumbnail; descriptors have none.
 
         Raises:
             MessageError: it is refused.
@@ -118,6 +118,8 @@ class Mapper:
         if header.end:
             return
         image = FrameMessage.decode(received.payload).image
+        if image is None:
+            return
         try:
             thumbnail = small_jpeg(pixels_of(image), THUMBNAIL)
         except FrameError:

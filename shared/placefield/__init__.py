@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from placefield.evaluation.curves import PrecisionRecall, precision_recall
     from placefield.evaluation.truth import Truth, read_truth
     from placefield.features.describer import Describer
+    from placefield.features.feature_check import check_feature
     from placefield.features.frames import Frame
     from placefield.fusion.match import Match, SmoothedMatch
     from placefield.library import build_map
@@ -76,6 +77,7 @@ __all__ = (
     "Truth",
     "TruthError",
     "build_map",
+    "check_feature",
     "connect",
     "load_config",
     "open_map",
@@ -112,6 +114,7 @@ _HOMES = {
     "Truth": "placefield.evaluation.truth",
     "TruthError": "placefield.errors",
     "build_map": "placefield.library",
+    "check_feature": "placefield.features.feature_check",
     "connect": "placefield.bus.client",
     "load_config": "placefield.loading",
     "open_map": "placefield.maps.opening",

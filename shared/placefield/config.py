@@ -25,7 +25,10 @@ CROSS_VALIDATION = "cross-validation"
 """Stands for a number that cross-validation chooses."""
 
 
-FEATURES = ("grayscale", "gist")
+DESCRIPTOR = "descriptor"
+"""The kind of feature of frames that are given descriptors, and no images."""
+
+FEATURES = ("grayscale", "gist", DESCRIPTOR)
 """The kinds of features that need neither a network nor another package."""
 
 _PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
@@ -34,7 +37,7 @@ _PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 def _check_kind(kind: str) -> str:
     is_network = kind.startswith(ONNX) and len(kind) > len(ONNX)
     if not is_network and not _PLUGIN.fullmatch(kind):  # built-in kinds are such names, too
-        raise PydanticCustomError("feature_kind", "give grayscale, gist or onnx:FILE")
+        raise PydanticCustomError("feature_kind", "give grayscale, gist, descriptor or onnx:FILE")
     return kind
 
 
@@ -77,6 +80,7 @@ MetricKind = Literal["lmnn", "rca", "lfda", "nca", "identity"]
 Solver = Literal["placefield", "metric-learn"]
 Fuzzifiers = tuple[Annotated[float, Field(gt=1)], Annotated[float, Field(gt=1)]]
 Rule = Literal["filter", "evidence", "ams"]
+Provider = Literal["cpu", "cuda", "openvino", "coreml"]
 
 
 class _Section(BaseModel):
@@ -103,7 +107,8 @@ class FeatureConfig(_Section):
 
     kind: FeatureKind = Field(
         "gist",
-        description="grayscale, gist, onnx:FILE (a network), or a feature of another package",
+        description="grayscale, gist, onnx:FILE (a network), or a feature of another package; "
+        "descriptor: the frames are descriptors",
     )
     dimensions: int | None = Field(
         None,
@@ -136,6 +141,15 @@ class FeatureConfig(_Section):
                 "rule filter: does not follow descriptors of plain PCA (features.plain_pca), as "
                 "this map has: give --preset paper"
             )
+
+
+class InferenceConfig(_Section):
+    """Where a process runs a network."""
+
+    provider: Provider = Field(
+        "cpu", description="of onnxruntime: cpu, cuda, openvino or coreml; see 'placefield doctor'"
+    )
+    threads: int = Field(1, ge=1, le=1024, description="threads of each process on the cpu")
 
 
 class ScaleConfig(_Section):
@@ -211,6 +225,13 @@ class BuildConfig(_Section):
         description="a map of several traverses keeps each one's descriptors of the places, and a "
         "frame is compared with the nearest",
     )
+    local_features: int = Field(
+        0,
+        ge=0,
+        le=2000,
+        description="local features that the map keeps of each place, to verify matches, of 136 "
+        "bytes each; 300 to 600 are enough; 0: none",
+    )
 
 
 class MatchingConfig(_Section):
@@ -250,6 +271,20 @@ class FusionConfig(_Section):
     )
 
 
+class VerificationConfig(_Section):
+    """How matches are verified by geometry."""
+
+    least_probability: float = Field(
+        0.1, ge=0, le=1, description="matches of a lower probability are not verified"
+    )
+    focal: float | None = Field(
+        None,
+        gt=0,
+        description="focal length of the camera, as a fraction of the image's longest side; "
+        "without it there are no relative poses",
+    )
+
+
 class MonitoringConfig(_Section):
     """The address at which a service answers Prometheus."""
 
@@ -271,11 +306,13 @@ class Config(_Section):
     seed: int = Field(0, ge=0, description="seed of everything random")
     bus: BusConfig = BusConfig()
     features: FeatureConfig = FeatureConfig()
+    inference: InferenceConfig = InferenceConfig()
     scales: ScaleConfig = ScaleConfig()
     metric: MetricConfig = MetricConfig()
     build: BuildConfig = BuildConfig()
     matching: MatchingConfig = MatchingConfig()
     fusion: FusionConfig = FusionConfig()
+    verification: VerificationConfig = VerificationConfig()
     monitoring: MonitoringConfig = MonitoringConfig()
 
     @property

@@ -38,9 +38,9 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     """
     if not traverses:
         raise MapError("build_map() needs the frames of a traverse")
-    feature = feature_of(config.features.kind)
+    feature = feature_of(config.features.kind, config.inference)
     described = [
-        _described(f"traverse {number}", traverse, feature)
+        _described(f"traverse {number}", traverse, feature, config.build.local_features)
         for number, traverse in enumerate(traverses)
     ]
     with threadpool_limits(1):  # the number of threads changes the last bits
@@ -48,11 +48,13 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
         return build.build_map(aligned, config, network=feature.network)
 
 
-def _described(name: str, images: Iterable[Image | Frame], feature: Feature) -> Traverse:
+def _described(
+    name: str, images: Iterable[Image | Frame], feature: Feature, local_features: int
+) -> Traverse:
     if isinstance(images, (bytes, str, Path)) or getattr(images, "ndim", 4) < 4:
         raise SourceError(f"{name}: is one image; give build_map() a list of them")
     frames = (_frame(name, index, image) for index, image in enumerate(images))
-    return traverse_of(name, (describe_frame(frame, feature) for frame in frames))
+    return traverse_of(name, (describe_frame(frame, feature, local_features) for frame in frames))
 
 
 def _frame(name: str, index: int, image: Image | Frame) -> Frame:

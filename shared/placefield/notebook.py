@@ -16,7 +16,7 @@ _PICTURES = 8
 
 
 def html_of_map(placemap: "Map") -> str:
-    """Return a table of a map's facts, and a strip of its places."""
+    """Return a table of a map's facts, and a strip of its places, if they have thumbnails."""
     places, channels = placemap.places, placemap.channels
     rows = {
         "map": placemap.digest if placemap.is_saved else "not saved",
@@ -32,7 +32,7 @@ def html_of_map(placemap: "Map") -> str:
             f"{len(channel.segments)} segments of {lengths}, {learned} metric"
         )
     chosen = np.unique(np.linspace(0, places.count - 1, _PICTURES).astype(int)).tolist()
-    return _table(rows) + _strip(places, chosen)
+    return _table(rows) + (_strip(places, chosen) if places.has_thumbnails else "")
 
 
 def html_of_match(match: "Match") -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from placefield.config import Config
 from placefield.errors import FrameError
 from placefield.features.descriptor_stage import DescriptorStage
+from placefield.features.frames import Frame
 from placefield.features.images import Image, check_pixels, load
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
@@ -30,7 +31,7 @@ class Recognizer:
 
         Args:
             placemap: whose places are recognised.
-            config: only the section ``matching`` counts; the map has the rest.
+            config: only the sections ``matching`` and ``inference`` count; the map has the rest.
 
         Raises:
             ConfigError: the rule cannot use the map's descriptors, or its routes.
@@ -39,7 +40,8 @@ class Recognizer:
         matching = config.matching
         self._map, self._rule = placemap, matching.rule
         self._model = placemap.model
-        self._images = DescriptorStage(placemap.model).new_stream()
+        self._stage = DescriptorStage(placemap.model, config.inference)
+        self._images = self._stage.new_stream()
         channels = dict(enumerate(placemap.channels))
         topology = placemap.topology
         self._channels = ChannelStage(channels, matching, topology=topology)
@@ -60,10 +62,12 @@ class Recognizer:
 
         Raises:
             SourceError: the file cannot be read, or this is no image at all; nothing was matched.
-            FrameError: pixels are of another shape or dtype, or the odometry is below 0 or not
-                finite; nothing was matched.
+            FrameError: pixels are of another shape or dtype, the odometry is below 0 or not
+                finite, or the map is of descriptors; nothing was matched.
         """
         _check_odometry(odometry_m)
+        if not self._stage.describes_images:
+            raise FrameError("an image, but the map is of descriptors: give them to update_raw()")
         loaded = load(image)
         if not isinstance(loaded, bytes):
             check_pixels(loaded)
@@ -73,8 +77,25 @@ class Recognizer:
             descriptor = None
         return self.update_descriptor(descriptor, odometry_m)
 
+    def update_frame(self, frame: Frame) -> Match:
+        """Match the next frame of a source by its image or its descriptor, and its odometry.
+
+        A frame that cannot be read, or is not what the map takes, is a missing observation.
+
+        Raises:
+            FrameError: the odometry is below 0 or not finite; nothing was matched.
+        """
+        _check_odometry(frame.odometry_m)
+        try:
+            descriptor = self._images.update_frame(frame)
+        except FrameError:
+            descriptor = None
+        return self.update_descriptor(descriptor, frame.odometry_m)
+
     def update_raw(self, raw: NDArray[np.float32] | None, odometry_m: float | None = None) -> Match:
         """Match the next frame by its raw feature (D,); None is a missing observation.
+
+        With a map of descriptors, that is the frame's descriptor as it was given.
 
         Raises:
             FrameError: the feature is of another shape, or not finite, or the odometry is below 0

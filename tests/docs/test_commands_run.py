@@ -15,6 +15,7 @@ PAGES = (
     "README.md",
     "docs/tutorials/bag.md",
     "docs/tutorials/folders.md",
+    "docs/tutorials/descriptors.md",
     "docs/tutorials/cameras.md",
 )
 

@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from placefield_tools.sources import open_source
 def myparts(install: Callable[..., Path]) -> None:
     page = list(blocks(PROJECT / "docs" / "extending.md"))
     (about,) = [tomllib.loads(block.text)["project"] for block in page if block.language == "toml"]
-    code = "\n".join(block.text for block in page if block.language == "python")
+    python = [block.text for block in page if block.language == "python"]
+    code = "\n".join(text for text in python if "def test_" not in text)
     groups = about["entry-points"]
     assert set(groups) == {
         "placefield.features",
@@ -43,6 +45,15 @@ def test_its_feature_recognises_what_its_source_gives(query_dir: Path, tmp_path:
     assert np.mean(np.abs(np.subtract(places, range(len(places)))) <= 3) > 0.9
     with pytest.raises(SourceError, match=r"nothing\.npy: cannot be read"):
         open_source("numpy:nothing.npy")
+
+
+@pytest.mark.usefixtures("myparts")
+def test_its_own_test_passes() -> None:
+    page = blocks(PROJECT / "docs" / "extending.md")
+    (own,) = [block.text for block in page if "def test_" in block.text]
+    names: dict[str, Any] = {}
+    exec(compile(own, "test_edges.py", "exec"), names)
+    names["test_edges_is_a_feature"]()
 
 
 @pytest.mark.usefixtures("myparts")

@@ -12,9 +12,12 @@ from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
+    LOCAL_FEATURE_FILES,
     LOOK_CODE_FILES,
     LOOK_FILES,
     LOOK_TRAVERSE_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     METRIC_FILES,
     MODEL_FILES,
     NETWORK_FILES,
@@ -28,6 +31,7 @@ Rows = Callable[[str], list[list[str]]]
 FOLDERS = (
     ("features", MODEL_FILES),
     ("features", NETWORK_FILES),
+    (MASK_FOLDER, MASK_FILES),
     ("places", PLACE_FILES),
     ("traverses/1", TRAVERSE_FILES),
     ("graph", GRAPH_FILES),
@@ -37,6 +41,7 @@ FOLDERS = (
     ("metrics/0/looks", LOOK_CODE_FILES),
     ("metrics/0/looks", LOOK_TRAVERSE_FILES),
     ("channels/0", CHANNEL_FILES),
+    ("local_features", LOCAL_FEATURE_FILES),
 )
 
 

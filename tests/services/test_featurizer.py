@@ -1,4 +1,5 @@
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,7 +20,7 @@ from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorStream
-from placefield.features.extract import feature_of_model
+from placefield.features.extract import feature_of, feature_of_model
 from placefield.maps.map import Map, fingerprint
 from placefield_services import featurizer as featurizer_module
 from placefield_services.featurizer import Featurizer, FeaturizerOutputs
@@ -109,6 +110,42 @@ def test_each_frame_becomes_its_descriptor(
         assert message.model == fingerprint(route_map.model)
         expected = offline.update(feature.describe(image))
         assert np.array_equal(message.descriptor, expected)
+
+
+@pytest.fixture
+def descriptor_map(route_map: Map) -> Map:
+    """The same map, as if its features had been given as descriptors."""
+    return replace(route_map, model=replace(route_map.model, kind="descriptor"))
+
+
+def test_a_given_descriptor_is_standardised_and_reduced_like_the_feature_of_an_image(
+    descriptor_map: Map, images: list[bytes]
+) -> None:
+    stage, offline = Stage(descriptor_map), DescriptorStream(descriptor_map.model)
+    for sequence, image in enumerate(images):
+        given = feature_of("gist").describe(image).astype([np.float16, np.float32][sequence % 2])
+        message = FrameMessage(descriptor=given, odometry_m=sequence)
+        stage.handle(received(KEY, header(sequence), message))
+        expected = offline.update(given.astype(np.float32))
+        assert expected is not None
+        assert stage.descriptors[-1] == expected.tobytes()
+    assert not stage.unobserved.sent
+
+
+def test_a_frame_that_the_map_does_not_take_is_a_missing_observation(
+    descriptor_map: Map, route_map: Map, images: list[bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    of_descriptors, of_images = Stage(descriptor_map), Stage(route_map)
+    of_descriptors.send(header(0), images[0])
+    narrow = FrameMessage(descriptor=np.ones(9, np.float32))
+    of_descriptors.handle(received(KEY, header(1), narrow))
+    given = FrameMessage(descriptor=feature_of("gist").describe(images[0]))
+    of_images.handle(received(KEY, header(0), given))
+    assert of_descriptors.descriptors == [None, None]
+    assert of_images.descriptors == [None]
+    assert (of_descriptors.counts["unreadable"], of_images.counts["unreadable"]) == (2, 1)
+    assert "an image, but the map is of descriptors: give a descriptor" in caplog.text
+    assert "a descriptor, but gist describes images: give an image" in caplog.text
 
 
 def test_odometry_is_passed_on_with_every_frame_observed_or_not(

@@ -18,9 +18,9 @@ Install = Callable[..., Path]
 ROWS = """
 import numpy as np
 
-def describe(pixels):
-    grey = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
-    return np.resize(grey.mean(axis=1), 40).astype(np.float32)
+def describe(images):
+    greys = [pixels if pixels.ndim == 2 else pixels.mean(axis=2) for pixels in images]
+    return np.stack([np.resize(grey.mean(axis=1), 40) for grey in greys]).astype(np.float32)
 """
 
 
@@ -113,12 +113,21 @@ def test_a_name_of_ours_is_ours_whoever_brings_it(
     np.testing.assert_array_equal(feature_of("gist").describe(views[0]), plain)
 
 
-@pytest.mark.parametrize("given", ["np.zeros((2, 2))", "np.zeros(0)", "3.0"])
-def test_a_feature_of_another_shape_is_refused(
-    install: Install, views: list[NDArray[np.uint8]], given: str
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("np.zeros((2, 2))", r"gives shape \(2, 2\) for 1 images; it must give \(B, D\)"),
+        ("np.zeros(9)", r"gives shape \(9,\) for"),
+        ("np.zeros((1, 0))", r"gives shape \(1, 0\)"),
+        ("3.0", r"gives shape \(\)"),
+        ("np.full((1, 9), np.nan)", "gives numbers that are not finite"),
+    ],
+)
+def test_a_feature_of_another_shape_or_not_finite_is_refused(
+    install: Install, views: list[NDArray[np.uint8]], given: str, reason: str
 ) -> None:
-    code = f"import numpy as np\n\ndef it(pixels):\n    return {given}\n"
+    code = f"import numpy as np\n\ndef it(images):\n    return {given}\n"
     name = f"shape{abs(hash(given))}"
     install(name, code, {"placefield.features": {"shaped": f"{name}:it"}})
-    with pytest.raises(FrameError, match=r"feature 'shaped': gives shape .*must give \(D,\)"):
+    with pytest.raises(FrameError, match=f"feature 'shaped': {reason}"):
         feature_of("shaped").describe(views[0])

@@ -253,7 +253,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("build", "{ref}", "-o", "x.pfmap", "--metric", "cosine"), "metric.kind"),
         (
             ("build", "{ref}", "-o", "x.pfmap", "--feature", "surf"),
-            "'surf': give grayscale, gist or onnx",
+            "'surf': give grayscale, gist, descriptor or onnx",
         ),
         (("build", "{ref}", "-o", "x.pfmap", "--feature", "onnx:no.onnx"), "no.onnx: no such"),
         (("build", "{empty}", "-o", "x.pfmap"), "{empty}: no image files"),

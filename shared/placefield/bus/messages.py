@@ -3,10 +3,11 @@
 from dataclasses import fields
 from typing import Any, Literal, Self
 
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, model_validator
+from pydantic_core import PydanticCustomError
 
 from placefield.bus.message import Channel, Digest, Message, Metres, OfMap
-from placefield.bus.wire import FloatVector, Image, Sums
+from placefield.bus.wire import Descriptor, FloatVector, Image, Sums
 from placefield.fusion.match import Match
 from placefield.pose import Pose as PlacePose
 
@@ -14,10 +15,23 @@ Pose = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 class FrameMessage(Message):
-    """A frame: an encoded image as bytes, or pixels, with the odometry reading, if there is one."""
+    """A frame: an image or a given descriptor, with the odometry reading, if there is one.
 
-    image: Image
+    Attributes:
+        image: encoded, as bytes, or pixels; None: there is a descriptor.
+        descriptor: (D,) float16 or float32, finite; None: there is an image.
+        odometry_m: the odometry reading, metres.
+    """
+
+    image: Image | None = None
+    descriptor: Descriptor | None = None
     odometry_m: Metres | None = None
+
+    @model_validator(mode="after")
+    def _check_content(self) -> Self:
+        if (self.image is None) == (self.descriptor is None):
+            raise PydanticCustomError("content", "a frame is an image or a descriptor")
+        return self
 
 
 class FeatureMessage(Message):
@@ -38,7 +52,7 @@ class FeatureMessage(Message):
 
 
 class MissingObservationMessage(Message):
-    """Why a frame is a missing observation: its image cannot be read, or is blank."""
+    """Why a frame is a missing observation: it cannot be read, or is blank."""
 
     reason: Literal["unreadable", "blank"]
 

@@ -132,7 +132,7 @@ class FrameStream:
             return False
         self.look_after()
         self._stamp_ns = frame.stamp_ns
-        message = FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
+        message = _message(frame)
         header = self._header()
         self.sent += 1  # before the answer can come
         self._put(header, message.encode())
@@ -228,6 +228,12 @@ class FrameStream:
             f"run {self._run!r}: {self.sent} frames sent, {self._credits.answered} answered, and "
             f"none for {_STALLED_S:g} s; check the services with 'placefield status'"
         )
+
+
+def _message(frame: Frame) -> FrameMessage:
+    if frame.descriptor is None:
+        return FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
+    return FrameMessage(descriptor=frame.descriptor, odometry_m=frame.odometry_m)
 
 
 def _await_services(bus: Bus, keys: Keys, timeout: float, stop: threading.Event) -> None:

@@ -13,7 +13,13 @@ from pydantic import PlainSerializer, PlainValidator
 _MOST_CONTAINERS = 512  # more than a message with the candidates of 64 channels has
 _LIMITS = {"max_array_len": 256, "max_map_len": 256, "max_str_len": 1024, "max_ext_len": 0}
 
-_DTYPES = {"uint8": np.uint8, "int32": np.int32, "float32": np.float32, "float64": np.float64}
+_DTYPES = {
+    "uint8": np.uint8,
+    "int32": np.int32,
+    "float16": np.float16,
+    "float32": np.float32,
+    "float64": np.float64,
+}
 
 
 def unpack(data: bytes) -> Any:
@@ -48,6 +54,15 @@ def _float_vector(value: Any) -> NDArray[np.float32]:
     array = _array_from_wire(value)
     if array.dtype != np.float32 or array.ndim != 1 or not np.isfinite(array).all():
         raise ValueError("expected a vector of finite float32")
+    return array
+
+
+def _descriptor(value: Any) -> NDArray[np.float16] | NDArray[np.float32]:
+    array = _array_from_wire(value)
+    if array.dtype not in (np.float16, np.float32) or array.ndim != 1 or not array.size:
+        raise ValueError("expected a vector of float16 or float32")
+    if not np.isfinite(array).all():
+        raise ValueError("expected finite numbers")
     return array
 
 
@@ -88,6 +103,11 @@ def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
 
 FloatVector = Annotated[
     NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
+]
+Descriptor = Annotated[
+    NDArray[np.float16] | NDArray[np.float32],
+    PlainValidator(_descriptor),
+    PlainSerializer(_array_to_wire),
 ]
 IndexVector = Annotated[
     NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)

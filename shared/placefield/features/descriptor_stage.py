@@ -1,5 +1,7 @@
 """The stage from frame to descriptor: an image is decoded, described, standardised and reduced.
 
+A frame that is a given descriptor is standardised and reduced like the feature of an image.
+
 It knows no bus: the library and the featurizer both use it.
 """
 
@@ -8,8 +10,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import DESCRIPTOR, InferenceConfig
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
 from placefield.features.extract import feature_of_model
+from placefield.features.frames import Frame, GivenDescriptor
+from placefield.features.mask import Mask
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 
@@ -21,20 +28,28 @@ class FrameStream(Protocol):
     def moments(self) -> Moments | None:
         """The moments of the stream so far; None if it has none."""
 
-    def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
-        """Return the descriptor of the next frame; None if the image is blank.
+    def update_raw(self, raw: Array) -> Array | None:
+        """Return the descriptor of the next frame by its raw feature; None if it is blank.
 
         Raises:
-            FrameError: the image cannot be read.
+            FrameError: the feature has another shape, or is not finite.
         """
 
 
 class FrameStage(Protocol):
-    """What a featurizer describes images with; all its streams share it."""
+    """What a featurizer describes frames with; all its streams share it."""
+
+    @property
+    def describes_images(self) -> bool:
+        """Whether frames are images; if not, they are given descriptors."""
 
     @property
     def standardises(self) -> bool:
         """Whether a descriptor depends on the frames before it."""
+
+    @property
+    def large_frame(self) -> tuple[int, int, int]:
+        """The shape of a large frame, to warm up with."""
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature of an image.
@@ -43,23 +58,43 @@ class FrameStage(Protocol):
             FrameError: the image cannot be read.
         """
 
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature of a frame that is a given descriptor.
+
+        Raises:
+            FrameError: frames are images.
+        """
+
     def new_stream(self, moments: Moments | None = None) -> FrameStream:
         """Begin a stream, or continue one whose moments so far are given."""
 
 
-class DescriptorStage:
-    """Describes images by a descriptor model; all streams may share it."""
+def large_frame(mask: Mask | None = None) -> tuple[int, int, int]:
+    """Return the shape of a large frame of colour, 25 MB, which fits the mask if there is one."""
+    rows, columns = (9, 16) if mask is None else mask.used.shape
+    return round(3840 * rows / columns), 3840, 3
 
-    def __init__(self, model: DescriptorModel) -> None:
-        """Load the feature of a map's descriptor model.
+
+class DescriptorStage:
+    """Describes frames by a descriptor model; all streams may share it."""
+
+    def __init__(self, model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> None:
+        """Load the feature of a map's descriptor model; a network runs where ``inference`` says.
 
         Raises:
-            ConfigError: OpenCV cannot run its network.
+            ConfigError: onnxruntime cannot run its network.
         """
         self._model = model
         self.standardises = model.follows_query
         """Whether a descriptor depends on the frames before it."""
-        self._feature = feature_of_model(model)
+        self.large_frame = large_frame(model.mask)
+        """The shape of a large frame, to warm up with."""
+        self._feature = feature_of_model(model, inference)
+
+    @property
+    def describes_images(self) -> bool:
+        """Whether frames are images; if not, they are given descriptors."""
+        return self._model.kind != DESCRIPTOR
 
     def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
         """Return the raw feature (D,) float32 of an encoded image or pixels.
@@ -68,6 +103,22 @@ class DescriptorStage:
             FrameError: the image cannot be read.
         """
         return self._feature.describe(image)
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature (D,) float32 of a frame that is a given descriptor.
+
+        Raises:
+            FrameError: the map is of images.
+        """
+        return self._feature.accept(descriptor)
+
+    def of_frame(self, frame: Frame) -> Array:
+        """Return the raw feature (D,) float32 of a frame: of its image or its descriptor.
+
+        Raises:
+            FrameError: the frame cannot be read, or is not what the map takes.
+        """
+        return self._feature.of_frame(frame)
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
         """Begin a stream, or continue one whose moments so far are given."""
@@ -96,6 +147,17 @@ class ImageStream:
             FrameError: the image cannot be read; the stream is unchanged.
         """
         return self.update_raw(self._stage.describe(image))
+
+    def update_frame(self, frame: Frame) -> Array | None:
+        """Return the descriptor (N,) float32 of the next frame: of its image or its descriptor.
+
+        A blank frame gives None, see ``DescriptorStream``.
+
+        Raises:
+            FrameError: the frame cannot be read, or is not what the map takes; the stream is
+                unchanged.
+        """
+        return self.update_raw(self._stage.of_frame(frame))
 
     def update_raw(self, raw: Array) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame by its raw feature (D,) float32.

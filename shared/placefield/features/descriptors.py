@@ -10,9 +10,12 @@ so that no descriptor is longer than 1, and both kinds can be stored in the same
 does not change which place is the nearest.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,9 @@ from placefield.blocks import blocks
 from placefield.config import FeatureKind
 from placefield.errors import FrameError
 from placefield.features.network import Network
+
+if TYPE_CHECKING:  # a router has no OpenCV
+    from placefield.features.mask import Mask
 
 PRIOR_FRAMES = 20
 """Weight of the reference's mean and deviation at the start of a query, frames."""
@@ -50,6 +56,7 @@ class DescriptorModel:
         plain: whether this is plain PCA, which neither standardises nor normalises to unit length,
             whatever ``standardise`` says.
         network: the network that gives the raw features, if one does.
+        mask: hides a part of each image first; None: nothing is hidden.
     """
 
     kind: FeatureKind
@@ -60,6 +67,7 @@ class DescriptorModel:
     variance_kept: float
     plain: bool = False
     network: Network | None = None
+    mask: Mask | None = None
 
     def __repr__(self) -> str:
         reduced, raw = self.components.shape

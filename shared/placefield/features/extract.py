@@ -1,19 +1,21 @@
-"""Raw features of images, by the kind of feature."""
+"""Raw features of frames, by the kind of feature."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import ONNX, FeatureKind
+from placefield.config import DESCRIPTOR, ONNX, FeatureKind, InferenceConfig
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorModel
+from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
+from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
 from placefield.features.shrink import small_grey
@@ -21,48 +23,87 @@ from placefield.plugins import load_plugin
 
 GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
 
+_DEFAULTS = InferenceConfig()
+
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
+
+Describe = Callable[[Sequence[Pixels]], Array]
+"""The contract of a feature: B images (H, W) or (H, W, 3) BGR to their raw features (B, D)."""
 
 
 @dataclass(frozen=True)
 class Feature:
-    """A feature, which describes images; threads may share it.
+    """A feature, which describes frames; threads may share it.
 
     Attributes:
+        kind: of the feature.
         network: the network that it runs; None if it needs none.
+        mask: hides a part of each image first; None: nothing is hidden.
     """
 
+    kind: FeatureKind
     network: Network | None
-    _describe: Callable[[Pixels], Array]
+    _describe: Describe
+    mask: Mask | None = None
 
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
 
         Raises:
-            FrameError: the image cannot be read.
+            FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        return self._describe(pixels_of(image))
+        row: Array = self._describe([self.used(pixels_of(image))])[0]
+        return row
+
+    def used(self, pixels: Pixels) -> Pixels:
+        """Return an image without what the mask hides.
+
+        Raises:
+            FrameError: the image has another aspect ratio than the mask.
+        """
+        return pixels if self.mask is None else self.mask.apply(pixels)
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature of a frame that is a given descriptor: itself, (D,) float32.
+
+        Raises:
+            FrameError: the feature describes images.
+        """
+        if self.kind != DESCRIPTOR:
+            raise FrameError(f"a descriptor, but {self.kind} describes images: give an image")
+        return np.asarray(descriptor, np.float32)
+
+    def of_frame(self, frame: Frame) -> Array:
+        """Return the raw feature of a frame, (D,) float32.
+
+        Raises:
+            FrameError: the frame cannot be read, or it is a descriptor where the feature describes
+                images, or the reverse.
+        """
+        if frame.descriptor is None or frame.fault:
+            return self.describe(frame.pixels())
+        return self.accept(frame.descriptor)
 
 
-def feature_of(kind: FeatureKind) -> Feature:
+def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
     """Return the feature of a kind; for ``onnx:FILE``, the network and its TOML are read.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed, OpenCV cannot run the network
-            (see ``try_network``), or no installed package has a feature of this name.
+        ConfigError: a file of the network is missing or malformed, onnxruntime cannot run the
+            network (see ``try_network``), or no installed package has a feature of this name.
     """
-    return _feature(kind, network_of(kind))
+    return _feature(kind, network_of(kind), inference)
 
 
-def feature_of_model(model: DescriptorModel) -> Feature:
-    """Return the feature that a descriptor model was fitted on, with the model's network.
+def feature_of_model(model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
+    """Return the feature that a descriptor model was fitted on, with the model's network and mask.
 
     Raises:
-        ConfigError: OpenCV cannot run the network (see ``try_network``), or the package with the
-            feature is not installed.
+        ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
+            the feature is not installed.
     """
-    return _feature(model.kind, model.network)
+    return replace(_feature(model.kind, model.network, inference), mask=model.mask)
 
 
 def network_of(kind: FeatureKind) -> Network | None:
@@ -74,25 +115,41 @@ def network_of(kind: FeatureKind) -> Network | None:
     return read_network(Path(kind.removeprefix(ONNX))) if kind.startswith(ONNX) else None
 
 
-def _feature(kind: FeatureKind, network: Network | None) -> Feature:
+def _feature(kind: FeatureKind, network: Network | None, inference: InferenceConfig) -> Feature:
     if network is not None:
         try_network(kind, network)
-        return Feature(network, NetworkFeature(kind, network).describe)
-    built_in = {"grayscale": grayscale, "gist": _gist}.get(kind)
-    return Feature(None, built_in or _of_plugin(kind))
+        return Feature(
+            kind, network, _one_by_one(NetworkFeature(kind, network, inference).describe)
+        )
+    built_in = {"grayscale": grayscale, "gist": _gist, DESCRIPTOR: _no_image}.get(kind)
+    return Feature(kind, None, _one_by_one(built_in) if built_in else _of_plugin(kind))
 
 
-def _of_plugin(kind: FeatureKind) -> Callable[[Pixels], Array]:
-    """Return a feature of another package, with a check of the shape of its vectors."""
+def _one_by_one(describe: Callable[[Pixels], Array]) -> Describe:
+    """Return a feature of one image as one of several."""
+    return lambda images: np.stack([describe(pixels) for pixels in images])
+
+
+def _of_plugin(kind: FeatureKind) -> Describe:
+    """Return a feature of another package, with a check of its vectors."""
     describe = load_plugin("placefield.features", kind)
 
-    def checked(pixels: Pixels) -> Array:
-        raw = np.asarray(describe(pixels), np.float32)
-        if raw.ndim != 1 or not len(raw):
-            raise FrameError(f"feature {kind!r}: gives shape {raw.shape}; it must give (D,)")
-        return raw
+    def checked(images: Sequence[Pixels]) -> Array:
+        raws = np.asarray(describe(images), np.float32)
+        if raws.ndim != 2 or len(raws) != len(images) or not raws.size:
+            raise FrameError(
+                f"feature {kind!r}: gives shape {raws.shape} for {len(images)} images; "
+                "it must give (B, D)"
+            )
+        if not np.isfinite(raws).all():
+            raise FrameError(f"feature {kind!r}: gives numbers that are not finite")
+        return raws
 
     return checked
+
+
+def _no_image(pixels: Pixels) -> Array:
+    raise FrameError("an image, but the map is of descriptors: give a descriptor")
 
 
 def _gist(pixels: Pixels) -> Array:

@@ -1,6 +1,6 @@
-"""Frames: an image with its stamp, pose and odometry."""
+"""Frames: an image or a given descriptor, with its stamp, pose and odometry."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,10 @@ from placefield.errors import FrameError
 from placefield.features.images import pixels_of
 from placefield.pose import Pose
 
-__all__ = ["Frame", "Pose"]
+__all__ = ["Frame", "GivenDescriptor", "Pose"]
+
+GivenDescriptor = NDArray[np.float16] | NDArray[np.float32]
+"""A descriptor (D,) that another program made of an image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,25 +23,30 @@ class Frame:
         index: the frame's position in its source.
         stamp_ns: when the frame was taken, nanoseconds.
         name: used in messages, for example the name of a file.
-        image: an encoded image, or pixels: uint8, (H, W) grey or (H, W, 3) BGR.
+        image: an encoded image, or pixels: uint8, (H, W) grey or (H, W, 3) BGR. Empty bytes if
+            there is a descriptor instead.
         pose: of the vehicle; None if unknown.
         odometry_m: metres travelled since any fixed start, 0 or more; it never descends within a
             traverse. None: there was no reading since the frame before.
-        fault: why the source could not read the image; ``image`` is then empty bytes, and the frame
+        fault: why the source could not read the frame; ``image`` is then empty bytes, and the frame
             keeps its index.
+        descriptor: (D,), given instead of an image; None: the frame has an image.
     """
 
     index: int
     stamp_ns: int
     name: str
-    image: bytes | NDArray[np.uint8]
+    image: bytes | NDArray[np.uint8] = b""
     pose: Pose | None = None
     odometry_m: float | None = None
     fault: str = ""
+    descriptor: GivenDescriptor | None = None
 
     def __repr__(self) -> str:
         image = self.image
         held = f"{len(image)} bytes" if isinstance(image, bytes) else f"pixels {image.shape}"
+        if self.descriptor is not None:
+            held = f"descriptor {self.descriptor.shape}"
         about = f"{self.name!r}, {held}" + (f", {self.pose}" if self.pose is not None else "")
         return f"Frame({self.index}, {about})"
 
@@ -46,8 +54,20 @@ class Frame:
         """Return the image decoded, (H, W) grey or (H, W, 3) BGR.
 
         Raises:
-            FrameError: the image cannot be read.
+            FrameError: the image cannot be read, or there is a descriptor instead.
         """
         if self.fault:
             raise FrameError(self.fault)
+        if self.descriptor is not None:
+            raise FrameError("a descriptor, where an image is needed")
         return pixels_of(self.image)
+
+    def decoded(self) -> "Frame":
+        """Return the frame with its image decoded; a frame with a descriptor stays as it is.
+
+        Raises:
+            FrameError: the frame cannot be read.
+        """
+        if self.descriptor is not None and not self.fault:
+            return self
+        return replace(self, image=self.pixels())

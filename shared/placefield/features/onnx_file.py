@@ -4,7 +4,7 @@ The file is parsed by the encoding of Protocol Buffers alone
 (https://protobuf.dev/programming-guides/encoding), with the field numbers of ``onnx.proto``.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,11 @@ MOST_BYTES = 2**30
 MOST_NODES = 20_000
 """The most nodes of a network, in all its graphs; the largest image networks have thousands."""
 
+_SHOWN = 60  # most characters of an operator's name in an error
 _MOST_FIELDS = 1_000_000  # the most fields that are parsed; a node has about ten
+
+_Operator = tuple[bytes, bytes]
+"""Domain and name."""
 
 # Sub-messages, by field number.
 _Message = dict[int, "_Message"]
@@ -27,14 +31,20 @@ _ATTRIBUTE: _Message = {5: _TENSOR, 10: _TENSOR, 22: _SPARSE, 23: _SPARSE}
 _NODE: _Message = {5: _ATTRIBUTE}
 _GRAPH: _Message = {1: _NODE, 5: _TENSOR, 15: _SPARSE}
 _ATTRIBUTE |= {6: _GRAPH, 11: _GRAPH}
-_MODEL: _Message = {7: _GRAPH, 20: {1: _GRAPH, 2: _GRAPH}, 25: {7: _NODE, 11: _ATTRIBUTE}}
+_FUNCTION: _Message = {7: _NODE, 11: _ATTRIBUTE}
+_MODEL: _Message = {7: _GRAPH, 20: {1: _GRAPH, 2: _GRAPH}, 25: _FUNCTION}
 
 _EXTERNAL_DATA, _DATA_LOCATION = 13, 14  # fields of a tensor
+_OF_NODE, _OF_FUNCTION = (7, 4), (10, 1)  # fields with the domain and the name of an operator
+_STANDARD = (b"", b"ai.onnx")  # domains
+_RUNTIMES_OWN = b"com.m"  # onnxruntime's domains, some of whose operators read files
 _FIXED: Mapping[int, int] = {1: 8, 5: 4}  # length in bytes, by wire type
 
 
 def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
     """Refuse a network that reads other files, or is larger than any image network.
+
+    Operators are those of the ONNX standard, and functions that the file itself defines.
 
     Args:
         name: of the network, used in messages.
@@ -47,10 +57,12 @@ def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
         raise ConfigError(f"{name}: more than {MOST_BYTES} bytes; use a smaller network")
     view = np.ascontiguousarray(onnx).data.cast("B")
     waiting: list[tuple[_Message, memoryview]] = [(_MODEL, view)]
+    called, defined = set[_Operator](), set[_Operator]()
     nodes = fields = 0
     while waiting:
         message, content = waiting.pop()
         nodes += message is _NODE
+        texts: dict[int, bytes] = {}
         for number, value in _fields(name, content):
             fields += 1
             if nodes > MOST_NODES or fields > _MOST_FIELDS:
@@ -62,6 +74,29 @@ def check_onnx(name: str, onnx: NDArray[np.uint8]) -> None:
                 _check_tensor(name, number, value)
             elif isinstance(value, memoryview) and number in message:
                 waiting.append((message[number], value))
+            elif isinstance(value, memoryview) and (message is _NODE or message is _FUNCTION):
+                texts[number] = bytes(value)
+        if message is _NODE:
+            called.add(_operator(texts, _OF_NODE))
+        elif message is _FUNCTION:
+            defined.add(_operator(texts, _OF_FUNCTION))
+    _check_operators(name, called, defined)
+
+
+def _operator(texts: Mapping[int, bytes], numbers: tuple[int, int]) -> _Operator:
+    domain, operator = (texts.get(number, b"") for number in numbers)
+    return domain, operator
+
+
+def _check_operators(name: str, called: Set[_Operator], defined: Set[_Operator]) -> None:
+    own = {operator for operator in defined if not operator[0].startswith(_RUNTIMES_OWN)}
+    for domain, operator in sorted(called - own):
+        if domain not in _STANDARD:
+            spelt = b".".join((domain, operator)).decode(errors="replace")
+            raise ConfigError(
+                f"{name}: operator {spelt[:_SHOWN]!r} is not of the ONNX standard; export the "
+                "network without it"
+            )
 
 
 def _check_tensor(name: str, number: int, value: int | memoryview) -> None:
@@ -106,4 +141,4 @@ def _varint(name: str, content: memoryview, at: int) -> tuple[int, int]:
 
 
 def _malformed(name: str) -> ConfigError:
-    return ConfigError(f"{name}: no network that OpenCV can run: no ONNX file, or cut off")
+    return ConfigError(f"{name}: no network that onnxruntime can run: no ONNX file, or cut off")

@@ -5,26 +5,35 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
+from placefield.config import DESCRIPTOR, FeatureKind, InferenceConfig
+from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of
+from placefield.features.frames import GivenDescriptor
+
+_DEFAULTS = InferenceConfig()
 
 Array = NDArray[np.float32]
 
 
 class RawStage:
-    """Describes images by their raw features; all streams may share it."""
+    """Describes frames by their raw features; all streams may share it."""
 
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
-    def __init__(self, kind: FeatureKind) -> None:
+    large_frame = large_frame()
+    """The shape of a large frame, to warm up with."""
+
+    def __init__(self, kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> None:
         """Load the feature of a kind.
 
         Raises:
             ConfigError: see ``feature_of``.
         """
-        self._feature = feature_of(kind)
+        self._feature = feature_of(kind, inference)
+        self.describes_images = kind != DESCRIPTOR
+        """Whether frames are images; if not, they are given descriptors."""
         network = self._feature.network
         named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
         self.fingerprint = hashlib.sha256(named).hexdigest()[:16]
@@ -37,6 +46,14 @@ class RawStage:
             FrameError: the image cannot be read.
         """
         return self._feature.describe(image)
+
+    def accept(self, descriptor: GivenDescriptor) -> Array:
+        """Return the raw feature (D,) float32 of a frame that is a given descriptor.
+
+        Raises:
+            FrameError: frames are images.
+        """
+        return self._feature.accept(descriptor)
 
     def new_stream(self, moments: Moments | None = None) -> "RawStream":
         """Begin a stream, or continue one; raw features need no moments."""
@@ -59,5 +76,8 @@ class RawStream:
         Raises:
             FrameError: the image cannot be read.
         """
-        raw = self._stage.describe(image)
+        return self.update_raw(self._stage.describe(image))
+
+    def update_raw(self, raw: Array) -> Array | None:
+        """Return the raw feature (D,) float32 of the next frame; None if it is blank."""
         return None if is_blank(raw) else raw

@@ -13,6 +13,8 @@ from placefield.maps.route_graph import RouteGraph
 from placefield.maps.stretches import Stretch
 from placefield.maps.traverse import NO_PLACE, Traverse
 from placefield.search.quantized import Quantized
+from placefield.verification.local_features import NO_FEATURES
+from placefield.verification.place_features import PlaceFeatures
 
 Numbers = NDArray[np.intp]
 
@@ -43,6 +45,7 @@ def with_routes(
     return replace(
         grown,
         places=_with_frames(opened.places, traverse, [each.frames for each in stretches]),
+        local_features=_with_views(opened.local_features, traverse, stretches),
         channels=tuple(
             replace(channel, labels=np.append(channel.labels, inactive))
             for channel in grown.channels
@@ -64,6 +67,16 @@ def _with_frames(places: Places, traverse: Traverse, routes: Sequence[Numbers]) 
         thumbnails=np.concatenate([places.thumbnails, np.frombuffer(b"".join(thumbnails), "u1")]),
         thumbnail_ends=np.concatenate([places.thumbnail_ends, end + np.cumsum(lengths)]),
     )
+
+
+def _with_views(
+    known: PlaceFeatures | None, traverse: Traverse, stretches: Sequence[Stretch]
+) -> PlaceFeatures | None:
+    if known is None:
+        return None
+    frames = np.concatenate([stretch.frames for stretch in stretches]).tolist()
+    views = traverse.local_features or (NO_FEATURES,) * len(traverse.raw)
+    return known.with_places([views[frame] for frame in frames])
 
 
 def _with_poses(

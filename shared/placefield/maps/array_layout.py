@@ -9,8 +9,8 @@ from placefield.maps.map import Map
 
 # For each folder: its files, with the dtype and the axes of their arrays. An axis of one letter has
 # the same length in all files of a folder: K places, P poses, T metres travelled, F frames of a
-# traverse, L looks, N descriptor dimensions, M projected dimensions, D raw dimensions, R those of
-# the coarse search.
+# traverse, L looks, n local features, N descriptor dimensions, M projected dimensions, D raw
+# dimensions, R those of the coarse search.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),
@@ -18,6 +18,7 @@ MODEL_FILES: Layout = {
     "components": ("float32", "ND"),
 }
 NETWORK_FILES: Layout = {"onnx": ("uint8", "o")}
+MASK_FILES: Layout = {"used": ("uint8", "hw")}
 PLACE_FILES: Layout = {
     "stamps": ("int64", "K"),
     "poses": ("float64", "P3"),
@@ -28,6 +29,12 @@ PLACE_FILES: Layout = {
 }
 TRAVERSE_FILES: Layout = {"places": ("int32", "F")}
 GRAPH_FILES: Layout = {"links": ("int32", "l2")}
+LOCAL_FEATURE_FILES: Layout = {
+    "points": ("float32", "n2"),
+    "descriptors": ("uint8", "nB"),
+    "ends": ("int64", "K"),
+    "ratios": ("float64", "s"),
+}
 METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
@@ -55,6 +62,9 @@ CHANNEL_FILES: Layout = {
 }
 
 
+MASK_FOLDER = "features/mask"
+
+
 def look_files(coarse: object | None) -> Layout:
     """Return the files of a metric's looks; ``coarse`` is None without a coarse search."""
     return LOOK_FILES if coarse is None else {**LOOK_FILES, **LOOK_CODE_FILES}
@@ -68,8 +78,12 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     ]
     if built.model.network is not None:
         parts.append(("features", built.model.network, NETWORK_FILES))
+    if built.model.mask is not None:
+        parts.append((MASK_FOLDER, built.model.mask, MASK_FILES))
     if len(built.graph.links):
         parts.append(("graph", built.graph, GRAPH_FILES))
+    if built.local_features is not None:
+        parts.append(("local_features", built.local_features, LOCAL_FEATURE_FILES))
     for number, traverse in built.alignments.items():
         parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):

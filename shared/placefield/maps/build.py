@@ -14,6 +14,7 @@ from placefield.maps.gathering import (
     alignment_of,
     centred,
     chosen_rows,
+    local_features_of,
     looks_of_others,
     probes_of,
     records_of,
@@ -186,6 +187,7 @@ def build_map(
         model=model,
         places=_places(first, same),
         channels=channels,
+        local_features=local_features_of(traverses, place_of, shown, same, config.seed),
         alignments={
             number: MapAlignment(each.places)
             for number, each in enumerate(alignments[1:], len(graph.names))

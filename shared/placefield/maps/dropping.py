@@ -110,6 +110,7 @@ def _without_places(
     return replace(
         shrunk,
         places=_kept_places(opened.places, kept, moved),
+        local_features=opened.local_features and opened.local_features.kept(np.flatnonzero(kept)),
         channels=tuple(_without_segments(channel, kept, moved) for channel in shrunk.channels),
         graph=graph,
     )

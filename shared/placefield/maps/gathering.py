@@ -13,6 +13,8 @@ from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
 from placefield.maps.traverse import Alignment, Traverse
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
+from placefield.verification.learning import features_of_places
+from placefield.verification.place_features import PlaceFeatures
 
 _NEAR = 3
 """Places within which a frame of one place is a look of another, without a frame of its own."""
@@ -146,6 +148,33 @@ def nearest_frames(
     is_near = np.minimum(*apart) <= _NEAR
     is_near &= routes_of(first, shown[order[nearest]]) == routes_of(first, all_places)
     return all_places[is_near], order[nearest[is_near]]
+
+
+def local_features_of(
+    traverses: Sequence[Traverse],
+    place_of: Sequence[NDArray[np.int32]],
+    shown: Sequence[NDArray[np.intp]],
+    same: NDArray[np.int32],
+    seed: int,
+) -> PlaceFeatures | None:
+    """Return the local features of the places; None if the traverses have none.
+
+    Args:
+        traverses: the first one's frames are the places.
+        place_of: of each traverse, (F,) int32, the place that each of its chosen frames shows.
+        shown: of each traverse, (F,), the numbers of its chosen frames.
+        same: (K,) int32, see ``Places``.
+        seed: of the choice of pairs that are compared.
+    """
+    if not traverses[0].local_features:
+        return None
+    again = [
+        (int(place), traverse.local_features[frame])
+        for traverse, places, frames in zip(traverses[1:], place_of[1:], shown[1:], strict=True)
+        if traverse.local_features
+        for place, frame in zip(places, frames, strict=True)
+    ]
+    return features_of_places(traverses[0].local_features, again, same, seed)
 
 
 def probes_of(

@@ -25,10 +25,13 @@ def check_joinable(one: Map, other: Map) -> None:
     """Refuse two maps that cannot be joined.
 
     Raises:
-        MapError: one is of an earlier version, or their descriptors are of different features.
+        MapError: one is of an earlier version, their descriptors are of different features,
+            or one has a mask.
     """
     for each in (one, other):
         _identity_of(each)
+        if each.model.mask is not None:
+            raise MapError("has a mask, and such maps are not joined: build them without --mask")
     if _feature_of(one) != _feature_of(other):
         raise MapError(
             f"its features are {_words(other)}, and those of the first map {_words(one)}: build "
@@ -102,7 +105,7 @@ def with_records(built: Map, maps: Sequence[Map]) -> Map:
 
 
 def _places_of(opened: Map) -> Traverse:
-    places = opened.places
+    places, views = opened.places, opened.local_features
     return Traverse(
         ", ".join(opened.graph.names),
         _restored(opened, _identity_of(opened).places),
@@ -111,6 +114,7 @@ def _places_of(opened: Map) -> Traverse:
         places.travelled,
         tuple(places.thumbnail(place) for place in range(places.count)),
         opened.pose_frame or ROUTE,
+        () if views is None else tuple(map(views.of, range(places.count))),
         graph=opened.graph,
     )
 

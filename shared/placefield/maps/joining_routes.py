@@ -12,6 +12,7 @@ from placefield.errors import MapError
 from placefield.maps.geography import Origin
 from placefield.maps.route_graph import RouteGraph, place_in
 from placefield.maps.traverse import ROUTE, Traverse
+from placefield.verification.local_features import NO_FEATURES, LocalFeatures
 
 log = logging.getLogger(__name__)
 
@@ -47,8 +48,17 @@ def join_routes(
         _travelled_on(routes),
         tuple(image for route in routes for image in route.thumbnails),
         frame,
+        _views_of(routes),
         graph=_with_links(graph, places, links),
     )
+
+
+def _views_of(routes: Sequence[Traverse]) -> tuple[LocalFeatures, ...]:
+    """Return the local features of all frames; a route without any has none in its frames."""
+    if not any(route.local_features for route in routes):
+        return ()
+    views = (route.local_features or (NO_FEATURES,) * len(route.raw) for route in routes)
+    return tuple(chain.from_iterable(views))
 
 
 def _side_by_side(routes: Sequence[Traverse]) -> RouteGraph:

@@ -146,6 +146,7 @@ class Manifest(_Record):
         history: the changes since the map was built, in their order.
         routes: the routes whose places follow each other; none if there is one route.
         links: the number of links between places, see ``placefield.maps.route_graph``.
+        local_features: the number of local features of all places.
         files: checksum of each array's file, by its path in the map; see ``checksum_of``.
     """
 
@@ -166,6 +167,7 @@ class Manifest(_Record):
     history: tuple[ChangeRecord, ...] = ()
     routes: tuple[RouteRecord, ...] = ()
     links: int = Field(0, ge=0)
+    local_features: int = Field(0, ge=0)
     metrics: tuple[MetricRecord, ...] = Field(min_length=1)
     channels: tuple[ChannelRecord, ...] = Field(min_length=1)
     files: dict[str, Sha256]

@@ -19,6 +19,7 @@ from placefield.presets import Preset
 from placefield.search.coarse import CoarseIndex
 from placefield.search.looks import Looks
 from placefield.search.quantized import Quantized
+from placefield.verification.place_features import PlaceFeatures
 
 Array = NDArray[np.float32]
 
@@ -58,6 +59,11 @@ class Places:
         """K."""
         return len(self.stamps)
 
+    @property
+    def has_thumbnails(self) -> bool:
+        """Whether the places have thumbnails; those of a map of descriptors have none."""
+        return len(self.thumbnails) > 0
+
     def pose(self, place: int) -> Pose | None:
         """Return the pose of a place; None if it is unknown."""
         if not len(self.poses) or not np.isfinite(self.poses[place]).all():
@@ -65,7 +71,7 @@ class Places:
         return Pose(*map(float, self.poses[place]))
 
     def thumbnail(self, place: int) -> bytes:
-        """Return the thumbnail of a place, JPEG."""
+        """Return the thumbnail of a place, JPEG; empty if the places have none."""
         start = self.thumbnail_ends[place - 1] if place else 0
         return self.thumbnails[start : self.thumbnail_ends[place]].tobytes()
 
@@ -161,6 +167,7 @@ class Map:
             are; None in an old map whose channels all learned theirs, and in a map of which only
             some channels were opened.
         history: the drives that were added or dropped since the map was built, in this order.
+        local_features: of the places, to verify matches; None if the map was built without.
         digest: identifies the map, 16 hexadecimal digits; see ``placefield.maps.digest``.
         check_unchanged: raises ``MapError`` if a memory-mapped file was written to since the map
             was opened. Results computed in the meantime may be wrong.
@@ -178,6 +185,7 @@ class Map:
     channels: Sequence[MapChannel]
     graph: RouteGraph = field(default_factory=lambda: RouteGraph.line(""))
     alignments: Mapping[int, MapAlignment] = field(default_factory=dict)
+    local_features: PlaceFeatures | None = None
     identity: MapMetric | None = None
     history: tuple[ChangeRecord, ...] = ()
     digest: str = field(default=NO_DIGEST, compare=False)
@@ -221,4 +229,7 @@ def fingerprint(model: DescriptorModel) -> str:
         digest.update(np.ascontiguousarray(array).data)
     if model.network is not None:
         digest.update(model.network.digest)
+    if model.mask is not None:
+        digest.update(f"mask {model.mask.used.shape}".encode())
+        digest.update(np.ascontiguousarray(model.mask.used).data)
     return digest.hexdigest()[:16]

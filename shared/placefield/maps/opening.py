@@ -1,7 +1,10 @@
 """Opening a map from disk: its files are checked, and large arrays are memory-mapped."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,9 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.features.network import Network
 from placefield.maps.array_layout import (
     GRAPH_FILES,
+    LOCAL_FEATURE_FILES,
+    MASK_FILES,
+    MASK_FOLDER,
     MODEL_FILES,
     NETWORK_FILES,
     PLACE_FILES,
@@ -21,6 +27,11 @@ from placefield.maps.map import STEPS, Map, MapAlignment, Places, fingerprint
 from placefield.maps.map_channels import MapChannels
 from placefield.maps.map_files import MapFiles
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
+from placefield.verification.local_features import LENGTH
+from placefield.verification.place_features import PlaceFeatures, problem_with
+
+if TYPE_CHECKING:  # a router has no OpenCV
+    from placefield.features.mask import Mask
 
 
 def open_map(
@@ -53,6 +64,7 @@ def open_map(
         manifest.variance_kept,
         manifest.features.plain_pca,
         _open_network(files),
+        _open_mask(files),
     )
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
@@ -74,6 +86,7 @@ def open_map(
         channels=tuple(all_channels) if channels is None else all_channels,
         graph=_open_graph(files),
         alignments=dict(_open_alignments(files)),
+        local_features=_open_local_features(files),
         history=manifest.history,
         identity=all_channels.open_identity() if channels is None else None,
         digest=found,
@@ -131,7 +144,32 @@ def _open_graph(files: MapFiles) -> RouteGraph:
     return graph
 
 
+def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
+    manifest = files.manifest
+    if not manifest.local_features:
+        return None
+    sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2, "B": LENGTH}
+    found = PlaceFeatures(*files.load("local_features", LOCAL_FEATURE_FILES, sizes))
+    if problem := problem_with(found):
+        raise MapError(f"{files.path / 'local_features'}: {problem}; {REBUILD}")
+    return found
+
+
 def _open_network(files: MapFiles) -> Network | None:
     if files.manifest.network is None:
         return None
     return Network(files.manifest.network, *files.load("features", NETWORK_FILES, {}))
+
+
+def _open_mask(files: MapFiles) -> Mask | None:
+    """Open the mask of a map that has one."""
+    if not any(name.startswith(f"{MASK_FOLDER}/") for name in files.manifest.files):
+        return None
+    from placefield.features.images import MAX_PIXELS
+    from placefield.features.mask import Mask
+
+    (used,) = files.load(MASK_FOLDER, MASK_FILES, {})
+    if not 0 < used.size <= MAX_PIXELS or used.max() != 1:
+        file = files.path / MASK_FOLDER / "used.npy"
+        raise MapError(f"{file}: is no mask of 0 and 1; {REBUILD}")
+    return Mask(used)

@@ -3,7 +3,8 @@
 Georeferenced poses decide if both traverses have them. Otherwise the frames are recognised in the
 first traverse like those of a query. If too few are recognised, the traverses may be aligned by
 number, if frames resemble the places of their own index more than other places. Frames are compared
-by GIST, whatever the map's feature, because GIST depends least on the time of day.
+by GIST, whatever the map's feature, because GIST depends least on the time of day. A map of
+descriptors has no images, so its descriptors are compared.
 """
 
 import logging
@@ -13,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind
+from placefield.config import DESCRIPTOR, FeatureKind
 from placefield.errors import MapError
 from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import default_dimensions, feature_of
@@ -56,9 +57,15 @@ def align_traverses(traverses: Sequence[Traverse], kind: FeatureKind) -> list[Tr
         kind: of their raw features.
 
     Raises:
-        MapError: a traverse shows another route.
+        MapError: a traverse shows another route, or its features have another dimension.
     """
     first, *others = traverses
+    for other in others:
+        if other.raw.shape[1] != first.raw.shape[1]:
+            raise MapError(
+                f"{other.name}: features of {other.raw.shape[1]} dimensions, and those of "
+                f"{first.name} have {first.raw.shape[1]}; give features of one kind"
+            )
     if not others or len(first.raw) <= _TOO_FEW:
         return list(traverses)
     reference = _raws(first, kind)
@@ -168,7 +175,7 @@ def _by_poses(first: Traverse, other: Traverse) -> Alignment | None:
 
 
 def _raws(traverse: Traverse, kind: FeatureKind) -> Array:
-    if kind == _KIND:
+    if kind in (_KIND, DESCRIPTOR):
         return traverse.raw
     feature = feature_of(_KIND)
     return np.stack([feature.describe(image) for image in traverse.thumbnails])

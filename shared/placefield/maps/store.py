@@ -123,6 +123,7 @@ def _write(built: Map, folder: Path) -> None:
         history=built.history,
         routes=_routes(built),
         links=len(built.graph.links),
+        local_features=0 if built.local_features is None else len(built.local_features.points),
         metrics=tuple(
             MetricRecord(
                 learned=metric.learned,

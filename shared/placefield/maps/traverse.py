@@ -16,6 +16,8 @@ from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.trajectory import Trajectory, travelled
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
 
 log = logging.getLogger(__name__)
 
@@ -31,13 +33,17 @@ THUMBNAIL = 160
 
 @dataclass(frozen=True)
 class DescribedFrame:
-    """A frame as a map keeps it: raw feature, stamp, pose, odometry and thumbnail."""
+    """A frame as a map keeps it: raw feature, stamp, pose, odometry, thumbnail, local features.
+
+    The thumbnail is empty if the frame is a given descriptor.
+    """
 
     raw: NDArray[np.float32]
     stamp_ns: int
     pose: Pose | None
     odometry_m: float | None
     thumbnail: bytes
+    local_features: LocalFeatures | None = None
 
 
 class Alignment(NamedTuple):
@@ -83,8 +89,9 @@ class Traverse:
             frame has a pose.
         travelled: (K,) float64, metres from the first frame to each, never descending; (0,) if
             unknown.
-        thumbnails: K JPEG images.
+        thumbnails: K JPEG images; K times nothing if the frames are given descriptors.
         pose_frame: name of the poses' coordinate frame, as in a map.
+        local_features: of the K frames; empty if there are none.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
         graph: the routes that the frames are of, one after the other, and links between frames that
@@ -98,6 +105,7 @@ class Traverse:
     travelled: NDArray[np.float64]
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
+    local_features: tuple[LocalFeatures, ...] = ()
     alignment: Alignment | None = None
     graph: RouteGraph | None = None
 
@@ -111,19 +119,20 @@ class Traverse:
         return f"Traverse({self.name!r}, {frames} frames, features of {dimensions} dimensions)"
 
 
-def describe_frame(frame: Frame, feature: Feature) -> DescribedFrame:
-    """Describe a reference frame.
+def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> DescribedFrame:
+    """Describe a reference frame, with so many local features at most.
 
     Raises:
         FrameError: the frame cannot be read; the error begins with its name.
     """
     try:
-        pixels = frame.pixels()
-        raw = feature.describe(pixels)
+        decoded = frame.decoded()
+        raw = feature.of_frame(decoded)
+        local = extract(feature.used(decoded.pixels()), local_features) if local_features else None
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = small_jpeg(pixels, THUMBNAIL)
-    return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail)
+    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), THUMBNAIL)
+    return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail, local)
 
 
 def traverse_of(
@@ -160,6 +169,7 @@ def traverse_of(
         _travelled(name, poses, [frame.odometry_m for frame in frames]),
         tuple(frame.thumbnail for frame in frames),
         pose_frame,
+        tuple(frame.local_features for frame in frames if frame.local_features is not None),
     )
 
 

@@ -51,6 +51,7 @@ EXAMPLES: list[Message] = [
     Header(stream="s" * 32, sequence=2**40, stamp_ns=-5, live=True),
     FrameMessage(image=bytes(range(90)), odometry_m=12.5),
     FrameMessage(image=np.zeros((3, 4, 3), np.uint8)),
+    FrameMessage(descriptor=VECTOR.astype(np.float16), odometry_m=2.0),
     FeatureMessage(model="0123456789abcdef", descriptor=VECTOR, odometry_m=0.0),
     CandidatesMessage(
         map=NO_DIGEST,
@@ -178,7 +179,14 @@ def check_bounds(message: Message) -> None:
             assert isinstance(message.end, bool)
         case FrameMessage():
             assert message.odometry_m is None or 0 <= message.odometry_m < np.inf
-            if not isinstance(message.image, bytes):
+            assert (message.image is None) != (message.descriptor is None)
+            if message.descriptor is not None:
+                assert message.descriptor.dtype in (np.float16, np.float32)
+                assert message.descriptor.ndim == 1
+                assert message.descriptor.size
+                assert np.isfinite(message.descriptor).all()
+            elif not isinstance(message.image, bytes):
+                assert message.image is not None
                 assert message.image.dtype == np.uint8
                 assert message.image.ndim in (2, 3)
                 assert message.image.size

@@ -35,6 +35,11 @@ pixels = hnp.arrays(
     st.tuples(st.integers(1, 9), st.integers(1, 9))
     | st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3)),
 )
+given_descriptors = hnp.arrays(
+    st.sampled_from([np.float16, np.float32]),
+    st.integers(1, 40),
+    elements=st.floats(allow_nan=False, allow_infinity=False, width=16),
+)
 headers = st.builds(
     Header,
     stream=st.text(min_size=1, max_size=64),
@@ -55,6 +60,7 @@ channel_candidates = st.builds(
 all_messages: st.SearchStrategy[Message] = st.one_of(
     headers,
     st.builds(FrameMessage, image=st.binary(max_size=200) | pixels),
+    st.builds(FrameMessage, descriptor=given_descriptors),
     st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
     st.builds(
         CandidatesMessage,
@@ -108,6 +114,13 @@ def candidate(channel: int) -> ChannelCandidate:
         places=np.zeros(2, np.int32),
         evidence=np.ones(2, np.float32),
     )
+
+
+def packed(value: Any) -> Any:
+    """Write an array by hand as the page on the bus says."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return {"dtype": value.dtype.name, "shape": value.shape, "data": value.tobytes()}
 
 
 def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
@@ -294,6 +307,23 @@ def test_pixels_that_make_no_image_are_refused(shape: tuple[int, ...]) -> None:
     )
     with pytest.raises(MessageError, match="image"):
         FrameMessage.decode(packed)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        {"image": b"x", "descriptor": np.ones(4, np.float32)},
+        {"descriptor": np.ones((1, 4), np.float32)},
+        {"descriptor": np.ones(0, np.float32)},
+        {"descriptor": np.ones(4, np.float64)},
+        {"descriptor": np.array([1, np.inf], np.float16)},
+    ],
+)
+def test_a_frame_is_an_image_or_a_finite_vector(content: dict[str, Any]) -> None:
+    sent = {name: packed(value) for name, value in content.items()}
+    with pytest.raises(MessageError, match="FrameMessage"):
+        FrameMessage.decode(msgpack.packb({"version": 2, **sent}))
 
 
 @pytest.mark.parametrize("score", [float("nan"), float("inf"), -float("inf"), "0", None, True])

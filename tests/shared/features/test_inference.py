@@ -1,4 +1,3 @@
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from onnx import load
 from onnx.reference import ReferenceEvaluator
 from scipy.signal import correlate
 
+from placefield.config import InferenceConfig
 from placefield.errors import ConfigError, FrameError
 from placefield.features.inference import NetworkFeature, network_input
 from placefield.features.network import Network, NetworkInput, read_network
@@ -96,21 +96,11 @@ def test_an_image_whose_output_is_not_finite_is_refused(path: Path) -> None:
         feature.describe(np.full((HEIGHT, WIDTH, 3), 255, np.uint8))
 
 
-@pytest.fixture
-def _threads_as_before() -> Iterator[None]:
-    before = cv2.getNumThreads()
-    yield
-    cv2.setNumThreads(before)
-
-
-@pytest.mark.usefixtures("_threads_as_before")
 def test_values_depend_on_no_thread_and_no_other_image(path: Path) -> None:
     write_network(path)
     images = [noise(40, 60, 3, seed=seed) for seed in range(40)]
-    cv2.setNumThreads(1)
     alone = [loaded(path).describe(image).tobytes() for image in images]
-    cv2.setNumThreads(4)
-    shared = loaded(path)
+    shared = NetworkFeature("net", read_network(path), InferenceConfig(threads=4))
     with ThreadPoolExecutor(8) as pool:
         assert [feature.tobytes() for feature in pool.map(shared.describe, images)] == alone
 
@@ -119,8 +109,11 @@ def test_values_depend_on_no_thread_and_no_other_image(path: Path) -> None:
     ("declared", "reason"),
     [
         ({"output": "map"}, "no output 'map'; the network has 'maps', 'gap'"),
-        ({"width": 23}, "its input is CV_32FC1 ? x 3 x 16 x 24, not CV_32F 1 x 3 x 16 x 23"),
-        ({"colour": "grey"}, "not CV_32F 1 x 1 x 16 x 24"),
+        (
+            {"width": 23},
+            "its input is tensor(float) ? x 3 x 16 x 24, not tensor(float) 1 x 3 x 16 x 23",
+        ),
+        ({"colour": "grey"}, "not tensor(float) 1 x 1 x 16 x 24"),
         ({"grid": 15}, "no 15×15 cells"),
         ({"output": "gap", "grid": 2}, "no 2×2 cells"),
     ],
@@ -142,7 +135,7 @@ def test_where_there_are_several_outputs_one_must_be_named(path: Path) -> None:
 def test_a_file_that_is_no_whole_network_is_refused(path: Path, share: float) -> None:
     write_network(path)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    assert "OpenCV can run" in refusal(path)
+    assert "onnxruntime can run" in refusal(path)
 
 
 @pytest.mark.parametrize(

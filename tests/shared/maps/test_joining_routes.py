@@ -12,6 +12,7 @@ from placefield.maps.build import build_map
 from placefield.maps.geography import Origin
 from placefield.maps.joining_routes import join_routes
 from placefield.maps.traverse import Traverse
+from placefield.verification.local_features import LocalFeatures
 
 Make = Callable[..., Traverse]
 
@@ -104,3 +105,17 @@ def test_no_segment_of_a_map_lies_in_two_routes_and_a_record_names_each(
     ]
     for channel in built.channels:
         assert (channel.segments[:, 0] // 60 == (channel.segments[:, 1] - 1) // 60).all()
+
+
+def test_routes_keep_their_local_features_and_one_without_has_none_of_any_frame(
+    make_traverse: Make,
+) -> None:
+    with_views, without = make_traverse(20, name="north"), make_traverse(12, name="south")
+    views = tuple(
+        LocalFeatures(np.full((3, 2), number, np.float32), np.zeros((3, 128), np.uint8))
+        for number in range(20)
+    )
+    network = join_routes([replace(with_views, local_features=views), without])
+    assert [len(view.points) for view in network.local_features] == [3] * 20 + [0] * 12
+    assert network.local_features[7] is views[7]
+    assert join_routes([with_views, without]).local_features == ()

@@ -27,9 +27,13 @@ def test_routes_that_share_a_stretch_are_built_as_one_network(
     roads: list[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "town.pfmap"
-    done = CliRunner().invoke(app, ["build", *roads, "--routes", *QUICK, "-o", str(path)])
+    options = [*QUICK, "--set", "build.local_features=50"]
+    done = CliRunner().invoke(app, ["build", *roads, "--routes", *options, "-o", str(path)])
     assert done.exit_code == 0, done.output
-    graph = open_map(path).graph
+    opened = open_map(path)
+    assert opened.local_features is not None
+    assert len(opened.local_features.ends) == 85
+    graph = opened.graph
     assert graph.names == ("north", "south")
     assert graph.first.tolist() == [0, 40]
     assert "south, place 0 to 24: the same stretch as north, place 15 to 39" in done.output

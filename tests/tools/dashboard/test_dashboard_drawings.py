@@ -128,3 +128,4 @@ def test_what_is_no_frame_is_refused() -> None:
         frame_picture(b"garbage")
     with pytest.raises(FrameError):
         frame_picture(FrameMessage(image=b"garbage").encode())
+    assert frame_picture(FrameMessage(descriptor=np.ones(4, np.float32)).encode()) is None

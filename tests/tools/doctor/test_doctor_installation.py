@@ -1,7 +1,9 @@
 """What is installed, as a doctor sees it."""
 
+import sys
 from importlib.metadata import PackageNotFoundError
 
+import onnxruntime
 import pytest
 
 from placefield_tools.doctor import installation
@@ -43,3 +45,22 @@ def test_an_extra_that_is_missing_is_a_warning_that_says_how_to_get_it(
     assert found.found == "rosbags is missing"
     assert "pip install 'placefield[ros]'" in found.advice
     assert installation.libraries().verdict is Health.GOOD
+
+
+def test_what_runs_networks_is_said_and_a_provider_that_is_missing_is_bad(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
+    found = installation.of_networks("cpu")
+    assert found.verdict is Health.GOOD
+    assert found.found == "onnxruntime with cpu; networks run on cpu"
+    missing = installation.of_networks("openvino")
+    assert missing.verdict is Health.BAD
+    assert "install onnxruntime-openvino" in missing.advice
+
+
+def test_networks_are_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    found = installation.of_networks("cpu")
+    assert found.verdict is Health.WARNING
+    assert "pip install 'placefield[onnx]'" in found.advice

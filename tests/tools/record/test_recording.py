@@ -97,6 +97,16 @@ def test_smoothed_matches_are_written_too_and_the_end_once(
     assert [match for _, match in kept.matches] == [KNOWN, SMOOTHED, KNOWN, SMOOTHED, None]
 
 
+def test_descriptors_have_no_picture_and_are_counted(
+    bus: StillBus, recording: RecordSession, kept: Kept
+) -> None:
+    (header, match), *_ = stream_of([KNOWN])
+    bus.deliver(KEYS.frame, header, FrameMessage(descriptor=np.ones(4, np.float32)).encode())
+    bus.deliver_match(header, match)
+    assert drain(recording) == {"matches": 1, "descriptors, which have no picture": 1}
+    assert not kept.frames
+
+
 def test_every_match_of_every_stream_is_written_in_order(
     bus: StillBus, recording: RecordSession, kept: Kept
 ) -> None:

@@ -180,3 +180,26 @@ def test_a_reference_that_is_too_short_for_our_map_is_refused(
         copy(file, tmp_path)
     with pytest.raises(MapError, match="too short"):
         prepare(str(tmp_path), Query(str(query_dir)), within_3, CONFIG)
+
+
+def test_descriptors_run_through_every_method_that_needs_no_image(
+    trial: Trial, tmp_path: Path
+) -> None:
+    paths = []
+    for name, frames in (("reference", trial.reference), ("query", trial.query)):
+        paths.append(str(tmp_path / f"{name}.npy"))
+        raws = np.array(frames.raws)
+        raws[7] *= 1 if name == "reference" else np.nan
+        np.save(paths[-1], raws)
+    prepared = prepare(paths[0], Query(paths[1]), within_3, CONFIG)
+    assert prepared.config.features.kind == "descriptor"
+    assert np.flatnonzero(~prepared.query.observed).tolist() == [7]
+    wanted = ("SeqSLAM", "FAB-MAP", "one frame", "Placefield, filter")
+    methods = [method for method in methods_of(prepared) if method.name in wanted]
+    failures = {result.name: result.failure for result in run_methods(prepared, methods)}
+    assert failures == {
+        "one frame": None,
+        "SeqSLAM": "the frames are descriptors, and SeqSLAM compares images",
+        "FAB-MAP": "the frames are descriptors, and FAB-MAP looks for keypoints in images",
+        "Placefield, filter": None,
+    }

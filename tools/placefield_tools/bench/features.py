@@ -1,9 +1,14 @@
 """GIST beside a naive implementation, and a frame's way to its descriptor."""
 
+import tempfile
+from pathlib import Path
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import DESCRIPTOR
+from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, fit_descriptors
 from placefield.features.extract import GIST_SIZE, default_dimensions, feature_of
 from placefield.features.gist import DIMENSIONS, gist
@@ -13,9 +18,11 @@ from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.naive_gist import NaiveGist
 from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
+from placefield_tools.sources import open_source
 
 _BATCH = 16
 _ROUNDS = 15
+_GIVEN = 500
 
 Array = NDArray[np.float32]
 
@@ -24,7 +31,7 @@ def bench_features() -> list[Figure]:
     """Measure on JPEGs of 640 x 480, on one core."""
     jpegs = street_frames(_BATCH)
     small = np.stack([small_grey(decode(jpeg), GIST_SIZE, GIST_SIZE) for jpeg in jpegs])
-    return [*_gist_figures(small), *_descriptor_figures(jpegs)]
+    return [*_gist_figures(small), *_descriptor_figures(jpegs), _given_descriptors()]
 
 
 def _gist_figures(images: Array) -> list[Figure]:
@@ -72,12 +79,32 @@ def _descriptor_figures(jpegs: list[bytes]) -> list[Figure]:
     ]
 
 
+def _given_descriptors() -> Figure:
+    model = _model(DESCRIPTOR)
+    rows = np.random.default_rng(1).random((_GIVEN, DIMENSIONS), np.float32)
+    with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
+        path = Path(folder) / "drive.npy"
+        np.save(path, rows)
+        times = Timings.of([lambda: _described(path, model)], rounds=_ROUNDS)
+    return Figure(
+        "given_descriptors_per_s",
+        _GIVEN / times.median(0),
+        f"row of {DIMENSIONS} numbers of a .npy to descriptor, one core",
+    )
+
+
+def _described(path: Path, model: DescriptorModel) -> list[Array | None]:
+    stream = DescriptorStage(model).new_stream()
+    with open_source(str(path)) as source:
+        return [stream.update_frame(frame) for frame in source]
+
+
 def _as_array(jpeg: bytes) -> NDArray[np.uint8]:
     return np.frombuffer(jpeg, np.uint8)
 
 
-def _model() -> DescriptorModel:
+def _model(kind: str = "gist") -> DescriptorModel:
     """Fit a model of the usual size; what it was fitted on makes no difference to its speed."""
     dimensions = default_dimensions("gist")
     raws = np.random.default_rng(0).random((2 * dimensions, DIMENSIONS), np.float32)
-    return fit_descriptors([raws], "gist", dimensions=dimensions, standardise=True)[0]
+    return fit_descriptors([raws], kind, dimensions=dimensions, standardise=True)[0]

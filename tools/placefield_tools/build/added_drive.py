@@ -6,6 +6,7 @@ from placefield.maps.adding import Addition, add_traverse, check_name
 from placefield.maps.map import Map
 from placefield_tools.build.references import describe_reference
 from placefield_tools.sources import Parts, open_source
+from placefield_tools.sources.frame_content import check_frames, dimensions_of
 from placefield_tools.sources.secrets import without_secrets
 
 
@@ -29,14 +30,22 @@ def add_drive(
         leave_out_bad: add the drive without frames that are missing or cannot be read.
 
     Raises:
-        SourceError: the source or one of its frames cannot be read, or it is a camera.
+        SourceError: the source or one of its frames cannot be read, it is a camera, or its frames
+            are not what the map takes.
         MapError: see ``add_traverse``.
     """
     check_name(opened, name)
-    source = open_source((drive,), spacing_m=spacing_m, parts=parts)
-    if source.live:
-        shown = without_secrets(drive)
-        raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
-    feature = feature_of_model(opened.model)
-    described = describe_reference(source, name, feature, leave_out_bad=leave_out_bad)
+    known = opened.local_features
+    with open_source((drive,), spacing_m=spacing_m, parts=parts) as source:
+        if source.live:
+            shown = without_secrets(drive)
+            raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
+        check_frames(source, drive, dimensions_of(opened.model), "the map")
+        described = describe_reference(
+            source,
+            name,
+            feature_of_model(opened.model),
+            leave_out_bad=leave_out_bad,
+            local_features=0 if known is None else known.most,
+        )
     return add_traverse(opened, described.traverse())

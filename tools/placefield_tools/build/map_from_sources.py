@@ -10,7 +10,8 @@ from pathlib import Path
 from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
-from placefield.features.extract import feature_of, network_of
+from placefield.features.extract import Feature, feature_of, network_of
+from placefield.features.mask import Mask
 from placefield.features.network import Network
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
@@ -19,11 +20,13 @@ from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
-from placefield_tools.build.references import describe_reference, without_bad
+from placefield_tools.build.mask_from_source import mask_of
+from placefield_tools.build.references import Reference, describe_reference, without_bad
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
 from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.frame_content import check_frames, check_images, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source_factory import name_of
 
@@ -36,40 +39,86 @@ def build_from(
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
     one_drive: bool | None = None,
+    mask: str | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
     Args:
         references: sources of frames.
-        config: of the map.
+        config: of the map; its feature is that of images, and descriptors need none.
         spacing_m: metres between the frames, by odometry; None: every frame.
         parts: selects topics and frames; its file of poses is for the first traverse, whose frames
             are the places.
         leave_out_bad: build without frames that are missing or cannot be read, in any source; their
             number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
+        mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
+            used.
 
     Raises:
-        SourceError: a source or one of its frames cannot be read, or a source is a camera.
+        SourceError: a source or one of its frames cannot be read, a source is a camera, or the
+            sources differ in what their frames are.
+        ConfigError: the mask is refused, see ``mask_of``.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
-    feature = feature_of(config.features.kind)
     first, *others = drives_of(references, parts, one_drive)
+    hidden = None if mask is None else mask_of(mask, open_reference(first, spacing_m, parts))
     without_poses = replace(parts, poses=None, pose_axes=None)
-    described = [
-        describe_reference(
-            open_reference(drive, spacing_m, own),
-            name_of(drive),
-            feature,
-            leave_out_bad=leave_out_bad,
-        )
-        for drive, own in [(first, parts), *((other, without_poses) for other in others)]
-    ]
-    return built_of(
-        align_traverses([each.traverse() for each in without_bad(described)], config.features.kind),
-        config,
-        feature.network,
+    drives = [(first, parts), *((other, without_poses) for other in others)]
+    described, config, feature = describe_drives(
+        drives, config, spacing_m=spacing_m, leave_out_bad=leave_out_bad, mask=hidden
     )
+    traverses = align_traverses(
+        [each.traverse() for each in without_bad(described)], config.features.kind
+    )
+    built = built_of(traverses, config, feature.network)
+    return replace(built, model=replace(built.model, mask=feature.mask))
+
+
+def describe_drives(
+    drives: Sequence[tuple[Drive, Parts]],
+    config: Config,
+    *,
+    spacing_m: float | None,
+    leave_out_bad: bool,
+    mask: Mask | None = None,
+) -> tuple[list[Reference], Config, Feature]:
+    """Describe the frames of drives by one feature.
+
+    Args:
+        drives: at least one, each with its selected topics and frames.
+        config: its feature is that of images, and descriptors need none.
+        spacing_m: see ``build_from``.
+        leave_out_bad: see ``build_from``.
+        mask: of images; None: all is used.
+
+    Returns:
+        The drives, the configuration with the kind of their feature, and the feature.
+
+    Raises:
+        SourceError: see ``build_from``.
+        ConfigError: the feature cannot be computed, or local features are asked for and the frames
+            are descriptors.
+    """
+    (first, parts), *others = drives
+    describe = partial(
+        describe_reference,
+        leave_out_bad=leave_out_bad,
+        local_features=config.build.local_features,
+    )
+    first_name = name_of(first)
+    with open_reference(first, spacing_m, parts) as source:
+        config = with_feature_of(source, first_name, config)
+        if config.build.local_features:
+            check_images(source, "setting build.local_features")
+        feature = replace(feature_of(config.features.kind, config.inference), mask=mask)
+        described = [describe(source, first_name, feature)]
+    for drive, own in others:
+        name = name_of(drive)
+        with open_reference(drive, spacing_m, own) as other:
+            check_frames(other, name, source.dimensions, first_name)
+            described.append(describe(other, name, feature))
+    return described, config, feature
 
 
 def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:

@@ -41,14 +41,20 @@ class Reference:
 
 
 def describe_reference(
-    source: Source, name: str, feature: Feature, *, leave_out_bad: bool
+    source: Source,
+    name: str,
+    feature: Feature,
+    *,
+    leave_out_bad: bool,
+    local_features: int = 0,
 ) -> Reference:
     """Describe all frames of a source.
 
     Args:
-        source: of the frames; it is closed at the end.
+        source: of the frames.
         name: of the traverse.
         feature: describes the frames.
+        local_features: the most local features of a frame.
         leave_out_bad: continue without frames that are missing or cannot be read.
 
     Raises:
@@ -59,7 +65,7 @@ def describe_reference(
 
     def describe(frame: Frame) -> DescribedFrame | None:
         try:
-            return describe_frame(frame, feature)
+            return describe_frame(frame, feature, local_features)
         except FrameError as error:
             if not leave_out_bad:
                 raise SourceError(f"{error}; {_REMEDY} such frames") from None
@@ -67,7 +73,7 @@ def describe_reference(
             return None
 
     shown = Path(name).name
-    with source, tracked(source, f"describing {shown}", source.count) as frames:
+    with tracked(source, f"describing {shown}", source.count) as frames:
         described = list(map_in_order(describe, frames))
     if faults:
         log.warning(

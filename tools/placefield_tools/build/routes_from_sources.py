@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 from placefield.config import Config
 from placefield.errors import ConfigError
-from placefield.features.extract import feature_of
 from placefield.maps.joining_routes import GivenLink, join_routes
 from placefield.maps.map import Map
-from placefield_tools.build.map_from_sources import built_of, open_reference
-from placefield_tools.build.references import describe_reference
+from placefield_tools.build.map_from_sources import built_of, describe_drives
 from placefield_tools.sources import Parts
 
 _LINK = re.compile(r"(.+):([0-9]{1,9}),(.+):([0-9]{1,9})")
@@ -72,11 +70,12 @@ def build_routes(
             "--routes: only --rule filter follows routes, and it does not serve descriptors of "
             "plain PCA: leave out --preset paper and features.plain_pca"
         )
-    feature = feature_of(config.features.kind)
-    routes = []
-    for reference in references:
-        source = open_reference((reference,), spacing_m, parts)
-        described = describe_reference(source, reference, feature, leave_out_bad=leave_out_bad)
-        routes.append(described.traverse())
+    described, config, feature = describe_drives(
+        [((reference,), parts) for reference in references],
+        config,
+        spacing_m=spacing_m,
+        leave_out_bad=leave_out_bad,
+    )
+    routes = [each.traverse() for each in described]
     network = join_routes(routes, options.links, same_frame=options.same_frame)
     return built_of([network], config, feature.network)

@@ -57,9 +57,7 @@ def disturbed_replay(
     """
     placemap = open_map(map_path)
     recognizer = Recognizer(placemap, config)
-    undisturbed = [
-        recognizer.update(frame.image, frame.odometry_m) for frame in looped(source, frames)
-    ]
+    undisturbed = [recognizer.update_frame(frame) for frame in looped(source, frames)]
     bus_config = BusConfig(endpoint=free_endpoint(), connect_timeout_s=_START_S)
     config = config.model_copy(update={"bus": bus_config})
     with (

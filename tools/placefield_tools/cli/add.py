@@ -15,7 +15,7 @@ def add_to(app: typer.Typer) -> None:
 def _add(
     map_path: options.MapPath,
     drive: Annotated[
-        str, typer.Argument(metavar="DRIVE", help="a folder, video or recording of the route")
+        str, typer.Argument(metavar="DRIVE", help="a folder, video, recording or descriptors")
     ],
     output: options_map.ChangedMap = None,
     name: Annotated[

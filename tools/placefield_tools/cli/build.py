@@ -19,8 +19,8 @@ def _build(
         list[str],
         typer.Argument(
             metavar="REFERENCE...",
-            help="folders, videos or recordings: traverses of one route, of any length and speed; "
-            "the parts of one drive; or with --routes a route each",
+            help="folders, videos, recordings or descriptors (.npy, .npz, .h5): traverses of one "
+            "route, of any length and speed; the parts of one drive; or with --routes a route each",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="the map: NAME.pfmap")],
@@ -50,6 +50,7 @@ def _build(
     pose_axes: options_frames.PoseAxesOption = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
+    mask: options_map.MaskOption = None,
     standardise: options_map.Standardise = None,
     channels: options_map.Channels = None,
     clusters: options_map.Clusters = None,
@@ -74,6 +75,8 @@ def _build(
 
     Examples:
       placefield build day/ dusk/ -o route.pfmap
+      placefield build day/ -o route.pfmap --mask auto
+      placefield build reference.npy -o route.pfmap
       placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
@@ -100,7 +103,7 @@ def _build(
     options_map.check_new_map(output, overwrite=overwrite)
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     if routes:
-        _refuse_with_routes(one_drive, poses)
+        _refuse_with_routes(one_drive, poses, mask)
         built = build_routes(
             references,
             effective,
@@ -118,20 +121,27 @@ def _build(
             parts=parts,
             one_drive=one_drive,
             leave_out_bad=leave_out_bad,
+            mask=mask,
         )
     save_map(built, output)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     for record in built.traverses:
         if record.aligned is not None:
             print(traverse_line(record))
+    if built.model.mask is not None:
+        print(f"the mask hides {built.model.mask.hidden:.0%} of each image")
+    elif mask is not None:
+        print("no part of the image stays the same along the drive: nothing is hidden")
     for line in route_lines(built):
         print(line)
     warn_of_unlinked(built.graph)
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
 
 
-def _refuse_with_routes(one_drive: bool | None, poses: Path | None) -> None:
+def _refuse_with_routes(one_drive: bool | None, poses: Path | None, mask: str | None) -> None:
     if one_drive is not None:
         raise ConfigError("--routes and --one-drive/--traverses: give one of them")
     if poses is not None:
         raise ConfigError("--routes: --poses is of one route; give poses in each frames.csv")
+    if mask is not None:
+        raise ConfigError("--routes: --mask is of one route; leave one of them out")

@@ -33,7 +33,7 @@ def _doctor(
     config: options.ConfigFile = None,
     settings: options.Settings = None,
 ) -> None:
-    """Check this machine: versions, cores, memory, the router, services, the camera.
+    """Check this machine: versions, what runs networks, cores, memory, the router, the camera.
 
     Each problem comes with advice. The exit code is 1 if something is bad.
 
@@ -42,7 +42,7 @@ def _doctor(
       placefield doctor --camera rtsp://192.168.1.20/stream
     """
     from placefield_tools.doctor.camera_check import cameras
-    from placefield_tools.doctor.installation import installation
+    from placefield_tools.doctor.installation import installation, of_networks
     from placefield_tools.doctor.machine import machine
     from placefield_tools.doctor.network_check import network
 
@@ -51,6 +51,7 @@ def _doctor(
     )
     findings = [
         *installation(),
+        of_networks(effective.inference.provider),
         *machine(),
         *network(effective.bus, effective.runs),
         *cameras(camera),

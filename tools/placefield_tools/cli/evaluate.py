@@ -22,9 +22,13 @@ def add_to(app: typer.Typer) -> None:
 def _evaluate(
     reference: Annotated[
         str,
-        typer.Argument(metavar="REF", help="a folder, video or recording, or a map: NAME.pfmap"),
+        typer.Argument(
+            metavar="REF", help="a folder, video, recording, descriptors, or a map: NAME.pfmap"
+        ),
     ],
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
+    query: Annotated[
+        str, typer.Argument(metavar="QUERY", help="a folder, video, recording or descriptors")
+    ],
     tolerance: options_truth.Tolerance = None,
     truth: options_truth.TruthFile = None,
     aligned: options_truth.Aligned = False,

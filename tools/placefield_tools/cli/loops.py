@@ -19,7 +19,8 @@ def _loops(
     drive: Annotated[
         list[str],
         typer.Argument(
-            metavar="DRIVE...", help="a folder, video or recording, or the parts of one drive"
+            metavar="DRIVE...",
+            help="a folder, video, recording or descriptors, or the parts of one drive",
         ),
     ],
     output: Annotated[

@@ -29,6 +29,7 @@ from placefield_tools.cli import (
     join,
     listen,
     loops,
+    models,
     plan,
     record,
     replay,
@@ -75,7 +76,7 @@ _PANELS = {
     "Services": (up, services, explore, router, plan, status, alive),
     "Frames in": (replay, ros),
     "Matches out": (listen, dashboard, record, export, loops),
-    "Accuracy and tests": (evaluate, study, bench, chaos, datasets),
+    "Accuracy and tests": (evaluate, study, bench, chaos, datasets, models),
     "This machine": (demo, doctor, config, security),
 }
 

@@ -14,6 +14,15 @@ from placefield_tools.cli.options import METRES
 _DEFAULTS = Config()
 
 
+def _feature_named(kind: str | None) -> str | None:
+    """Turn the name of a fetched network into its file; most commands need not import this."""
+    if kind is None:
+        return None
+    from placefield_tools.models.getting import feature_named
+
+    return feature_named(kind)
+
+
 PresetOption = Annotated[
     Preset | None,
     typer.Option(
@@ -46,8 +55,19 @@ Feature = Annotated[
     str | None,
     typer.Option(
         metavar="KIND",
-        help="grayscale, gist, or onnx:FILE for a network",
+        help="grayscale, gist, onnx:FILE for a network, or its name if it was fetched by "
+        "'placefield models get'; descriptors need none",
+        callback=_feature_named,
         show_default=_DEFAULTS.features.kind,
+    ),
+]
+MaskOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="IMAGE or auto",
+        help="an image of the frames' aspect ratio whose black part is not used, as a bonnet; "
+        "auto: what never changes along the first traverse",
+        show_default="all is used",
     ),
 ]
 Standardise = Annotated[

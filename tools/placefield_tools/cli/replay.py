@@ -18,8 +18,9 @@ def _replay(
         str,
         typer.Argument(
             metavar="SOURCE",
-            help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), or a "
-            "camera: camera:0, rtsp://HOST/PATH or http://HOST/PATH",
+            help="a folder of frames, a video, a recording (.bag, .mcap, a ROS 2 folder), "
+            "descriptors (.npy, .npz, .h5), or a camera: camera:0, rtsp://HOST/PATH or "
+            "http://HOST/PATH",
         ),
     ],
     rate: Annotated[
@@ -45,8 +46,9 @@ def _replay(
 ) -> None:
     """Stream frames to the services of a run.
 
-    Folders, videos and recordings are lossless: no frame is dropped. A camera is live: new frames
-    replace old ones if the services are too slow, and replay waits for a camera that is gone.
+    Folders, videos, recordings and descriptors are lossless: no frame is dropped. A camera is
+    live: new frames replace old ones if the services are too slow, and replay waits for a camera
+    that is gone.
     Frames carry odometry if there is any: from the recording, or what the vehicle publishes for a
     camera. --spacing uses this odometry.
 
@@ -85,5 +87,6 @@ def _replay(
     print(f"{replayed.sent} frames replayed" + (f": {faults}" if faults else ""))
     if replayed.sent == counts["unreadable"] and (replayed.sent or counts["missing"]):
         raise SourceError(
-            f"{without_secrets(source)}: none of its frames could be read; check the files"
+            f"{without_secrets(source)}: none of its frames could be read; check the files, and "
+            "whether the map is of such frames"
         )

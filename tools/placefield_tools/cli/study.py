@@ -18,8 +18,12 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _study(
-    reference: Annotated[str, typer.Argument(metavar="REF", help="a folder, video or recording")],
-    query: Annotated[str, typer.Argument(metavar="QUERY", help="a folder, video or recording")],
+    reference: Annotated[
+        str, typer.Argument(metavar="REF", help="a folder, video, recording or descriptors")
+    ],
+    query: Annotated[
+        str, typer.Argument(metavar="QUERY", help="a folder, video, recording or descriptors")
+    ],
     tolerance: options_truth.Tolerance = None,
     truth: options_truth.TruthFile = None,
     aligned: options_truth.Aligned = False,
@@ -61,7 +65,7 @@ def _study(
     from placefield_tools.sources import Parts
     from placefield_tools.study.paper.paper_report import write_paper_report
     from placefield_tools.study.paper.paper_table import paper_figures, print_paper_study
-    from placefield_tools.study.paper.run_paper import FEATURES, run_paper_study
+    from placefield_tools.study.paper.run_paper import run_paper_study
     from placefield_tools.study.report import write_report
     from placefield_tools.study.run_study import run_study
     from placefield_tools.study.table import figures, print_study
@@ -96,7 +100,7 @@ def _study(
     )
     truth_of = partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth)
     if effective.preset == "paper":
-        features = FEATURES if feature is None else (feature,)
+        features = None if feature is None else (feature,)
         published = run_paper_study(
             reference, asked_query, truth_of, effective, features, tolerance=within, asked=asked
         )

@@ -7,17 +7,17 @@ import numpy as np
 
 from placefield.bus.messages import FrameMessage
 from placefield_tools.dashboard.distance_columns import Row
-from placefield_tools.record.thumbnails import small_jpeg
+from placefield_tools.record.thumbnails import picture_of
 
 
-def frame_picture(payload: bytes) -> bytes:
-    """Return the image of a frame message as a JPEG image of moderate size.
+def frame_picture(payload: bytes) -> bytes | None:
+    """Return the image of a frame message as a JPEG image of moderate size, see ``picture_of``.
 
     Raises:
         MessageError: it is no frame's.
         FrameError: it cannot be read.
     """
-    return small_jpeg(FrameMessage.decode(payload).image)
+    return picture_of(FrameMessage.decode(payload))
 
 
 def distance_picture(rows: Sequence[Row | None], columns: int) -> bytes:

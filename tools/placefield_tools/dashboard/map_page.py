@@ -122,6 +122,7 @@ class _Places:
         pose = self._places.pose(place)
         where = "" if pose is None else f" · {round(pose[0])}, {round(pose[1])} m"
         with ui.element("figure"):
-            image = ui.element("img").props(f'loading=lazy alt="Place {place}"')
-            image.props["src"] = f"/place/{place}.jpg"
+            if self._places.has_thumbnails:
+                image = ui.element("img").props(f'loading=lazy alt="Place {place}"')
+                image.props["src"] = f"/place/{place}.jpg"
             ui.html(f"{place}{where}", sanitize=False, tag="figcaption")

@@ -44,22 +44,29 @@ class FramesPanel:
     def show(self, answer: Answer) -> None:
         """Show an answer."""
         sequence, place = answer.header.sequence, answer.match.place
-        kept = self._site.state.frame(answer) is not None
+        has_images = self._site.placemap.places.has_thumbnails
+        kept = has_images and self._site.state.frame(answer) is not None
         _set_image(
             self._query,
             f"/frame/{answer.number}.jpg?{_STARTED}" if kept else None,
             f"Query frame {sequence}",
         )
-        self._query_caption.text = f"query, frame {sequence}" + ("" if kept else ": not kept")
+        self._query_caption.text = f"query, frame {sequence}" + self._why_none(kept)
         there = 0 <= place < self._site.placemap.places.count
         _set_image(
             self._reference,
-            f"/place/{place}.jpg?{_STARTED}" if there else None,
+            f"/place/{place}.jpg?{_STARTED}" if there and has_images else None,
             f"Reference frame of {place_words(place, self._site.placemap.graph)}",
         )
         named = place_words(place, self._site.placemap.graph)
         words = f"reference, {named}" if place >= 0 else named
         self._reference_caption.text = words if there or place < 0 else f"{words}: of another map"
+
+    def _why_none(self, kept: bool) -> str:
+        """Return why the query frame is not shown, as the end of its caption."""
+        if kept:
+            return ""
+        return ": not kept" if self._site.placemap.places.has_thumbnails else ": a descriptor"
 
 
 def _figure(name: str) -> tuple[ui.element, ui.label]:

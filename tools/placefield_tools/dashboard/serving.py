@@ -124,6 +124,8 @@ def _add_pictures(web: FastAPI, site: Site) -> None:
             picture = await run_in_threadpool(frame_picture, payload)
         except (FrameError, MessageError):
             return Response(status_code=404)
+        if picture is None:
+            return Response(status_code=404)
         return Response(picture, media_type="image/jpeg")
 
     @web.get("/distances/{number}.png")
@@ -139,6 +141,6 @@ def _add_pictures(web: FastAPI, site: Site) -> None:
 
     @web.get("/place/{place}.jpg")
     async def place(place: int) -> Response:
-        if not 0 <= place < places.count:
+        if not (places.has_thumbnails and 0 <= place < places.count):
             return Response(status_code=404)
         return Response(places.thumbnail(place), media_type="image/jpeg")

@@ -90,7 +90,7 @@ def _answer(url: str, part: Path, had: int) -> Iterator[http.client.HTTPResponse
         if error.code != _RANGE_IS_BEYOND:
             raise SourceError(
                 f"{url}: the server answers {error.code} {error.reason}; "
-                "'placefield datasets show' says where its page is"
+                "its page may say where it is now"
             ) from None
         answer = error
     except (OSError, http.client.HTTPException) as error:

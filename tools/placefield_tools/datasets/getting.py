@@ -54,9 +54,9 @@ def get(benchmark: Benchmark, into: Path, progress: Progress) -> Path:
             "checks it; remove it to download it again"
         )
     partial = into / f"{benchmark.name}.partial"
-    with _disk_errors_reported(partial):
+    with disk_errors_reported(partial):
         partial.mkdir(parents=True, exist_ok=True)
-        with _alone(partial):
+        with alone(partial):
             _download(benchmark, partial, sums_file(benchmark, into), progress)
             assembled = _assemble(benchmark, partial)
             _keep_sums(benchmark, partial, sums_file(benchmark, into))
@@ -115,7 +115,7 @@ def _come(partial: Path, file: File) -> Path:
 
 
 @contextmanager
-def _alone(partial: Path) -> Iterator[None]:
+def alone(partial: Path) -> Iterator[None]:
     """Hold the lock of a folder; the system releases it when the process ends, even if killed."""
     with (partial / ".lock").open("ab") as opened:
         if not take_lock(opened):
@@ -124,7 +124,8 @@ def _alone(partial: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _disk_errors_reported(partial: Path) -> Iterator[None]:
+def disk_errors_reported(partial: Path) -> Iterator[None]:
+    """Raise a disk error as ``SourceError``, which says what to do."""
     try:
         yield
     except OSError as error:

@@ -7,10 +7,13 @@ from importlib.metadata import PackageNotFoundError, metadata, requires, version
 
 from packaging.requirements import Requirement
 
+from placefield.config import Provider
+from placefield.errors import ConfigError
+from placefield.features.onnx_session import available_providers, missing_provider
 from placefield_tools.doctor.finding import Finding, bad, good, warning
 
 _PACKAGE = "placefield"
-_OTHER_EXTRAS = {"all", "dev"}  # of the others together, and of who works on this
+_OTHER_EXTRAS = {"all", "dev", "onnx"}  # of the others together, of who works on this, of_networks
 
 
 def installation() -> Iterator[Finding]:
@@ -38,6 +41,19 @@ def of_extra(extra: str) -> Finding:
         advice = f"pip install '{_PACKAGE}[{extra}]', if you want it"
         return warning(f"extra {extra}", "; ".join(wrong), advice)
     return good(f"extra {extra}", "there")
+
+
+def of_networks(provider: Provider) -> Finding:
+    """Look at what runs networks, whichever wheel of onnxruntime it comes from."""
+    subject = "extra onnx"
+    try:
+        providers = available_providers()
+    except ConfigError as error:
+        return warning(subject, "onnxruntime is missing", str(error))
+    found = f"onnxruntime with {', '.join(providers)}"
+    if provider not in providers:
+        return bad(subject, found, missing_provider(provider))
+    return good(subject, f"{found}; networks run on {provider}")
 
 
 def _unmet(extra: str) -> list[str]:

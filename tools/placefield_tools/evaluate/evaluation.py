@@ -12,8 +12,7 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.protocols import Resampling, aligned
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptor_stage import DescriptorStage
-from placefield.features.extract import feature_of_model
+from placefield.features.descriptors import DescriptorStream
 from placefield.features.frames import Frame, Pose
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -22,10 +21,13 @@ from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
 from placefield_tools.evaluate.judging import Judged, judge, judge_smoothed
+from placefield_tools.evaluate.observing import observer
 from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
+from placefield_tools.evaluate.verified import verified_matches
 from placefield_tools.sources import Source
+from placefield_tools.sources.frame_content import check_frames, dimensions_of
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -53,6 +55,8 @@ class Evaluation:
         results: causal matches of each rule; empty without a ground truth.
         smoothed: smoothed matches of each rule, by ascending lag, the last one ``WHOLE_DRIVE``;
             only the configured lag if services matched.
+        verified: smoothed matches of the configured lag after their verification; None if the map
+            has no local features.
         ground: the ground truth and its source.
         known: number of known causal matches, of each rule that reports them.
         missing: number of missing frames of the query.
@@ -64,6 +68,7 @@ class Evaluation:
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
+    verified: Judged | None
     ground: TruthSource
     known: dict[Rule, int]
     missing: int
@@ -82,17 +87,17 @@ def drive_in(source: Source, count: int) -> tuple[Resampling, int]:
 
 
 def describe_query(
-    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[Frame], Description]
 ) -> tuple[list[Description | None], list[float | None]]:
-    """Describe the images of a query's frames, see ``describe_query_with_poses``."""
+    """Describe a query's frames, see ``describe_query_with_poses``."""
     descriptions, readings, _ = describe_query_with_poses(source, describe)
     return descriptions, readings
 
 
 def describe_query_with_poses(
-    source: Source, describe: Callable[[NDArray[np.uint8]], Description]
+    source: Source, describe: Callable[[Frame], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
-    """Describe the images of a query's frames.
+    """Describe a query's frames.
 
     Returns:
         The description of each frame, None for one that cannot be read, its odometry and its pose.
@@ -107,13 +112,15 @@ def describe_query_with_poses(
 
     def describe_frame(frame: Frame) -> tuple[Description | None, float | None, Pose | None]:
         try:
-            return describe(frame.pixels()), frame.odometry_m, frame.pose
+            return describe(frame), frame.odometry_m, frame.pose
         except FrameError as error:
             unreadable[frame.index] = f"query frame {frame.name}: {error}"
             return None, frame.odometry_m, frame.pose
 
     with tracked(source, "describing the query", source.count) as frames:
-        each = list(map_in_order(describe_frame, frames))
+        # A given descriptor costs less than its turn in a thread.
+        run = map_in_order if source.dimensions is None else map
+        each = list(run(describe_frame, frames))
     described = [description for description, _, _ in each]
     for _, reason in sorted(unreadable.items()):
         CONSOLE.print(f"{reason}; matched as a missing observation", soft_wrap=True)
@@ -130,8 +137,8 @@ def match_here(
     lags: Collection[int] = (),
 ) -> Matches:
     """Match a query's frames in this process, see ``match_drive``."""
-    images = DescriptorStage(placemap.model).new_stream()
-    descriptors = [None if raw is None else images.update_raw(raw) for raw in raws]
+    stream = DescriptorStream(placemap.model)
+    descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
 
@@ -166,9 +173,13 @@ def evaluate(
     results: dict[Rule, Judged] = {}
     smoothed: dict[Rule, dict[int, Judged]] = {}
     known: dict[Rule, int] = {}
+    verified = None
     with query.open() as source:
-        describe = feature_of_model(placemap.model).describe
-        raws, readings, poses = describe_query_with_poses(source, describe)
+        check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
+        observe = observer(placemap, config.inference)
+        observed, readings, poses = describe_query_with_poses(source, observe)
+        raws = [None if frame is None else frame.raw for frame in observed]
+        local = [None if frame is None else frame.local_features for frame in observed]
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)
         ground = find_truth(
@@ -197,5 +208,10 @@ def evaluate(
                 each: judge_smoothed(of_lag, ground.truth)
                 for each, of_lag in matches.smoothed.items()
             }
+            if rule == "filter" and lag and placemap.local_features is not None:
+                checked = verified_matches(placemap, matches.smoothed[lag], local, config)
+                verified = judge_smoothed(checked, ground.truth)
         missing = source.not_given["missing"]
-    return Evaluation(placemap, query, raws, lag, results, smoothed, ground, known, missing)
+    return Evaluation(
+        placemap, query, raws, lag, results, smoothed, verified, ground, known, missing
+    )

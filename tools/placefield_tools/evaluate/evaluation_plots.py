@@ -27,7 +27,7 @@ def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
     """Draw precision-recall curves, distance matrix and some pairs into a folder; return the files.
 
     The matrix and the pairs show the first rule's matches. Without a ground truth, only the matrix
-    is drawn.
+    is drawn. Descriptors have no pairs of images.
     """
     folder.mkdir(parents=True, exist_ok=True)
     matrix = folder / "distances.png"
@@ -69,6 +69,8 @@ def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]
 
 
 def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:
+    if not evaluation.placemap.places.has_thumbnails:
+        return []
     observed = np.array([raw is not None for raw in evaluation.raws])
     chosen = _chosen(result, observed)
     if not chosen:

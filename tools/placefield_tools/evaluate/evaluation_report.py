@@ -42,6 +42,12 @@ def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
         | {"lag": _lag_figures(result, evaluation.smoothed[rule])}
         for rule, result in evaluation.results.items()
     }
+    if evaluation.verified is not None:
+        rules["filter"]["verified"] = {
+            **_curve_figures(evaluation.verified),
+            **certainty_figures(evaluation.verified),
+            "mean_lag": evaluation.verified.mean_lag,
+        }
     return {"rules": rules, **common}
 
 
@@ -156,3 +162,5 @@ def _rows(evaluation: Evaluation) -> Iterator[tuple[str, Judged]]:
         yield rule, causal
         smoothed = evaluation.smoothed[rule]
         yield from ((f"{rule}, {names[lag]}", smoothed[lag]) for lag in names if lag in smoothed)
+        if rule == "filter" and evaluation.verified is not None:
+            yield f"{rule}, lag {evaluation.lag}, verified", evaluation.verified

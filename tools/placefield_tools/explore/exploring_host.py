@@ -41,7 +41,7 @@ def check_explored(path: Path, config: Config) -> None:
         raise ConfigError(f"{path}: exists already; name another map, or leave --explore out")
     check_exploring(config.matching)
     _ = config.run
-    feature_of(config.features.kind)
+    feature_of(config.features.kind, config.inference)
 
 
 def explore(

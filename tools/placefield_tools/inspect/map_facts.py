@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from placefield.features.descriptors import DescriptorModel
 from placefield.maps.geography import Origin
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
@@ -22,14 +23,20 @@ def map_facts(opened: Map) -> dict[str, str]:
         "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
+        "mask": _mask(model),
         "smallest scale": f"{opened.channels[0].smallest} frames",
         "metric": _metric(opened),
         "search": "coarse, then re-ranked" if opened.metrics[0].coarse else "exact",
         "looks": _looks(opened),
+        "local features": _local_features(opened),
         "seed": str(opened.seed),
         "history": _history(opened),
         "digest": opened.digest,
     }
+
+
+def _mask(model: DescriptorModel) -> str:
+    return f"hides {model.mask.hidden:.0%} of each image" if model.mask else "none"
 
 
 def traverse_line(record: TraverseRecord) -> str:
@@ -73,6 +80,15 @@ def _looks(opened: Map) -> str:
         f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; "
         f"a frame is compared with {places + count} descriptors instead of {places} in each metric"
     )
+
+
+def _local_features(opened: Map) -> str:
+    """Describe the local features of the places, which verify matches."""
+    found = opened.local_features
+    if found is None:
+        return "none"
+    size = found.points.nbytes + found.descriptors.nbytes
+    return f"{found.most} of a place at most, {size / 2**20:.1f} MB"
 
 
 def _history(opened: Map) -> str:

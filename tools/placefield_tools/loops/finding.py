@@ -13,11 +13,17 @@ from placefield.errors import FrameError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.matching.exploring import Answer, Explorer
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
+from placefield.verification.relative_pose import Camera
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
+from placefield_tools.sources.frame_content import check_images, with_feature_of
 
 log = logging.getLogger(__name__)
+
+_LOCAL_FEATURES = 600  # of a frame, at most
 
 
 class DriveFrame(NamedTuple):
@@ -28,12 +34,14 @@ class DriveFrame(NamedTuple):
         stamp_ns: when it was taken, nanoseconds.
         pose: None if unknown.
         odometry_m: metres travelled since any fixed start, None if unknown.
+        local_features: of the image, for its relative poses; None if they are not asked for.
     """
 
     number: int
     stamp_ns: int
     pose: Pose | None
     odometry_m: float | None
+    local_features: LocalFeatures | None = None
 
 
 @dataclass(frozen=True)
@@ -45,12 +53,14 @@ class DriveLoops:
         causal: Q answers, each from the frames up to it. Their places are positions in ``frames``.
         smoothed: Q answers, each also from some later frames.
         tolerance: places within which an answer is right.
+        camera: that took the frames; None if it is not known, so that loops have no relative pose.
     """
 
     frames: Sequence[DriveFrame]
     causal: Sequence[Answer]
     smoothed: Sequence[Answer]
     tolerance: int
+    camera: Camera | None = None
 
     def __repr__(self) -> str:
         return f"DriveLoops({len(self.frames)} frames, {self.count()} in loops)"
@@ -68,21 +78,30 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     Args:
         source: of the frames; it is closed at the end.
         name: of the drive, used in messages.
-        config: its kind of feature, tolerance, precision and lag count.
+        config: its kind of feature, tolerance, precision, lag and focal length count.
 
     Raises:
         SourceError: the source fails, is a live camera, or none of its frames can be read.
-        ConfigError: the feature cannot be computed.
+        ConfigError: the feature cannot be computed, or the focal length is given and the frames are
+            descriptors.
     """
     if source.live:
         raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
-    feature = feature_of(config.features.kind)
+    config = with_feature_of(source, name, config)
+    feature = feature_of(config.features.kind, config.inference)
+    focal = config.verification.focal
+    if focal is not None:
+        check_images(source, "setting verification.focal")
+    camera = None if focal is None else Camera(focal)
     faults: list[FrameError] = []
 
     def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:
         kept = DriveFrame(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
         try:
-            return kept, feature.describe(frame.pixels())
+            decoded = frame.decoded()
+            if camera is not None:
+                kept = kept._replace(local_features=extract(decoded.pixels(), _LOCAL_FEATURES))
+            return kept, feature.of_frame(decoded)
         except FrameError as error:
             faults.append(FrameError(f"{frame.name}: {error}"))
             return kept, None
@@ -102,4 +121,4 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
         raise SourceError(f"{name}: no frame can be read{why}")
     if faults:
         log.warning("%s: %d of %d frames cannot be read", name, len(faults), len(frames))
-    return DriveLoops(frames, causal, smoothed, config.matching.tolerance)
+    return DriveLoops(frames, causal, smoothed, config.matching.tolerance, camera)

@@ -3,7 +3,8 @@
 The vertices are the frames; the ID of a frame is its index in the source. The first one is fixed.
 Edges lead from each frame to the next, and from an earlier frame to each frame that shows its
 place, once smoothed. The latter say "the same pose"; the surer the answer, the greater their
-information.
+information. If the camera is known, they have the relative pose of the two images instead: the yaw,
+and also x and y if odometry gives the distance.
 
 An edge from frame to frame is as good as what the drive knows of its motion. Poses are taken as
 odometry with an error. An odometer gives the distance, and no direction. Without
@@ -19,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.fusion.uncertainty import pose_variances
+from placefield.matching.exploring import Answer
 from placefield_tools.loops.finding import DriveLoops
+from placefield_tools.loops.loop_poses import loop_pose
 
 log = logging.getLogger(__name__)
 
@@ -64,14 +67,26 @@ def _lines(loops: DriveLoops) -> Iterator[str]:
         ends = f"{frames[number].number} {frames[number + 1].number}"
         information = _information(along**2, aside**2, motion.heading**2)
         yield f"EDGE_SE2 {ends} {_numbers(*step)} {information}"
-    for frame, answer in zip(frames, loops.smoothed, strict=True):
+    for position, answer in enumerate(loops.smoothed):
         if answer.known:
-            xy, yaw = pose_variances(
-                motion.poses, answer.place, loops.tolerance, answer.probability
-            )
-            ends = f"{frames[answer.place].number} {frame.number}"
-            yield f"EDGE_SE2 {ends} 0 0 0 {_information(xy, xy, yaw)}"
+            measured, covariance = _loop(loops, motion, position, answer)
+            ends = f"{frames[answer.place].number} {frames[position].number}"
+            upper = np.linalg.inv(covariance)[np.triu_indices(3)] + 0.0  # no -0
+            yield f"EDGE_SE2 {ends} {_numbers(*measured)} {_numbers(*upper)}"
     yield f"FIX {frames[0].number}"  # last: GTSAM 4.3 reads no edge after a line it does not know
+
+
+def _loop(loops: DriveLoops, motion: _Motion, position: int, answer: Answer) -> tuple[Array, Array]:
+    """Return the measurement of a loop's edge, (3,), and its covariance, (3, 3)."""
+    xy, yaw = pose_variances(motion.poses, answer.place, loops.tolerance, answer.probability)
+    measured, covariance = np.zeros(3), np.diag([xy, xy, yaw])
+    pose = None
+    if loops.camera is not None:
+        pose = loop_pose(loops.frames, answer.place, position, loops.camera)
+    if pose is not None:
+        measured[2], covariance[2, 2] = pose.turn.yaw, pose.turn.covariance[1, 1]
+        return pose.cartesian() or (measured, covariance)
+    return measured, covariance
 
 
 def _motion(loops: DriveLoops) -> _Motion:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from placefield.config import DESCRIPTOR
 from placefield.errors import MapError
 from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES, look_files
 from placefield.maps.manifest import REBUILD, Manifest
@@ -26,7 +27,7 @@ LEAST_SHARD = 10_000
 """Minimum number of places: a smaller shard spends more on its messages than it saves."""
 
 # Seconds of one core per frame.
-_FEATURIZER_S = {"gist": 5.3e-3, "grayscale": 3.5e-3}
+_FEATURIZER_S = {"gist": 5.3e-3, "grayscale": 3.5e-3, DESCRIPTOR: 1.0e-3}
 _NETWORK_S = 30e-3  # a small one
 _FUSER_S = 2.1e-3
 _ROUTER_S = 1.3e-3

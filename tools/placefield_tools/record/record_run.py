@@ -15,7 +15,7 @@ from placefield.config import Config
 from placefield.errors import FrameError, MessageError
 from placefield_tools.listen.match_queue import MatchQueue, warn_of_other_runs
 from placefield_tools.record.recorder import Recorder
-from placefield_tools.record.thumbnails import small_jpeg
+from placefield_tools.record.thumbnails import picture_of
 
 _POLL_S = 0.1
 _AT_ONCE = 16
@@ -102,6 +102,7 @@ class RecordSession:
             "frames for which there was no room": self._frame_counts["dropped_full"],
             "malformed frames": self._frame_counts["malformed"],
             "unreadable frames": self._frame_counts["unreadable"],
+            "descriptors, which have no picture": self._frame_counts["without_image"],
         }
         return self._written + Counter(lost)
 
@@ -137,12 +138,15 @@ class RecordSession:
         if header.end or turn not in (Turn.NEXT, Turn.AFTER_GAP):
             return
         try:
-            picture = small_jpeg(FrameMessage.decode(received.payload).image)
+            picture = picture_of(FrameMessage.decode(received.payload))
         except MessageError as error:
             self._frame_counts["malformed"] += 1
             self._bus.log_dropped(received.key, error)
         except FrameError:
             self._frame_counts["unreadable"] += 1
         else:
+            if picture is None:
+                self._frame_counts["without_image"] += 1
+                return
             self._recorder.write_frame(header, picture)
             self._written["frames"] += 1

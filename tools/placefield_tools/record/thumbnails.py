@@ -3,9 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.bus.messages import FrameMessage
 from placefield.features import images
 
 _LONGEST = 640  # pixels of a side
+
+
+def picture_of(frame: FrameMessage) -> bytes | None:
+    """Return the image of a frame as a small JPEG, see ``small_jpeg``; None for a descriptor.
+
+    Raises:
+        FrameError: the image cannot be read.
+    """
+    return None if frame.image is None else small_jpeg(frame.image)
 
 
 def small_jpeg(image: bytes | NDArray[np.uint8]) -> bytes:

@@ -7,7 +7,12 @@ from pathlib import Path
 
 from placefield_tools.sources.one_drive import goes_on
 from placefield_tools.sources.source import Source
-from placefield_tools.sources.source_factory import Parts, holds_recordings, open_source
+from placefield_tools.sources.source_factory import (
+    Parts,
+    holds_recordings,
+    is_descriptor_source,
+    open_source,
+)
 
 _NUMBERED = re.compile(r"(.*?)([0-9]{1,9})(\.[A-Za-z][A-Za-z0-9]*)?")
 
@@ -83,4 +88,4 @@ def _opened(reference: str, parts: Parts) -> Source | None:
     path = Path(reference)
     if holds_recordings(path):
         return open_source(reference, parts=Parts(parts.topic, "none"))
-    return open_source(reference) if path.is_dir() else None
+    return open_source(reference) if path.is_dir() or is_descriptor_source(path) else None

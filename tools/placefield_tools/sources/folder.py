@@ -3,7 +3,7 @@
 import logging
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from placefield.errors import SourceError
@@ -11,16 +11,14 @@ from placefield.features.frames import Frame
 from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.frames_csv import read_frames_csv
 from placefield_tools.sources.geotags import list_photographs
-from placefield_tools.sources.listing import Listed, Listing
+from placefield_tools.sources.listing import Listing, nominal_stamp_ns
 from placefield_tools.sources.regular_files import check_file
-from placefield_tools.sources.source import Source, Span, until
+from placefield_tools.sources.source import Source, until
 
 log = logging.getLogger(__name__)
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
 LISTING = "frames.csv"
-NOMINAL_RATE = 10
-"""Nominal frames per second of a folder without stamps."""
 
 
 class Folder(Source):
@@ -46,7 +44,7 @@ class Folder(Source):
         self.stamped = listing.stamped
         self._path = path
         self._frames = listing.frames
-        self.span = _span(listing.frames)
+        self.span = listing.span
         self._chosen = range(start, len(self._frames), stride)
         if not self._chosen:
             raise SourceError(f"--start {start}: {path} holds only {len(self._frames)} frames")
@@ -78,7 +76,7 @@ def _listing(folder: Path) -> Listing:
     )
     if os.path.lexists(table):
         check_file(table)
-        listing = read_frames_csv(table, _nominal_stamp_ns)
+        listing = read_frames_csv(table, nominal_stamp_ns)
         if left_out := {*files} - {frame.file for frame in listing.frames}:
             log.warning("%s: leaves out %d of %d images", table, len(left_out), len(files))
         return listing
@@ -86,15 +84,4 @@ def _listing(folder: Path) -> Listing:
         raise SourceError(f"{folder}: no image files ({' '.join(IMAGE_SUFFIXES)}) in this folder")
     for file in files:  # no file may be skipped, because that would shift all later places
         check_file(folder / file)
-    return list_photographs(folder, files, _nominal_stamp_ns)
-
-
-def _span(frames: Sequence[Listed]) -> Span | None:
-    """Return from when to when the frames were taken; None if the stamps are nominal."""
-    if all(frame.stamp_ns == _nominal_stamp_ns(at) for at, frame in enumerate(frames)):
-        return None
-    return Span(frames[0].stamp_ns, frames[-1].stamp_ns)
-
-
-def _nominal_stamp_ns(index: int) -> int:
-    return index * 1_000_000_000 // NOMINAL_RATE
+    return list_photographs(folder, files, nominal_stamp_ns)

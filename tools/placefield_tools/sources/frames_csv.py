@@ -1,4 +1,4 @@
-"""The ``frames.csv`` of a folder: which files are the frames, and when and where they were taken.
+"""A ``frames.csv``: which files of a folder are the frames, and when and where they were taken.
 
 The header names ``file`` and any of ``stamp`` (seconds), ``odometry`` (metres travelled since any
 fixed start, 0 or more), ``x`` and ``y`` (metres, together) or ``latitude`` and ``longitude``
@@ -6,6 +6,9 @@ fixed start, 0 or more), ``x`` and ``y`` (metres, together) or ``latitude`` and 
 rows are in the order in which the frames were taken. All cells of an unknown pose are empty; 0, 0
 degrees, which receivers give without a fix, is an unknown pose, too. Without a yaw, the direction
 of travel is used.
+
+The table beside a file of descriptors has a row for each of them. It needs no ``file``, and the
+files that it may name are not looked at.
 """
 
 import csv
@@ -32,14 +35,21 @@ COLUMNS = ("file", "stamp", "odometry", *_METRES, *_DEGREES, "yaw")
 Row = dict[str, str]
 
 
-def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
-    """Read a ``frames.csv``; without a stamp column, frame i's stamp is ``default_stamp_ns(i)``.
+def read_frames_csv(
+    path: Path, default_stamp_ns: DefaultStamp, *, of_files: bool = True
+) -> Listing:
+    """Read a ``frames.csv``.
+
+    Args:
+        path: of the table.
+        default_stamp_ns: without a stamp column, frame i's stamp is ``default_stamp_ns(i)``.
+        of_files: whether the rows name files, which must be in the folder.
 
     Raises:
         SourceError: the header or a row is malformed, a stamp or the odometry descends, or a listed
             file is missing; the error names the line.
     """
-    header, rows = _rows(path)
+    header, rows = _rows(path, of_files)
     in_degrees = _DEGREES[0] in header
     frames: list[Listed] = []
     positions: list[Position | None] = []
@@ -49,9 +59,8 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
             frame = _listed(row, default_stamp_ns(len(frames)))
             if frames:
                 _check_order(frames[-1], frame)
-            check_inside(frame.file)
-            if not (path.parent / frame.file).is_file():
-                raise ValueError(f"there is no file {frame.file!r} in the folder")
+            if of_files:
+                _check_file(path.parent, frame.file)
             frames.append(frame)
             position, yaw = _place(row, _DEGREES if in_degrees else _METRES)
             positions.append(
@@ -61,7 +70,7 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
         except ValueError as error:
             raise SourceError(f"{path}, line {line}: {error}") from error
     if not frames:
-        raise SourceError(f"{path}: lists no frames; fill it, or remove it to use all images")
+        raise SourceError(f"{path}: lists no frames; fill it, or remove it to use all frames")
     try:
         listing = with_positions(
             frames, positions, yaws if "yaw" in header else None, in_degrees=in_degrees
@@ -71,7 +80,13 @@ def read_frames_csv(path: Path, default_stamp_ns: DefaultStamp) -> Listing:
         raise SourceError(f"{path}: {error}") from error
 
 
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
+def _check_file(folder: Path, name: str) -> None:
+    check_inside(name)
+    if not (folder / name).is_file():
+        raise ValueError(f"there is no file {name!r} in the folder")
+
+
+def _rows(path: Path, of_files: bool) -> tuple[list[str], list[tuple[int, Row]]]:
     """Return the columns, and for each row that is not empty its line number and cells."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as lines:
@@ -80,7 +95,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SourceError(f"{path}: cannot be read as a table ({error})") from error
     header = table[0][1] if table else []
-    _check_header(path, header)
+    _check_header(path, header, of_files)
     for line, row in table[1:]:
         if len(row) != len(header):
             raise SourceError(
@@ -89,11 +104,11 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, Row]]]:
     return header, [(line, dict(zip(header, row, strict=True))) for line, row in table[1:]]
 
 
-def _check_header(path: Path, header: list[str]) -> None:
+def _check_header(path: Path, header: list[str], of_files: bool) -> None:
     known = set(header) <= set(COLUMNS) and len(set(header)) == len(header)
-    if not known or "file" not in header:
-        others = ", ".join(COLUMNS[1:])
-        raise SourceError(f"{path}, line 1: the header must be file and any of {others}")
+    if not known or not header or (of_files and "file" not in header):
+        first, others = "file and " if of_files else "", ", ".join(COLUMNS[1:])
+        raise SourceError(f"{path}, line 1: the header must be {first}any of {others}")
     has_pose = [pair for pair in (_METRES, _DEGREES) if {*pair} & {*header}]
     if len(has_pose) > 1:
         raise SourceError(f"{path}, line 1: give x and y, or latitude and longitude, not both")
@@ -116,7 +131,7 @@ def _listed(row: Row, default_stamp_ns: int) -> Listed:
     odometry_m = _number(row, "odometry") if "odometry" in row else None
     if odometry_m is not None and odometry_m < 0:
         raise ValueError(f"the odometry is {odometry_m:g}, less than 0")
-    return Listed(row["file"], stamp_ns, odometry_m=odometry_m)
+    return Listed(row.get("file", ""), stamp_ns, odometry_m=odometry_m)
 
 
 def _place(row: Row, columns: tuple[str, str]) -> tuple[Position | None, float]:

@@ -1,4 +1,4 @@
-"""The frames of a folder before their images are read."""
+"""The frames of a folder or of a file of descriptors, before they are read."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +9,10 @@ from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import directions
 from placefield_tools.sources.degrees import to_local_metres
+from placefield_tools.sources.source import Span
+
+NOMINAL_RATE = 10
+"""Nominal frames per second of frames without stamps."""
 
 DefaultStamp = Callable[[int], int]
 """Gives the nominal stamp of a frame, nanoseconds, by the frame's number."""
@@ -18,7 +22,7 @@ Position = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A frame whose image has not been read yet; ``file`` is relative to the folder."""
+    """A frame that has not been read yet; ``file`` is relative to the folder, or empty."""
 
     file: str
     stamp_ns: int
@@ -28,7 +32,7 @@ class Listed:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The frames of a folder.
+    """The frames of a source.
 
     Attributes:
         frames: in the order of the drive.
@@ -39,6 +43,18 @@ class Listing:
     frames: list[Listed]
     origin: Origin | None = None
     stamped: bool = True
+
+    @property
+    def span(self) -> Span | None:
+        """From when to when the frames were taken; None if the stamps are nominal."""
+        if all(frame.stamp_ns == nominal_stamp_ns(at) for at, frame in enumerate(self.frames)):
+            return None
+        return Span(self.frames[0].stamp_ns, self.frames[-1].stamp_ns)
+
+
+def nominal_stamp_ns(index: int) -> int:
+    """Return the stamp of a frame without one, at ``NOMINAL_RATE``."""
+    return index * 1_000_000_000 // NOMINAL_RATE
 
 
 def with_positions(

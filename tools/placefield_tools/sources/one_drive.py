@@ -37,9 +37,15 @@ class OneDrive(Source):
             stride: step from one frame to the next.
 
         Raises:
-            SourceError: the drive ends before ``start``.
+            SourceError: the drive ends before ``start``, or parts have images and others
+                descriptors, or these have different dimensions.
         """
         self._parts = parts
+        self.dimensions = parts[0].dimensions
+        if any(part.dimensions != self.dimensions for part in parts):
+            raise SourceError(
+                f"{name}: its parts are not alike; give images, or descriptors of one dimension"
+            )
         self._start, self._stride = start, stride
         self.origin = next((part.origin for part in parts if part.origin is not None), None)
         spans = [part.span for part in parts]

@@ -34,7 +34,7 @@ class ResampledTraverse(Source):
 
     A frame is repeated while the vehicle is stationary. A repeated frame gets Gaussian noise of
     deviation ``SENSOR_NOISE`` in every pixel and colour, and becomes a JPEG of quality
-    ``JPEG_QUALITY``. The same seed gives the same noise.
+    ``JPEG_QUALITY``. The same seed gives the same noise. A descriptor is repeated as it is.
 
     Attributes:
         drive: the simulated drive.
@@ -55,12 +55,17 @@ class ResampledTraverse(Source):
         See ``drive_of`` for protocol, seed and every.
 
         Raises:
-            SourceError: a source is live, or fails.
+            SourceError: a source is live, or fails, or one has images and the other descriptors.
             ValueError: see ``drive_of``.
         """
         self._query = _held(query)
         self._other = [] if other is None else _held(other)
         self.origin = query.origin
+        self.dimensions = query.dimensions
+        if other is not None and other.dimensions != query.dimensions:
+            raise SourceError(
+                "query and other route are not alike; give images, or descriptors of one dimension"
+            )
         self.not_given = query.not_given + (Counter() if other is None else other.not_given)
         self.query_count = len(self._query)
         self.drive: Resampling = drive_of(

@@ -36,6 +36,7 @@ class Source(ABC):
         origin: georeference of the poses, None if unknown.
         stamped: whether the stamps are measured; if not, they are nominal, at a constant rate.
         span: time of the recording, None if unknown.
+        dimensions: of the descriptors that the frames are; None: the frames are images.
     """
 
     live: bool = False
@@ -43,6 +44,7 @@ class Source(ABC):
     origin: Origin | None = None
     stamped: bool = True
     span: Span | None = None
+    dimensions: int | None = None
 
     @cached_property
     def not_given(self) -> Counter[str]:
@@ -81,6 +83,7 @@ class Derived(Source):
         self.origin = source.origin
         self.stamped = source.stamped
         self.span = source.span
+        self.dimensions = source.dimensions
         self.not_given = source.not_given
 
     def close(self) -> None:

@@ -15,6 +15,8 @@ from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.camera import Camera
+from placefield_tools.sources.descriptor_files import is_descriptor_file
+from placefield_tools.sources.descriptors import Descriptors, holds_descriptors
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
@@ -78,14 +80,15 @@ def open_source(
     parts: Parts = NO_PARTS,
     stop: threading.Event | None = None,
 ) -> Source:
-    """Open a folder of images, a video file, a recording, or a camera.
+    """Open a folder of images, a video file, a recording, descriptors, or a camera.
 
     Several sources, or a folder of recordings, are the parts of one drive. They are read in
     sequence, in the order of their stamps if all have some, and otherwise in the given order.
 
-    A recording is a ROS bag or an MCAP file. A camera is ``camera:0`` or ``/dev/video0``, or on the
-    network ``rtsp://…`` or ``http://…``. ``NAME:…`` is a source of another package, with the entry
-    point ``NAME`` in ``placefield.sources``.
+    A recording is a ROS bag or an MCAP file. Descriptors are a ``.npy``, ``.npz`` or ``.h5`` file,
+    or a folder of ``.npy`` or ``.npz`` files, see ``Descriptors``. A camera is ``camera:0`` or
+    ``/dev/video0``, or on the network ``rtsp://…`` or ``http://…``. ``NAME:…`` is a source of
+    another package, with the entry point ``NAME`` in ``placefield.sources``.
 
     Args:
         where: the source, or the parts of one drive.
@@ -171,6 +174,13 @@ def holds_recordings(path: Path) -> bool:
     return _is_recording(path) or bool(_recordings_in(path))
 
 
+def is_descriptor_source(path: Path) -> bool:
+    """Return whether a source is a file of descriptors, or a folder of such files."""
+    if is_descriptor_file(path):
+        return True
+    return path.is_dir() and holds_descriptors(path)
+
+
 def _recordings_in(path: Path) -> list[Path]:
     """Return the recordings in a folder without images; a bag's own folder is none."""
     if not path.is_dir():
@@ -243,6 +253,8 @@ def _not_installed(name: str, missing: ModuleNotFoundError) -> ConfigError:
 
 def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None) -> Source:
     shown = without_secrets(str(path))  # it may be a URL with a misspelt scheme
+    if is_descriptor_source(path):
+        return Descriptors(path, start=start, stride=stride, stop=stop)
     if path.is_dir():
         return Folder(path, start=start, stride=stride, stop=stop)
     if path.suffix.lower() in IMAGE_SUFFIXES:
@@ -256,7 +268,7 @@ def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None
         return Video(path, start=start, stride=stride, stop=stop)
     raise SourceError(
         f"{shown}: no such folder or file; give a folder of images, a video, a recording "
-        "(.bag, .mcap, a folder of ROS 2), camera:0 or rtsp://…"
+        "(.bag, .mcap, a folder of ROS 2), descriptors (.npy, .npz, .h5), camera:0 or rtsp://…"
     )
 
 

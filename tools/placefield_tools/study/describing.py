@@ -26,6 +26,8 @@ _Observation = tuple[Array, NDArray[np.bool_]]
 """A frame's image for SeqSLAM and words for FAB-MAP."""
 
 _NO_WORDS: NDArray[np.bool_] = np.empty(0, np.bool_)
+_NO_OBSERVATION: _Observation = (np.empty((0, 0), np.float32), _NO_WORDS)
+"""That of a frame without an image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,8 @@ class Described:
 
     Attributes:
         raws: n raw features, None for a frame that cannot be read.
-        images: (n, 32, 64) float32, SeqSLAM's; black for a frame that cannot be read.
+        images: (n, 32, 64) float32, SeqSLAM's; black for a frame that cannot be read. (n, 0, 0) if
+            the frames are descriptors.
         words: (n, W) bool, the words that FAB-MAP sees; none in a frame that cannot be read, and
             W = 0 where there is no vocabulary.
     """
@@ -72,7 +75,7 @@ def describe_reference(
 
     def describe(frame: Frame) -> tuple[DescribedFrame, _Observation]:
         try:
-            return describe_frame(frame, feature), _look(frame.pixels(), vocabulary)
+            return describe_frame(frame, feature), _look(frame, vocabulary)
         except FrameError as error:
             raise SourceError(f"{error}; a study's reference needs every frame") from None
 
@@ -96,10 +99,12 @@ def describe_query_frames(
         SourceError: the query is live, or has no readable frame.
     """
 
-    def describe(pixels: NDArray[np.uint8]) -> tuple[Array, _Observation]:
-        return feature.describe(pixels), _look(pixels, vocabulary)
+    def describe(frame: Frame) -> tuple[Array, _Observation]:
+        decoded = frame.decoded()
+        return feature.of_frame(decoded), _look(decoded, vocabulary)
 
-    missing = (None, _missing_observation(vocabulary))
+    is_image = source.dimensions is None
+    missing = (None, _missing_observation(vocabulary) if is_image else _NO_OBSERVATION)
     described, readings, poses = describe_query_with_poses(source, describe)
     both = [one or missing for one in described]
     return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
@@ -110,8 +115,10 @@ def _described(raws: list[RawFeature], observations: list[_Observation]) -> Desc
     return Described(raws, np.stack(images), np.stack(words))
 
 
-def _look(pixels: NDArray[np.uint8], vocabulary: Vocabulary | None) -> _Observation:
-    shades = grey(pixels)
+def _look(frame: Frame, vocabulary: Vocabulary | None) -> _Observation:
+    if frame.descriptor is not None:
+        return _NO_OBSERVATION
+    shades = grey(frame.pixels())
     small = seqslam_image(shades)
     return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(shades))
 

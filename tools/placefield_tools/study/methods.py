@@ -161,6 +161,8 @@ def _window_by_evidence(trial: Trial, length: int) -> Matched:
 
 
 def _seqslam(trial: Trial, lag: int = 0) -> Matched:
+    if not trial.reference.images.size:
+        raise MapError("the frames are descriptors, and SeqSLAM compares images")
     differences = image_differences(trial.reference.images, trial.query.images, PUBLISHED.patch)
     differences = _in_driving_order(_fill_missing_observations(differences, trial), trial)
     matches = match_sequences(differences, lag=lag)
@@ -169,6 +171,8 @@ def _seqslam(trial: Trial, lag: int = 0) -> Matched:
 
 def _fabmap(trial: Trial) -> Matched:
     reference = trial.reference.words
+    if not trial.reference.images.size:
+        raise MapError("the frames are descriptors, and FAB-MAP looks for keypoints in images")
     if not reference.size:
         raise MapError("the reference's frames have no keypoint, so FAB-MAP has no words")
     tree = learn_tree(reference)

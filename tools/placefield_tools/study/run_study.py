@@ -20,6 +20,7 @@ from placefield_tools.evaluate.evaluation import drive_in
 from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, find_truth
 from placefield_tools.sources import Source, open_source
+from placefield_tools.sources.frame_content import check_frames, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.thinned import Thinned
 from placefield_tools.study.ablation import ablate
@@ -96,18 +97,21 @@ def prepare(
 
     Without ``words``, FAB-MAP cannot run.
     """
-    feature = feature_of(config.features.kind)
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
+        config = with_feature_of(whole, reference, config)
+        feature = feature_of(config.features.kind, config.inference)
         if whole.live:
             camera = without_secrets(reference)
             raise SourceError(
                 f"{camera}: a study needs to read the frames twice; record a traverse"
             )
         query, source = _agreed(query, whole)
-        vocabulary = _vocabulary(source, config.seed) if words else None
+        has_words = words and whole.dimensions is None
+        vocabulary = _vocabulary(source, config.seed) if has_words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     with query.open() as opened:
+        check_frames(opened, query.where, whole.dimensions, reference)
         described_query, readings, poses = describe_query_frames(opened, feature, vocabulary)
     drive, whole_drive = drive_in(opened, len(described_query.raws))
     if drive.odometry is not None:  # which assumes one metre from place to place

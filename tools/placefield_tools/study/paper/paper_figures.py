@@ -79,9 +79,12 @@ def channel_counts(study: PaperStudy) -> str | None:
 
 
 def groups(result: FeatureResult) -> str | None:
-    """Draw how MS and AMS group the same stretch (figures 14 and 15): the middle of the route."""
+    """Draw how MS and AMS group the same stretch (figures 14 and 15): the middle of the route.
+
+    Descriptors have no frames to draw.
+    """
     fixed = result.fixed
-    if fixed is None:
+    if fixed is None or not result.placemap.places.has_thumbnails:
         return None
     rows = {
         f"MS, scale {fixed.channels[0].scales[0]}": segments_of(fixed)[0],
@@ -94,8 +97,13 @@ def groups(result: FeatureResult) -> str | None:
     return data_url(lambda path: plot_groups(path, rows, first, picture_of, count))
 
 
-def clusters(result: FeatureResult) -> str:
-    """Draw the first channel's clusters with some of their frames (figures 5 and 11)."""
+def clusters(result: FeatureResult) -> str | None:
+    """Draw the first channel's clusters with some of their frames (figures 5 and 11).
+
+    Descriptors have no frames to draw.
+    """
+    if not result.placemap.places.has_thumbnails:
+        return None
     channel, picture_of = segments_of(result.placemap)[0], _pictures(result.placemap)
     return data_url(lambda path: plot_clusters(path, channel, picture_of))
 

@@ -6,13 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from placefield.config import Config
+from placefield.config import DESCRIPTOR, Config
 from placefield.errors import MapError
 from placefield.maps.map import Map, MapChannel
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.judging import Judged, judge
 from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions
+from placefield_tools.sources import open_source
 from placefield_tools.study.matching import with_scales
 from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
 from placefield_tools.study.paper.channel_count_runs import count_channels
@@ -31,7 +32,7 @@ def run_paper_study(
     query: Query,
     truth_of: TruthOf,
     config: Config,
-    features: Sequence[str] = FEATURES,
+    features: Sequence[str] | None = None,
     *,
     tolerance: int | None,
     asked: TruthOptions | None = None,
@@ -43,7 +44,8 @@ def run_paper_study(
         query: to match, and how it is driven.
         truth_of: gives the truth of the query in its own order.
         config: by the preset ``paper``; its kind of feature counts for nothing.
-        features: kinds of those to run them on, at least one.
+        features: kinds of those to run them on, at least one; None: those of the paper, or of
+            descriptors just these.
         tolerance: shown in the report; None if a ground truth or metres were given.
         asked: the other options of the ground truth, see ``find_truth``.
 
@@ -52,7 +54,7 @@ def run_paper_study(
             there is no ground truth.
     """
     results: list[FeatureResult] = []
-    for feature in features:
+    for feature in features or _features_of(reference, query):
         CONSOLE.print(f"the paper's experiments on {feature}")
         kind = config.features.model_copy(update={"kind": feature})
         of_feature = config.model_copy(update={"features": kind})
@@ -73,6 +75,11 @@ def run_paper_study(
         features=tuple(results),
         others=others,
     )
+
+
+def _features_of(reference: str, query: Query) -> Sequence[str]:
+    with open_source(reference, parts=query.parts) as source:
+        return FEATURES if source.dimensions is None else (DESCRIPTOR,)
 
 
 def run_feature(trial: Trial) -> FeatureResult:

@@ -1,0 +1,1 @@
+"""Proof by geometry: whether two images can be views of one scene, from their local features."""

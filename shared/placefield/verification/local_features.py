@@ -1,0 +1,29 @@
+"""The local features of an image, as they are kept."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+SIDE = 480
+"""Pixels of the longest side to which an image is resized first: all images are of one scale."""
+
+LENGTH = 128
+"""Numbers of a descriptor."""
+
+
+class LocalFeatures(NamedTuple):
+    """The local features of an image, the strongest first.
+
+    Attributes:
+        points: (n, 2) float32, x and y from the middle of the image, as a fraction of its longest
+            side.
+        descriptors: (n, 128) uint8.
+    """
+
+    points: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+
+
+NO_FEATURES = LocalFeatures(np.empty((0, 2), np.float32), np.empty((0, LENGTH), np.uint8))
+"""Those of a uniform image."""

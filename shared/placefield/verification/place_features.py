@@ -1,0 +1,72 @@
+"""The local features of a map's places, as the map keeps them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.verification.local_features import LocalFeatures
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceFeatures:
+    """The local features of the K places of a map.
+
+    Attributes:
+        points: (n, 2) float32, see ``LocalFeatures``; those of the first place, then of the second,
+            and so on.
+        descriptors: (n, 128) uint8.
+        ends: (K,) int64, where those of each place end.
+        ratios: (L,) float64, the likelihood ratios of 0, 1, … inliers, see ``learn_ratios``.
+    """
+
+    points: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    ends: NDArray[np.int64]
+    ratios: NDArray[np.float64]
+
+    @property
+    def most(self) -> int:
+        """The most local features of a place."""
+        return int(np.diff(self.ends, prepend=0).max())
+
+    def of(self, place: int) -> LocalFeatures:
+        """Return the local features of a place."""
+        own = slice(self.ends[place - 1] if place else 0, self.ends[place])
+        return LocalFeatures(self.points[own], self.descriptors[own])
+
+    def with_places(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
+        """Return them with those of further places; the likelihood ratios stay."""
+        return self._of([*map(self.of, range(len(self.ends))), *views])
+
+    def kept(self, places: NDArray[np.integer]) -> "PlaceFeatures":
+        """Return those of the places with these numbers; the likelihood ratios stay."""
+        return self._of([self.of(place) for place in places.tolist()])
+
+    def _of(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
+        return PlaceFeatures(*stacked(views), self.ratios)
+
+
+def stacked(
+    views: Sequence[LocalFeatures],
+) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.int64]]:
+    """Return the points and descriptors of places one after another, and where each place ends."""
+    return (
+        np.concatenate([view.points for view in views]),
+        np.concatenate([view.descriptors for view in views]),
+        np.cumsum([len(view.points) for view in views], dtype=np.int64),
+    )
+
+
+def problem_with(found: PlaceFeatures) -> str | None:
+    """Describe what is wrong with local features from a file; None if they are sound."""
+    counts = np.diff(found.ends, prepend=0)
+    if counts.min() < 0 or found.ends[-1] != len(found.points):
+        return "do not belong to the map's places"
+    if not np.isfinite(found.points).all():
+        return "a point is not finite"
+    ratios = found.ratios
+    if not (len(ratios) and np.isfinite(ratios).all() and (ratios > 0).all()):
+        return "a likelihood ratio is not above 0"
+    return None

@@ -1,0 +1,43 @@
+"""What the evaluation needs of each frame of a query."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from placefield.config import InferenceConfig
+from placefield.features.extract import feature_of_model
+from placefield.features.frames import Frame
+from placefield.maps.map import Map
+from placefield.verification.extracting import extract
+from placefield.verification.local_features import LocalFeatures
+
+
+class Observed(NamedTuple):
+    """A frame's raw feature (D,), and its local features if the map has some."""
+
+    raw: NDArray[np.float32]
+    local_features: LocalFeatures | None
+
+
+def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Observed]:
+    """Return a function that observes a frame; it raises FrameError if the frame cannot be read.
+
+    Args:
+        placemap: its feature describes the frame, and its mask is applied.
+        inference: where a network runs.
+
+    Raises:
+        ConfigError: the feature cannot be computed, see ``feature_of_model``.
+    """
+    feature, places = feature_of_model(placemap.model, inference), placemap.local_features
+
+    def observe(frame: Frame) -> Observed:
+        decoded = frame.decoded()
+        local = None
+        if places is not None:
+            local = extract(feature.used(decoded.pixels()), places.most)
+        return Observed(feature.of_frame(decoded), local)
+
+    return observe
