@@ -7,17 +7,18 @@ from pathlib import Path
 import onnxruntime
 import pytest
 from networks import write_network
-from placefield_services.exploring import run_exploring_featurizer
 
 from placefield import Config, ConfigError, Recognizer, build_map
 from placefield.config import InferenceConfig
 from placefield.evaluation.truth import Truth
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
+from placefield_services.exploring_services import run_exploring_featurizer
 from placefield_services.featurizer import run_featurizer
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.build.routes_from_sources import RouteOptions, build_routes
-from placefield_tools.evaluate.evaluation import Query, evaluate
+from placefield_tools.evaluate.evaluation import evaluate
+from placefield_tools.evaluate.query import Query
 from placefield_tools.explore.exploring_host import check_explored
 from placefield_tools.loops.finding import find_loops
 from placefield_tools.sources import NO_PARTS, open_source

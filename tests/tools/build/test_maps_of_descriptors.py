@@ -25,8 +25,9 @@ from placefield.maps.store import save_map
 from placefield_tools.build.added_drive import add_drive
 from placefield_tools.build.map_from_sources import build_from, map_of
 from placefield_tools.cli.options_truth import truth_of
-from placefield_tools.evaluate.evaluation import Evaluation, Query, evaluate
+from placefield_tools.evaluate.evaluation import Evaluation, evaluate
 from placefield_tools.evaluate.evaluation_plots import draw
+from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.inspect.map_facts import map_facts
 from placefield_tools.loops.finding import find_loops
