@@ -8,6 +8,7 @@ Everything else stays as it is: scales, metrics, matching, services.
 """
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -18,8 +19,13 @@ from placefield import Recognizer, build_map
 from placefield.loading import load_config
 
 
-def edges(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Describe an image, (H, W) or (H, W, 3) BGR, by its edges in four directions: (192,)."""
+def edges(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+    """Describe B images, each (H, W) or (H, W, 3) BGR, by their edges: (B, 192)."""
+    return np.stack([edges_of(pixels) for pixels in images])
+
+
+def edges_of(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the edges of an image in four directions, (192,)."""
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 2)
     across, down = cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)

@@ -160,6 +160,7 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "too_fast": False,
             "forgotten": False,
             "pose": None,
+            "new": None,
         }
     for number, one in smoothed:
         assert later[number].startswith(f"  smoothed frame {number}: place {one.place}, score ")
