@@ -154,12 +154,8 @@ def _runs(recognised: _Recognised, same: Same, starts: Firsts) -> list[_Revisit]
     is_earlier = (frames - places >= _APART) | (route[places] < route)
     likely = (probabilities >= _LIKELY) & is_earlier
     one_route = (np.diff(route) == 0) & (np.diff(route[twins]) == 0)
-    resembles = np.abs(same[recognised.nearest] - twins) <= _TOLERANCE
-    around = np.convolve(np.pad(resembles, (_LEAST - 1, _LEAST - 1)), np.ones(_LEAST), "valid")
-    likely &= (
-        np.maximum.reduce([around[k : k + len(same)] for k in range(_LEAST)]) >= _NEAREST * _LEAST
-    )
     follows = likely[1:] & likely[:-1] & (np.abs(np.diff(twins)) <= STEPS) & one_route
+    resembles = np.abs(same[recognised.nearest] - twins) <= _TOLERANCE
     runs = []
     for run in np.split(frames, np.flatnonzero(~follows) + 1):
         certain = np.count_nonzero(likely[run] & (probabilities[run] >= _CERTAIN))
