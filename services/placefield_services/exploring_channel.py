@@ -28,7 +28,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import Turn
 from placefield.config import Config, MatchingConfig
 from placefield.errors import FrameError, MessageError
-from placefield.features.raw_stage import RawStage
+from placefield.features.raw_stage import raw_fingerprint
 from placefield.matching.explored_candidate import to_candidate
 from placefield.matching.exploring import Answer, Explorer, SmoothedAnswer
 from placefield_services.background_query import BackgroundQuery
@@ -49,11 +49,11 @@ def run_exploring_channel(config: Config, stop: threading.Event) -> None:
     """Explore the drives of a run until ``stop`` is set.
 
     Raises:
-        ConfigError: the feature cannot be computed, the rule cannot explore, or there are several
-            runs.
+        ConfigError: a file of the network cannot be read, the rule cannot explore, or there are
+            several runs.
     """
     check_exploring(config.matching)
-    digest, run = RawStage(config.features.kind).fingerprint, config.run
+    digest, run = raw_fingerprint(config.features.kind), config.run
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.maps[run] = digest

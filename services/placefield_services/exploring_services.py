@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from placefield.config import Config, MatchingConfig
 from placefield.errors import ConfigError
-from placefield.features.raw_stage import RawStage
+from placefield.features.raw_stage import RawStage, raw_fingerprint
 from placefield.fusion.exploration_stage import ExplorationStage
 from placefield_services.featurizer import serve_featurizer
 from placefield_services.fuser import serve_fuser
@@ -37,17 +37,18 @@ def run_exploring_featurizer(config: Config, stop: threading.Event) -> None:
         ConfigError: the feature cannot be computed.
     """
     stage = RawStage(config.features.kind, config.inference)
-    serve_featurizer(stage, stage.fingerprint, Exploration(stage.fingerprint), config, stop)
+    digest = raw_fingerprint(config.features.kind)
+    serve_featurizer(stage, digest, Exploration(digest), config, stop)
 
 
 def run_exploring_fuser(config: Config, stop: threading.Event) -> None:
     """Publish what explorers answer until ``stop`` is set.
 
     Raises:
-        ConfigError: the feature cannot be computed, or the rule cannot explore.
+        ConfigError: a file of the network cannot be read, or the rule cannot explore.
     """
     check_exploring(config.matching)
-    digest = RawStage(config.features.kind).fingerprint
+    digest = raw_fingerprint(config.features.kind)
     version = FuserVersion(Exploration(digest), ExplorationStage(config.matching))
     version.stage.warm_up()
     serve_fuser(version, config, stop)

@@ -166,12 +166,12 @@ class Featurizer:
         The frame is large: glibc keeps as much memory for later frames as the largest block that
         was freed. Otherwise each frame would have to map its pages again.
         """
-        if not self._stage.describes_images:
+        if not self._stage.feature.describes_images:
             return
         frame = np.zeros(self._stage.large_frame, np.uint8)
-        self._stage.describe(frame)
+        self._stage.feature.describe(frame)
         frame.flags.writeable = False  # as frames of pixels come from the bus
-        self._stage.describe(frame)
+        self._stage.feature.describe(frame)
 
     def handle(self, received: Received) -> None:
         """Handle a frame: publish its descriptor.
@@ -259,9 +259,9 @@ class Featurizer:
 
     def _raw(self, frame: FrameMessage) -> NDArray[np.float32]:
         if frame.descriptor is not None:
-            return self._stage.accept(frame.descriptor)
+            return self._stage.feature.accept(frame.descriptor)
         assert frame.image is not None  # a frame has one of both
-        return self._stage.describe(frame.image)
+        return self._stage.feature.describe(frame.image)
 
     def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None

@@ -20,7 +20,7 @@ from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import FrameError
 from placefield.features.images import pixels_of, small_jpeg
-from placefield.features.raw_stage import RawStage
+from placefield.features.raw_stage import raw_fingerprint
 from placefield.maps.drive_file import Drive, DriveFile, DriveFrame
 from placefield.maps.traverse import THUMBNAIL
 from placefield_services.background_query import BackgroundQuery
@@ -45,10 +45,10 @@ def run_mapper(path: Path, config: Config, stop: threading.Event) -> None:
         stop: ends the service.
 
     Raises:
-        ConfigError: the feature cannot be computed, or there are several runs.
+        ConfigError: a file of the network cannot be read, or there are several runs.
         MapError: the file is of no drive, or another process explores it.
     """
-    digest, run = RawStage(config.features.kind).fingerprint, config.run
+    digest, run = raw_fingerprint(config.features.kind), config.run
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.maps[run] = digest

@@ -66,7 +66,7 @@ class Recognizer:
                 finite, or the map is of descriptors; nothing was matched.
         """
         _check_odometry(odometry_m)
-        if not self._stage.describes_images:
+        if not self._stage.feature.describes_images:
             raise FrameError("an image, but the map is of descriptors: give them to update_raw()")
         loaded = load(image)
         if not isinstance(loaded, bytes):

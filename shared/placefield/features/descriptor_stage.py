@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import DESCRIPTOR, InferenceConfig
+from placefield.config import InferenceConfig
 from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
-from placefield.features.extract import feature_of_model
-from placefield.features.frames import Frame, GivenDescriptor
+from placefield.features.extract import Feature, feature_of_model
+from placefield.features.frames import Frame
 from placefield.features.mask import Mask
 
 _DEFAULTS = InferenceConfig()
@@ -40,8 +40,8 @@ class FrameStage(Protocol):
     """What a featurizer describes frames with; all its streams share it."""
 
     @property
-    def describes_images(self) -> bool:
-        """Whether frames are images; if not, they are given descriptors."""
+    def feature(self) -> Feature:
+        """Describes frames by their raw features."""
 
     @property
     def standardises(self) -> bool:
@@ -50,20 +50,6 @@ class FrameStage(Protocol):
     @property
     def large_frame(self) -> tuple[int, int, int]:
         """The shape of a large frame, to warm up with."""
-
-    def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
-        """Return the raw feature of an image.
-
-        Raises:
-            FrameError: the image cannot be read.
-        """
-
-    def accept(self, descriptor: GivenDescriptor) -> Array:
-        """Return the raw feature of a frame that is a given descriptor.
-
-        Raises:
-            FrameError: frames are images.
-        """
 
     def new_stream(self, moments: Moments | None = None) -> FrameStream:
         """Begin a stream, or continue one whose moments so far are given."""
@@ -89,48 +75,20 @@ class DescriptorStage:
         """Whether a descriptor depends on the frames before it."""
         self.large_frame = large_frame(model.mask)
         """The shape of a large frame, to warm up with."""
-        self._feature = feature_of_model(model, inference)
-
-    @property
-    def describes_images(self) -> bool:
-        """Whether frames are images; if not, they are given descriptors."""
-        return self._model.kind != DESCRIPTOR
-
-    def describe(self, image: bytes | NDArray[np.uint8]) -> Array:
-        """Return the raw feature (D,) float32 of an encoded image or pixels.
-
-        Raises:
-            FrameError: the image cannot be read.
-        """
-        return self._feature.describe(image)
-
-    def accept(self, descriptor: GivenDescriptor) -> Array:
-        """Return the raw feature (D,) float32 of a frame that is a given descriptor.
-
-        Raises:
-            FrameError: the map is of images.
-        """
-        return self._feature.accept(descriptor)
-
-    def of_frame(self, frame: Frame) -> Array:
-        """Return the raw feature (D,) float32 of a frame: of its image or its descriptor.
-
-        Raises:
-            FrameError: the frame cannot be read, or is not what the map takes.
-        """
-        return self._feature.of_frame(frame)
+        self.feature = feature_of_model(model, inference)
+        """Describes frames by their raw features."""
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
         """Begin a stream, or continue one whose moments so far are given."""
-        return ImageStream(self, DescriptorStream(self._model, moments))
+        return ImageStream(self.feature, DescriptorStream(self._model, moments))
 
 
 class ImageStream:
     """Turns the images of one stream into descriptors, frame by frame and causally."""
 
-    def __init__(self, stage: DescriptorStage, descriptors: DescriptorStream) -> None:
-        """Combine the stage with the stream of descriptors of the raw features."""
-        self._stage = stage
+    def __init__(self, feature: Feature, descriptors: DescriptorStream) -> None:
+        """Combine the feature with the stream of descriptors of the raw features."""
+        self._feature = feature
         self._descriptors = descriptors
 
     @property
@@ -146,7 +104,7 @@ class ImageStream:
         Raises:
             FrameError: the image cannot be read; the stream is unchanged.
         """
-        return self.update_raw(self._stage.describe(image))
+        return self.update_raw(self._feature.describe(image))
 
     def update_frame(self, frame: Frame) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame: of its image or its descriptor.
@@ -157,7 +115,7 @@ class ImageStream:
             FrameError: the frame cannot be read, or is not what the map takes; the stream is
                 unchanged.
         """
-        return self.update_raw(self._stage.of_frame(frame))
+        return self.update_raw(self._feature.of_frame(frame))
 
     def update_raw(self, raw: Array) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame by its raw feature (D,) float32.

@@ -47,6 +47,11 @@ class Feature:
     _describe: Describe
     mask: Mask | None = None
 
+    @property
+    def describes_images(self) -> bool:
+        """Whether frames are images; if not, they are given descriptors."""
+        return self.kind != DESCRIPTOR
+
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
 
@@ -70,7 +75,7 @@ class Feature:
         Raises:
             FrameError: the feature describes images.
         """
-        if self.kind != DESCRIPTOR:
+        if self.describes_images:
             raise FrameError(f"a descriptor, but {self.kind} describes images: give an image")
         return np.asarray(descriptor, np.float32)
 

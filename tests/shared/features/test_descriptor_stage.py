@@ -29,7 +29,7 @@ def test_an_image_becomes_the_descriptor_of_its_feature(
         for descriptor in (
             encoded.update(image),
             pixels.update(decode(image)),
-            raw.update_raw(stage.describe(image)),
+            raw.update_raw(stage.feature.describe(image)),
         ):
             assert descriptor is not None
             assert expected is not None
