@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import tempfile
 import time
 import warnings
@@ -23,6 +22,7 @@ from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbou
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.common.parallel import cores, map_in_order
 
 _FRAMES = 1261  # of the paper's longest route
@@ -78,7 +78,7 @@ def _write_frames(folder: Path, *, shift: int) -> list[str]:
 def _build(references: Sequence[str], output: Path) -> _Build:
     """Run the command and watch its memory."""
     flags = ["-o", str(output), "--feature", "gist", "--channels", str(_CHANNELS)]
-    command = [sys.executable, "-m", "placefield_tools", "build", *references, *flags]
+    command = [*PLACEFIELD, "build", *references, *flags]
     start, peak = time.perf_counter(), 0.0
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         while process.poll() is None:

@@ -1,7 +1,6 @@
 """Frames through the services, beside the same processes doing no work."""
 
 import statistics
-import sys
 import tempfile
 import threading
 import time
@@ -24,6 +23,7 @@ from placefield_tools.bench.load import Answers, LiveCamera, play
 from placefield_tools.bench.many_cameras import camera_figures
 from placefield_tools.bench.street_frames import street_frames, write_frames
 from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import open_source
 
@@ -57,7 +57,7 @@ def _build(reference: Path, map_path: Path) -> None:
 
 def _stream_figures(map_path: Path, query: Path) -> list[Figure]:
     frames = [frame.read_bytes() for frame in sorted(query.iterdir())]
-    up = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
+    up = [*PLACEFIELD, "up", str(map_path)]
     with started([up]) as [real], _bus(real) as bus:
         shape = shape_of(bus, frames)
         with started([shape.command()]) as [idle], _bus(idle) as idle_bus:

@@ -1,6 +1,5 @@
 """Many cameras on one map: one set of services for all, beside one set per camera."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
 from placefield_tools.bench.street_frames import street_frames
+from placefield_tools.common.own_command import PLACEFIELD
 
 CAMERAS = 16
 _RATE = 10.0  # frames per second and camera
@@ -90,7 +90,7 @@ def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]
 
 
 def _up(map_path: Path, runs: Sequence[str]) -> list[str]:
-    command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
+    command = [*PLACEFIELD, "up", str(map_path)]
     command += ["--set", f"bus.connect_timeout_s={_CONNECT_S}"]
     return [*command, *(flag for run in runs for flag in ("--run", run))]
 

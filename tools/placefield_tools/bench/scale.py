@@ -1,6 +1,5 @@
 """Maps of a thousand to a million places: what a frame costs, and what memory it takes."""
 
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +20,7 @@ from placefield_tools.bench.random_walks import drive_along, observed_again, ran
 from placefield_tools.bench.shard_speed import bench_shards
 from placefield_tools.bench.start import bench_start
 from placefield_tools.bench.synthetic import made_map
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.common.progress import tracked
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
@@ -98,7 +98,7 @@ def _run(
     path: Path, model: str, query: list[Array], *flags: str
 ) -> tuple[list[Match], float, float]:
     """Match a query on a host of its own: the matches, the seconds, and the GB in its memory."""
-    command = [sys.executable, "-m", "placefield_tools", "up", str(path), *flags]
+    command = [*PLACEFIELD, "up", str(path), *flags]
     with (
         started([[*command, "--set", "fusion.deadline_s=60"]]) as [chain],
         open_bus(BusConfig(endpoint=chain.endpoint)) as bus,

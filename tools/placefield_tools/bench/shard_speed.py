@@ -1,7 +1,6 @@
 """A map's places spread over workers, beside the same map whole."""
 
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,11 +18,11 @@ from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import default_environment, started
 from placefield_tools.bench.synthetic import CHANNELS
+from placefield_tools.common.own_command import PLACEFIELD
 
 SHARDS = 4
 
 _PATIENCE_S = 120.0
-_PLACEFIELD = (sys.executable, "-m", "placefield_tools")
 
 
 def bench_shards(
@@ -46,14 +45,14 @@ def bench_shards(
 @contextmanager
 def _sharded(path: Path) -> Iterator[str]:
     """Run router, fuser and a worker for each shard of all channels; yields the endpoint."""
-    with started([[*_PLACEFIELD, "router"]]) as [router]:
+    with started([[*PLACEFIELD, "router"]]) as [router]:
         channels = [part for number in range(CHANNELS) for part in ("--channel", str(number))]
         services = [["fuser", str(path), "--set", "fusion.deadline_s=60"]]
         for shard in range(SHARDS):
             services.append(["channel", str(path), *channels, "--shard", f"{shard}/{SHARDS}"])
         processes = [
             subprocess.Popen(
-                [*_PLACEFIELD, *service, "--endpoint", router.endpoint], env=default_environment()
+                [*PLACEFIELD, *service, "--endpoint", router.endpoint], env=default_environment()
             )
             for service in services
         ]

@@ -1,7 +1,6 @@
 """A day's frames through the services: what memory they take, and whether answers stay the same."""
 
 import math
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.street_frames import street_frames, write_frames
 from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.listen.match_queue import MatchQueue
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Source
@@ -60,7 +60,7 @@ def bench_soak(*, frames: int) -> list[Figure]:
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         map_path = _build(Path(folder))
         query = street_frames(PLACES, size=_SIZE, shift=8)
-        up = [sys.executable, "-m", "placefield_tools", "up", str(map_path), "--workers", "1"]
+        up = [*PLACEFIELD, "up", str(map_path), "--workers", "1"]
         with started([up]) as [host]:
             return _Soak(host, query, laps).figures()
 

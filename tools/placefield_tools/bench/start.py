@@ -2,7 +2,6 @@
 
 import statistics
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -27,6 +26,7 @@ from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.random_walks import random_walk
 from placefield_tools.bench.synthetic import CHANNELS, made_map
 from placefield_tools.common.host_process import free_endpoint
+from placefield_tools.common.own_command import PLACEFIELD
 
 _PLACES, _DIMENSIONS = 400_000, 300  # 2 bytes each, 4 metrics: 0.96 GB
 _WORKERS = 8
@@ -110,7 +110,7 @@ def _memory_after_a_frame(bus: Bus, path: Path, workers: Sequence[int]) -> list[
 
 @contextmanager
 def _worker(path: Path, endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-m", "placefield_tools", "channel", str(path)]
+    command = [*PLACEFIELD, "channel", str(path)]
     command += [flag for channel in range(CHANNELS) for flag in ("--channel", str(channel))]
     with subprocess.Popen([*command, "--endpoint", endpoint]) as process:
         try:

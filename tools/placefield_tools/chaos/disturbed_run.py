@@ -1,6 +1,5 @@
 """Replays frames through its own services, with faults from a schedule."""
 
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +19,7 @@ from placefield_tools.chaos.faulty_source import FaultySource, looped
 from placefield_tools.chaos.schedule import Fault
 from placefield_tools.chaos.verdict import Answered, Verdict, judge
 from placefield_tools.common.host_process import free_endpoint
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.listen.match_queue import MatchQueue
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Source
@@ -124,7 +124,7 @@ def _commands(
 
     def command(service: str, *own: object) -> list[str]:
         flags = [*map(str, own), "--config", str(config)]
-        return [sys.executable, "-m", "placefield_tools", service, *flags]
+        return [*PLACEFIELD, service, *flags]
 
     workers = {
         f"channel {number}": command("channel", *the_map, *(f"--channel={each}" for each in own))

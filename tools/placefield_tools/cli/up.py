@@ -1,7 +1,6 @@
 """``placefield up``: all services of a host."""
 
 import signal
-import sys
 import tempfile
 import threading
 from collections.abc import Hashable, Mapping, Sequence
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from placefield_tools.cli import options, options_map
+from placefield_tools.common.own_command import PLACEFIELD
 
 if TYPE_CHECKING:
     from placefield.config import Config
@@ -23,8 +23,6 @@ _ROLES = {
     "serve": "mapserver",
 }
 """The role whose credentials a command needs."""
-
-_PLACEFIELD = (sys.executable, "-m", "placefield_tools")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -271,7 +269,7 @@ def _commands(
             flags += ["--lineage", lineage]
         if service in credentials:
             flags += ["--credentials", str(credentials[service])]
-        return [*_PLACEFIELD, service, *common, *flags]
+        return [*PLACEFIELD, service, *common, *flags]
 
     commands = {}
     for number, own_runs in enumerate(runs):
@@ -296,4 +294,4 @@ def _ros_command(
         flags += ["--odometry", odometry]
     if spacing_m is not None:
         flags += ["--spacing", str(spacing_m)]
-    return [*_PLACEFIELD, "ros", *common, *flags]
+    return [*PLACEFIELD, "ros", *common, *flags]

@@ -1,7 +1,6 @@
 """A replay that the page starts and stops: the command runs in its own process."""
 
 import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -9,6 +8,7 @@ from pathlib import Path
 
 from placefield.config import BusConfig
 from placefield_services.host import child_environment
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.sources.secrets import without_secrets
 
 _PATIENCE_S = 2.0
@@ -48,7 +48,7 @@ class ReplayChild:
         if self.runs:
             return
         self.close()
-        command = [sys.executable, "-m", "placefield_tools", "replay", *self._flags]
+        command = [*PLACEFIELD, "replay", *self._flags]
         command += ["--rate", f"{rate:g}"] if rate is not None else []
         command += ["--loop"] if loop else []
         self._process = subprocess.Popen(

@@ -1,7 +1,6 @@
 """Matching a query through the services: real processes on a separate bus."""
 
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield_tools.common.host_process import await_ready, free_endpoint
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.listen.match_queue import MatchQueue, stream_matches
 from placefield_tools.replay.replay_source import replay
 from placefield_tools.sources import Source
@@ -55,7 +55,7 @@ def match_through_services(
 @contextmanager
 def _host(map_path: Path, config: Config) -> Iterator[None]:
     """Run ``placefield up``; it is ready inside the block, and stopped after it."""
-    command = [sys.executable, "-m", "placefield_tools", "up", str(map_path)]
+    command = [*PLACEFIELD, "up", str(map_path)]
     command += ["--endpoint", config.bus.endpoint, "--run", config.run]
     command += ["--rule", config.matching.rule]
     command += ["--set", f"matching.tolerance={config.matching.tolerance}"]

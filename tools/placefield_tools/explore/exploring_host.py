@@ -1,7 +1,6 @@
 """A host that explores a drive, and has its map at the end."""
 
 import logging
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,13 +18,12 @@ from placefield_services.exploring_services import check_exploring
 from placefield_services.host import run_host
 from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
+from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.explore.explored_map import build_explored
 
 log = logging.getLogger(__name__)
 
 _LOOK_EVERY_S = 0.2
-
-_PLACEFIELD = (sys.executable, "-m", "placefield_tools")
 
 
 def check_explored(path: Path, config: Config) -> None:
@@ -174,7 +172,7 @@ def commands_of(
     def command(service: str, *flags: str) -> list[str]:
         if service in credentials:
             flags = (*flags, "--credentials", str(credentials[service]))
-        return [*_PLACEFIELD, "explore", service, *common, *flags]
+        return [*PLACEFIELD, "explore", service, *common, *flags]
 
     return {
         "featurizer": command("featurizer"),
