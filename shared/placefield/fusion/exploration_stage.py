@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
-from placefield.fusion.rules import TOO_FAST, log_odds
+from placefield.fusion.rules import log_odds
 from placefield.fusion.shard_joiner import ShardJoiner
-from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.candidate import TOO_FAST, UNANSWERED, Candidate
 from placefield.matching.explored_candidate import fits, to_answer
 
 

@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.fusion.match import Match
 from placefield.matching.best_window import Vicinity, best_window
-from placefield.matching.candidate import UNANSWERED, Candidate
-
-TOO_FAST = 0.5
-"""Mean posterior of the channels from which on a vehicle is reported as too fast for the map."""
+from placefield.matching.candidate import TOO_FAST, UNANSWERED, Candidate
 
 _SUREST = 1 - 1e-12  # a belief of 1 has no finite log odds
 

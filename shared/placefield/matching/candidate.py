@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 UNANSWERED = -1
 """Stands for the place where there is no answer."""
 
+TOO_FAST = 0.5
+"""Mean posterior of the channels from which on a vehicle is reported as too fast for the map."""
+
 
 @dataclass(frozen=True)
 class Candidate:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from placefield.config import MatchingConfig
 from placefield.features.local_descriptors import SPAN, LocalDescriptor, LocalDescriptors
 from placefield.matching.best_window import Vicinity, best_window
-from placefield.matching.candidate import UNANSWERED, Candidate
+from placefield.matching.candidate import TOO_FAST, UNANSWERED, Candidate
 from placefield.matching.filter_matcher import FilterMatcher, WholeMap
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
 from placefield.matching.matcher import SmoothedCandidate
@@ -25,7 +25,6 @@ from placefield.matching.smoother import Smoother
 
 _UNMAPPED = 0.02  # places that were not passed yet, as a fraction of those that were
 _CERTAIN = 0.999  # at this probability, a place is taken for the same as an earlier one
-_TOO_FAST = 0.5  # as in fusion
 
 Array = NDArray[np.float32]
 
@@ -63,7 +62,7 @@ NEW = Answer(UNANSWERED, 0.0, 1.0, False)
 
 def is_loop(probability: float, too_fast: float, config: MatchingConfig) -> bool:
     """Return whether an answer of this probability is known, see ``Answer``."""
-    return probability >= config.precision and too_fast < _TOO_FAST
+    return probability >= config.precision and too_fast < TOO_FAST
 
 
 class Explorer:
@@ -172,7 +171,7 @@ class Explorer:
 
     def _vicinity(self) -> Vicinity:
         """Return what is near a place of the map so far."""
-        same = self._same[: self._mapped].copy() if self._has_twins else None
+        same = self._same[: self._mapped] if self._has_twins else None
         return Vicinity(self._config.tolerance, same)
 
     def _smooth(self, candidates: Sequence[SmoothedCandidate]) -> None:
@@ -202,4 +201,6 @@ class Explorer:
         if answer.probability >= _CERTAIN:
             twin = int(self._same[bisect_left(self._frame_of, answer.place)])
             self._has_twins = True
-        self._same[place] = twin
+        if self._same[place] != twin:
+            self._same = self._same.copy()  # the smoother keeps those of the last place
+            self._same[place] = twin
