@@ -54,9 +54,7 @@ class Descriptors(Source):
         self._frames = listing.frames
         self.origin, self.stamped, self.span = listing.origin, listing.stamped, listing.span
         self.dimensions = self._vectors.shape[1]
-        self._chosen = range(start, len(self._frames), stride)
-        if not self._chosen:
-            raise SourceError(f"--start {start}: {path} holds only {len(self._frames)} frames")
+        self._chosen = listing.chosen(start, stride, path)
         self.count = len(self._chosen)
 
     def __iter__(self) -> Iterator[Frame]:

@@ -45,9 +45,7 @@ class Folder(Source):
         self._path = path
         self._frames = listing.frames
         self.span = listing.span
-        self._chosen = range(start, len(self._frames), stride)
-        if not self._chosen:
-            raise SourceError(f"--start {start}: {path} holds only {len(self._frames)} frames")
+        self._chosen = listing.chosen(start, stride, path)
         self.count = len(self._chosen)
 
     def __iter__(self) -> Iterator[Frame]:

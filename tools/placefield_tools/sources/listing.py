@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from placefield.errors import SourceError
 from placefield.features.frames import Pose
 from placefield.maps.geography import Origin
 from placefield.maps.trajectory import directions
@@ -50,6 +52,17 @@ class Listing:
         if all(frame.stamp_ns == nominal_stamp_ns(at) for at, frame in enumerate(self.frames)):
             return None
         return Span(self.frames[0].stamp_ns, self.frames[-1].stamp_ns)
+
+    def chosen(self, start: int, stride: int, path: Path) -> range:
+        """Return the numbers of the frames from ``start`` on, every ``stride``-th.
+
+        Raises:
+            SourceError: there is none; the error names the source at ``path``.
+        """
+        chosen = range(start, len(self.frames), stride)
+        if not chosen:
+            raise SourceError(f"--start {start}: {path} holds only {len(self.frames)} frames")
+        return chosen
 
 
 def nominal_stamp_ns(index: int) -> int:
