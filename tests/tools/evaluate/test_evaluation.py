@@ -30,7 +30,7 @@ UNKNOWN: list[float | None] = [None] * 60
 
 def raws_of(placemap: Map, folder: Path) -> list[NDArray[np.float32]]:
     with open_source(str(folder)) as source:
-        described, _ = describe_query(source, feature_of_model(placemap.model).of_frame)
+        described, _, _ = describe_query(source, feature_of_model(placemap.model).of_frame)
     return [raw for raw in described if raw is not None]
 
 
@@ -56,12 +56,8 @@ def test_a_query_is_matched_as_the_recognizer_matches_its_files(
     recognizer = Recognizer(route_map, Config(matching=config))
     files = sorted(damaged_query.iterdir())
     with open_source(str(damaged_query)) as source:
-        matches = match_here(
-            route_map,
-            *describe_query(source, feature_of_model(route_map.model).of_frame),
-            config,
-            [config.lag],
-        )
+        raws, readings, _ = describe_query(source, feature_of_model(route_map.model).of_frame)
+    matches = match_here(route_map, raws, readings, config, [config.lag])
     assert matches.causal == [recognizer.update(file.read_bytes()) for file in files]
     assert matches.smoothed == {config.lag: recognizer.finish()}
 
@@ -70,7 +66,7 @@ def test_a_frame_that_cannot_be_read_is_named_and_has_no_feature(
     route_map: Map, damaged_query: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with open_source(str(damaged_query)) as source:
-        raws, _ = describe_query(source, feature_of_model(route_map.model).of_frame)
+        raws, _, _ = describe_query(source, feature_of_model(route_map.model).of_frame)
     assert [number for number, raw in enumerate(raws) if raw is None] == [20, 21]
     captured = capfd.readouterr()
     assert "0020.jpg" in captured.err

@@ -88,14 +88,6 @@ def drive_in(source: Source, count: int) -> tuple[Resampling, int]:
 
 def describe_query(
     source: Source, describe: Callable[[Frame], Description]
-) -> tuple[list[Description | None], list[float | None]]:
-    """Describe a query's frames, see ``describe_query_with_poses``."""
-    descriptions, readings, _ = describe_query_with_poses(source, describe)
-    return descriptions, readings
-
-
-def describe_query_with_poses(
-    source: Source, describe: Callable[[Frame], Description]
 ) -> tuple[list[Description | None], list[float | None], list[Pose | None]]:
     """Describe a query's frames.
 
@@ -177,7 +169,7 @@ def evaluate(
     with query.open() as source:
         check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
         observe = observer(placemap, config.inference)
-        observed, readings, poses = describe_query_with_poses(source, observe)
+        observed, readings, poses = describe_query(source, observe)
         raws = [None if frame is None else frame.raw for frame in observed]
         local = [None if frame is None else frame.local_features for frame in observed]
         drive, in_own_order = drive_in(source, len(raws))

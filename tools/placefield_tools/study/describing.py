@@ -15,7 +15,7 @@ from placefield.features.images import grey
 from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
-from placefield_tools.evaluate.evaluation import RawFeature, describe_query_with_poses
+from placefield_tools.evaluate.evaluation import RawFeature, describe_query
 from placefield_tools.sources import Source
 
 WORDS = 2000
@@ -105,7 +105,7 @@ def describe_query_frames(
 
     is_image = source.dimensions is None
     missing = (None, _missing_observation(vocabulary) if is_image else _NO_OBSERVATION)
-    described, readings, poses = describe_query_with_poses(source, describe)
+    described, readings, poses = describe_query(source, describe)
     both = [one or missing for one in described]
     return _described([raw for raw, _ in both], [look for _, look in both]), readings, poses
 
