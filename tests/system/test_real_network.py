@@ -1,11 +1,11 @@
 """Real drives across junctions: the vehicle is known at least as soon as after a jump."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from traverse_parts import part
 
 from placefield.config import Config
 from placefield.evaluation.protocols import kidnap
@@ -30,16 +30,6 @@ def described(folder: Path) -> Traverse:
     images = [file.read_bytes() for file in sorted(folder.iterdir())]
     frames = (Frame(at, at, "", image) for at, image in enumerate(images))
     return traverse_of(folder.name, [describe_frame(frame, feature) for frame in frames])
-
-
-def part(traverse: Traverse, name: str, frames: slice) -> Traverse:
-    return replace(
-        traverse,
-        name=name,
-        raw=traverse.raw[frames],
-        stamps=traverse.stamps[frames],
-        thumbnails=traverse.thumbnails[frames],
-    )
 
 
 def matched(placemap: Map, raws: NDArray[np.float32]) -> list[Match]:

@@ -1,9 +1,9 @@
 """Finds the stretches of a drive that a map does not have.
 
 Frames that show no known place may be of a road that the map does not have, or of a known road that
-was not recognised, as in the dark. Poses tell. Without poses, a run of such frames is a new stretch
-only if the known road is too short for it: between the places before and after the run there are
-less than half as many places as the vehicle drove.
+was not recognised, as in the dark. Poses decide. Without poses, a run of such frames is a new
+stretch only if the known road is too short for it: between the places before and after the run
+there are less than half as many places as the vehicle drove.
 """
 
 import math

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from traverse_parts import part
 
 from placefield.config import Config
 from placefield.errors import MapError
@@ -20,18 +21,6 @@ Make = Callable[..., Traverse]
 CONFIG = Config.model_validate(
     {"scales": {"channels": 2}, "metric": {"kind": "identity"}, "build": {"looks": True}}
 )
-
-
-def part(traverse: Traverse, name: str, frames: slice) -> Traverse:
-    return replace(
-        traverse,
-        name=name,
-        raw=traverse.raw[frames],
-        stamps=traverse.stamps[frames],
-        poses=traverse.poses[frames],
-        travelled=traverse.travelled[frames],
-        thumbnails=traverse.thumbnails[frames],
-    )
 
 
 def join(maps: list[Map]) -> Map:

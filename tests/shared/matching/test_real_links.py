@@ -97,7 +97,7 @@ def test_at_the_seam_of_a_circuit_the_next_lap_is_known_at_once(
 def test_after_a_fork_either_way_is_known_at_once(
     raws_of: Callable[[str], Raws], fork: int
 ) -> None:
-    """The second way shows another part of the walk, which no vehicle saw before the fork."""
+    """The second way shows another part of the walk, which no vehicle observed before the fork."""
     left, right_side = raws_of("gardens_point/day_left"), raws_of("gardens_point/day_right")
     second = fork + LAP
     elsewhere = [*range(120 + fork % LAP, 199)]

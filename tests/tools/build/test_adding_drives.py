@@ -70,9 +70,9 @@ def test_a_drive_is_added_and_dropped(route: Path, query_dir: Path, tmp_path: Pa
     assert [(one.change, one.drive, one.before) for one in manifest.history] == [
         ("added", "dusk", digest)
     ]
-    told = run("inspect", other, "-o", tmp_path / "segments.png").stdout
-    assert f"history  dusk added (before: {digest})" in told
-    assert " by dusk)" in told
+    printed = run("inspect", other, "-o", tmp_path / "segments.png").stdout
+    assert f"history  dusk added (before: {digest})" in printed
+    assert " by dusk)" in printed
     in_place = run("add", route, query_dir, "--name", "dusk")
     assert in_place.returncode == 0, in_place.stderr
     assert files_of(route) == files_of(other)

@@ -125,9 +125,9 @@ def test_both_ways_are_believed_until_a_picture_tells(
     network: Map, drives: Drives, drive: str, way: int
 ) -> None:
     raws: Raws = getattr(drives, drive)
-    unseen: list[Raws | None] = [*raws[:JUNCTION], None, None, None]
-    assert min(belief_in_streets(network, unseen)) > 0.4
-    assert belief_in_streets(network, [*unseen, raws[len(unseen)]])[way] > 0.9
+    unobserved: list[Raws | None] = [*raws[:JUNCTION], None, None, None]
+    assert min(belief_in_streets(network, unobserved)) > 0.4
+    assert belief_in_streets(network, [*unobserved, raws[len(unobserved)]])[way] > 0.9
 
 
 @pytest.mark.parametrize(

@@ -72,5 +72,5 @@ def test_how_many_looks_there_are_and_what_they_cost_is_reported(route_map: Map)
     assert "instead of 60 in each metric" in reported
     dusk = TraverseRecord(name="dusk/", frames=60, aligned=60, by="smoother")
     seen = with_looks(metric, shown, metric.places[shown], np.ones(25, np.int32))
-    told = replace(route_map, traverses=(*route_map.traverses, dusk), identity=seen)
-    assert map_facts(told)["looks"].startswith("25 more of 25 places (25 by dusk/), 0.0 MB; ")
+    recorded = replace(route_map, traverses=(*route_map.traverses, dusk), identity=seen)
+    assert map_facts(recorded)["looks"].startswith("25 more of 25 places (25 by dusk/), 0.0 MB; ")

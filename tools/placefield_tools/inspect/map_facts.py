@@ -74,8 +74,8 @@ def _looks(opened: Map) -> str:
     of = ""
     if looks.traverses is not None:
         counts = np.bincount(looks.traverses, minlength=len(opened.traverses))
-        told = zip(opened.traverses, counts, strict=True)
-        of = f" ({', '.join(f'{n} by {record.name}' for record, n in told if n)})"
+        with_counts = zip(opened.traverses, counts, strict=True)
+        of = f" ({', '.join(f'{n} by {record.name}' for record, n in with_counts if n)})"
     return (
         f"{count} more of {len(np.unique(looks.places))} places{of}, {size / 2**20:.1f} MB; "
         f"a frame is compared with {places + count} descriptors instead of {places} in each metric"
