@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.config import DESCRIPTOR, ONNX, FeatureKind, InferenceConfig
 from placefield.errors import FrameError
+from placefield.features.calibration import View
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
@@ -18,6 +19,7 @@ from placefield.features.inference import NetworkFeature
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
+from placefield.features.rectification import image_of
 from placefield.features.shrink import small_grey
 from placefield.plugins import load_plugin
 
@@ -40,12 +42,14 @@ class Feature:
         kind: of the feature.
         network: the network that it runs; None if it needs none.
         mask: hides a part of each image first; None: nothing is hidden.
+        view: that each frame is rectified to before; None: images are used as they are.
     """
 
     kind: FeatureKind
     network: Network | None
     _describe: Describe
     mask: Mask | None = None
+    view: View | None = None
 
     @property
     def describes_images(self) -> bool:
@@ -54,6 +58,8 @@ class Feature:
 
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
+
+        If the feature has a view, the image is of this view.
 
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
@@ -79,16 +85,27 @@ class Feature:
             raise FrameError(f"a descriptor, but {self.kind} describes images: give an image")
         return np.asarray(descriptor, np.float32)
 
+    def observe(self, frame: Frame) -> tuple[Array, Pixels | None]:
+        """Return the raw feature of a frame, (D,) float32, and its image, see ``image_of``.
+
+        A frame that is a given descriptor has no image.
+
+        Raises:
+            FrameError: see ``of_frame``.
+        """
+        if frame.descriptor is None or frame.fault:
+            image = image_of(frame, self.view)
+            return self.describe(image), image
+        return self.accept(frame.descriptor), None
+
     def of_frame(self, frame: Frame) -> Array:
         """Return the raw feature of a frame, (D,) float32.
 
         Raises:
-            FrameError: the frame cannot be read, or it is a descriptor where the feature describes
-                images, or the reverse.
+            FrameError: see ``image_of``; or it is a descriptor where the feature describes images,
+                or the reverse.
         """
-        if frame.descriptor is None or frame.fault:
-            return self.describe(frame.pixels())
-        return self.accept(frame.descriptor)
+        return self.observe(frame)[0]
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
@@ -102,13 +119,14 @@ def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Fea
 
 
 def feature_of_model(model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
-    """Return the feature that a descriptor model was fitted on, with the model's network and mask.
+    """Return the feature that a descriptor model was fitted on, with its network, mask and view.
 
     Raises:
         ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
             the feature is not installed.
     """
-    return replace(_feature(model.kind, model.network, inference), mask=model.mask)
+    feature = _feature(model.kind, model.network, inference)
+    return replace(feature, mask=model.mask, view=model.view)
 
 
 def network_of(kind: FeatureKind) -> Network | None:

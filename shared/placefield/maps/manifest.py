@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
+from placefield.features.calibration import View
 from placefield.features.network import NetworkInput
 from placefield.maps.array_files import open_inside
 from placefield.maps.digest import DIGEST_LENGTH, lineage_of, short_digest
@@ -141,6 +142,7 @@ class Manifest(_Record):
         model: fingerprint of the descriptor model.
         variance_kept: fraction of the features' variance that the descriptors keep.
         network: input of the network that gives the features; none if no network does.
+        view: that images are rectified to; none if they are used as they are.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
         history: the changes since the map was built, in their order.
@@ -160,6 +162,7 @@ class Manifest(_Record):
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
+    view: View | None = None
     places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None

@@ -65,6 +65,7 @@ def open_map(
         manifest.features.plain_pca,
         _open_network(files),
         _open_mask(files),
+        manifest.view,
     )
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")

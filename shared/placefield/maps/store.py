@@ -116,6 +116,7 @@ def _write(built: Map, folder: Path) -> None:
         model=fingerprint(built.model),
         variance_kept=built.model.variance_kept,
         network=built.model.network.input if built.model.network else None,
+        view=built.model.view,
         places=built.places.count,
         smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,
