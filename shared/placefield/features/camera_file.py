@@ -49,9 +49,9 @@ _Constructor.add_constructor("tag:yaml.org,2002:opencv-matrix", SafeConstructor.
 def read_camera(path: Path) -> Calibration:
     """Read the calibration of a camera.
 
-    It is a ``camera_info`` of ROS, as ``camera_calibration`` writes it, or a file of OpenCV's
-    ``FileStorage``. The camera matrix and the distortion count; the rectification and projection of
-    ROS do not, as the view is chosen anew.
+    It is a ``camera_info`` of ROS, as ``camera_calibration`` or ``ros2 topic echo`` writes it, or a
+    file of OpenCV's ``FileStorage``. The camera matrix and the distortion count; the rectification
+    and the projection of ROS do not, as the view is chosen anew.
 
     Raises:
         ConfigError: the file cannot be read, or is no such calibration; the line names the file and
@@ -80,8 +80,8 @@ def _parse(written: bytes) -> Mapping[str, Any]:
     yaml.Constructor = _Constructor
     try:
         text = written.decode()
-        # OpenCV's first line, %YAML:1.0, is not one of YAML.
-        loaded = yaml.load(re.sub(r"\A%YAML.*\n", "", text))
+        # OpenCV's first line, %YAML:1.0, is not one of YAML, and `topic echo` of ROS ends with ---.
+        loaded = next(yaml.load_all(re.sub(r"\A%YAML.*\n", "", text)), None)
     except (YAMLError, ValueError, RecursionError) as error:
         why = str(getattr(error, "problem", None) or error).partition("\n")[0]
         raise ValueError(f"not valid YAML: {why}") from None

@@ -19,6 +19,41 @@ def test_a_camera_info_of_ros_is_read(lens: Lens, tmp_path: Path) -> None:
     assert read_camera(lens.write(tmp_path / "front.yaml")) == lens.calibration
 
 
+def test_a_message_that_ros_prints_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "front.yaml"  # of: ros2 topic echo --once /camera/camera_info
+    file.write_text(
+        """header:
+  stamp:
+    sec: 12
+    nanosec: 5
+  frame_id: camera
+height: 240
+width: 320
+distortion_model: plumb_bob
+d:
+- -0.25
+- 0.05
+- 0.0
+- 0.0
+k:
+- 190.0
+- 0.0
+- 155.0
+- 0.0
+- 200.5
+- 124.0
+- 0.0
+- 0.0
+- 1.0
+binning_x: 0
+roi:
+  do_rectify: false
+---
+"""
+    )
+    assert read_camera(file) == PINHOLE.calibration
+
+
 @pytest.mark.parametrize("lens", [PINHOLE, FISHEYE])
 @pytest.mark.parametrize("names", [("camera_matrix", "distortion_coefficients"), ("K", "D")])
 def test_a_file_that_opencv_writes_is_read(
