@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from route_networks import network
 
 from placefield.config import MatchingConfig
-from placefield.features.descriptors import DescriptorStream, fit_descriptors
+from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
+from placefield.features.fitting import fit_descriptors
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match

@@ -7,12 +7,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from placefield.config import Config
+from placefield.config import Config, kinds_of
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
+from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.features.mask import Mask
-from placefield.features.network import Network
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
@@ -71,7 +71,7 @@ def build_from(
     traverses = align_traverses(
         [each.traverse() for each in without_bad(described)], config.features.kind
     )
-    built = built_of(traverses, config, feature.network)
+    built = built_of(traverses, config, feature.parts)
     return replace(built, model=replace(built.model, mask=feature.mask))
 
 
@@ -121,11 +121,11 @@ def describe_drives(
     return described, config, feature
 
 
-def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:
+def built_of(traverses: Sequence[Traverse], config: Config, parts: Sequence[FeaturePart]) -> Map:
     """Build a map of aligned traverses on all cores, showing progress; see ``build_map``."""
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(traverses, config, progress, cut, network=network, run=map_in_order)
+        return build_map(traverses, config, progress, cut, parts, run=map_in_order)
 
 
 def open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
@@ -188,7 +188,12 @@ def _check_feature(path: Path, kind: str) -> None:
         )
 
 
-def _is_of(model: DescriptorModel, kind: str) -> bool:
+def _is_of(model: AnyModel, kind: str) -> bool:
+    kinds = kinds_of(kind)
+    return len(kinds) == len(model.parts) and all(map(_is_of_part, model.parts, kinds))
+
+
+def _is_of_part(model: DescriptorModel, kind: str) -> bool:
     asked = network_of(kind)
     if asked is None or model.network is None:
         return kind == model.kind

@@ -56,7 +56,7 @@ Feature = Annotated[
     typer.Option(
         metavar="KIND",
         help="grayscale, gist, onnx:FILE for a network, or its name if it was fetched by "
-        "'placefield models get'; descriptors need none",
+        "'placefield models get'; several as gist+NAME; descriptors need none",
         callback=_feature_named,
         show_default=_DEFAULTS.features.kind,
     ),
