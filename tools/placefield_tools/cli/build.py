@@ -134,7 +134,7 @@ def _build(
         print("no part of the image stays the same along the drive: nothing is hidden")
     for line in route_lines(built):
         print(line)
-    warn_of_unlinked(built.graph)
+    warn_of_unlinked(built)
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
 
 

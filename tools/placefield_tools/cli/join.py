@@ -45,4 +45,4 @@ def _join(
     print(f"{output}: {joined.places.count} places, {len(joined.channels)} channels")
     for line in route_lines(joined):
         print(line)
-    warn_of_unlinked(joined.graph)
+    warn_of_unlinked(joined)
