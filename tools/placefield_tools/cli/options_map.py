@@ -10,6 +10,7 @@ from placefield.errors import ConfigError
 from placefield.maps.manifest import check_map_path, read_manifest
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
+from placefield_tools.common.outputs import make_folder
 
 _DEFAULTS = Config()
 
@@ -125,10 +126,10 @@ ChangedMap = Annotated[
 
 
 def check_new_map(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path for a new map where there is one, unless it may be replaced.
+    """Refuse a path for a new map where there is one, unless it may be replaced; make its folder.
 
     Raises:
-        ConfigError: the path is taken.
+        ConfigError: the path is taken, or its folder cannot be made.
         MapError: the path is no map's, see ``check_map_path``.
     """
     check_map_path(path)
@@ -137,13 +138,14 @@ def check_new_map(path: Path, *, overwrite: bool) -> None:
             f"{path}: is there already, and services may be using it; choose another name, or "
             "give --overwrite"
         )
+    make_folder(path.parent)
 
 
 def changed_map(map_path: Path, output: Path | None) -> Path:
-    """Return where a changed map is written to: the map's own path, or a new one.
+    """Return where a changed map is written to: the map's own path, or a new one in its folder.
 
     Raises:
-        ConfigError: the other path is taken.
+        ConfigError: the other path is taken, or its folder cannot be made.
         MapError: the other path is no map's, see ``check_map_path``.
     """
     if output is None:
@@ -151,6 +153,7 @@ def changed_map(map_path: Path, output: Path | None) -> Path:
     check_map_path(output)
     if output.exists():
         raise ConfigError(f"{output}: is there already; choose another name, or leave out --output")
+    make_folder(output.parent)
     return output
 
 

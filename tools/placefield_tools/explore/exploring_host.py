@@ -18,6 +18,7 @@ from placefield_services.exploring_services import check_exploring
 from placefield_services.host import run_host
 from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
+from placefield_tools.common.outputs import make_folder
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.explore.explored_map import build_explored
 
@@ -30,13 +31,14 @@ def check_explored(path: Path, config: Config) -> None:
     """Refuse a map that exists, and settings that cannot explore.
 
     Raises:
-        ConfigError: the map exists, the rule or the feature cannot explore, or there are several
-            runs.
+        ConfigError: the map exists, or its folder cannot be made; the rule or the feature cannot
+            explore; or there are several runs.
         MapError: the path does not end in ``.pfmap``.
     """
     check_map_path(path)
     if path.exists():
         raise ConfigError(f"{path}: exists already; name another map, or leave --explore out")
+    make_folder(path.parent)
     check_exploring(config.matching)
     _ = config.run
     feature_of(config.features.kind, config.inference)
