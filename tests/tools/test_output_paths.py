@@ -8,7 +8,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from placefield.errors import ConfigError
+from placefield.maps.manifest import MANIFEST
+from placefield.maps.map import Map
+from placefield.maps.store import save_map
 from placefield_tools.cli.main import app
+from placefield_tools.cli.options_map import saved_new
 
 COMMANDS = {
     "build": ["missing/", "-o", "{}.pfmap"],
@@ -69,3 +74,20 @@ def test_a_missing_folder_is_refused_where_none_is_made(
     monkeypatch.chdir(tmp_path)
     assert "there is no folder nodir; make it" in refusal_of(command, "nodir/out")
     assert not any(tmp_path.iterdir())
+
+
+def test_a_map_that_another_process_made_during_the_work_is_not_overwritten(
+    route_map: Map, tmp_path: Path
+) -> None:
+    path = tmp_path / "new.pfmap"
+
+    def made_meanwhile() -> Map:
+        save_map(route_map, path)
+        return route_map
+
+    with pytest.raises(ConfigError, match="is there already"):
+        saved_new(made_meanwhile, path, overwrite=False)
+    manifest = path / MANIFEST
+    inode = manifest.stat().st_ino
+    saved_new(lambda: route_map, path, overwrite=True)
+    assert manifest.stat().st_ino != inode

@@ -1,7 +1,8 @@
 """Options about building a map and matching on it."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +12,9 @@ from placefield.maps.manifest import check_map_path, read_manifest
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
 from placefield_tools.common.outputs import make_folder
+
+if TYPE_CHECKING:
+    from placefield.maps.map import Map
 
 _DEFAULTS = Config()
 
@@ -125,7 +129,28 @@ ChangedMap = Annotated[
 ]
 
 
-def check_new_map(path: Path, *, overwrite: bool) -> None:
+def saved_new(make: Callable[[], "Map"], path: Path, *, overwrite: bool) -> "Map":
+    """Make a map and save it at a path for a new map, which is refused before the work.
+
+    Until it is saved, no other process can change the map that it replaces.
+
+    Raises:
+        ConfigError: see ``_check_new_map``.
+        MapError: another process is changing the map at the path; or see ``save_map``.
+        PlacefieldError: whatever ``make`` raises.
+    """
+    from placefield.maps.map_lock import replacing
+    from placefield.maps.store import save_map
+
+    _check_new_map(path, overwrite=overwrite)
+    with replacing(path):
+        made = make()
+        _check_new_map(path, overwrite=overwrite)  # another process may have made one meanwhile
+        save_map(made, path)
+    return made
+
+
+def _check_new_map(path: Path, *, overwrite: bool) -> None:
     """Refuse a path for a new map where there is one, unless it may be replaced; make its folder.
 
     Raises:
