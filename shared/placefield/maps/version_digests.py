@@ -24,7 +24,7 @@ class VersionDigests:
         self._known = {digest, *_before(self.manifest)}
         self._seen = self._state()
 
-    def __contains__(self, digest: str) -> bool:
+    def __contains__(self, digest: object) -> bool:
         """Whether this is the digest of a version; a new manifest is read if it is not known."""
         if digest not in self._known and self._state() != self._seen:
             self._seen = self._state()
