@@ -60,12 +60,14 @@ class TraverseRecord(_Record):
         frames: the number of its frames.
         aligned: the number of frames that show a place of the map; None if each frame is a place.
         by: the method of the alignment; None likewise.
+        content: checksum of the raw features of its frames; None in a map of an earlier version.
     """
 
     name: Name
     frames: int = Field(ge=0)
     aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
+    content: Sha256 | None = None
 
     def is_named(self, name: str) -> bool:
         """Return whether this is its name, with or without a slash at the end."""

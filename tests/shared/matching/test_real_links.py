@@ -16,10 +16,10 @@ from placefield.features.fitting import fit_descriptors
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
+from placefield.maps.alignment import channel_without_segments
 from placefield.maps.map_metrics import identity_metric, steps_along
 from placefield.maps.topology import Topology
 from placefield.matching.channel_stage import ChannelStage
-from placefield.matching.revisits import channel_without_segments
 
 pytestmark = pytest.mark.slow
 

@@ -21,11 +21,16 @@ from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
 from placefield_tools.build.mask_from_source import mask_of
-from placefield_tools.build.references import Reference, describe_reference, without_bad
+from placefield_tools.build.references import (
+    Reference,
+    check_distinct,
+    describe_reference,
+    without_bad,
+)
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
-from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.drives import Drive, check_given_once, drives_of
 from placefield_tools.sources.frame_content import check_frames, check_images, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source_factory import name_of
@@ -96,10 +101,11 @@ def describe_drives(
         The drives, the configuration with the kind of their feature, and the feature.
 
     Raises:
-        SourceError: see ``build_from``.
+        SourceError: see ``build_from``; or a drive is given twice.
         ConfigError: the feature cannot be computed, or local features are asked for and the frames
             are descriptors.
     """
+    check_given_once([drive for drive, _ in drives])
     (first, parts), *others = drives
     describe = partial(
         describe_reference,
@@ -118,6 +124,7 @@ def describe_drives(
         with open_reference(drive, spacing_m, own) as other:
             check_frames(other, name, source.dimensions, first_name)
             described.append(describe(other, name, feature))
+    check_distinct(described)
     return described, config, feature
 
 
