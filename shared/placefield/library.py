@@ -54,7 +54,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     ]
     with threadpool_limits(1):  # the number of threads changes the last bits
         aligned = align_traverses(described, config.features.kind)
-        built = build.build_map(aligned, config, network=feature.network)
+        built = build.build_map(aligned, config, parts=feature.parts)
     return replace(built, model=replace(built.model, view=view))
 
 

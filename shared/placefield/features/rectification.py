@@ -63,8 +63,10 @@ def rectify(pixels: Pixels, calibration: Calibration, view: View) -> Pixels:
         FrameError: the image has another aspect ratio than the calibration, or is no image.
     """
     check_pixels(pixels)
-    rows, columns = _sources(calibration, view, *pixels.shape[:2])
-    rectified = cv2.remap(pixels, rows, columns, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    nearest, fractions = _sources(calibration, view, *pixels.shape[:2])
+    rectified = cv2.remap(
+        pixels, nearest, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
     return np.asarray(rectified, np.uint8)
 
 

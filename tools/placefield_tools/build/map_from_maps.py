@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.features.joined_model import parts_of
 from placefield.maps.joining_maps import check_joinable, config_of, traverses_of, with_records
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -34,5 +35,5 @@ def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
             raise MapError(f"{path}: {error}") from None
     traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
     model = maps[0].model
-    built = built_of(traverses, config_of(maps), model.network)
+    built = built_of(traverses, config_of(maps), parts_of(model))
     return with_records(UsedPart(model.view, model.mask).in_map(built), maps)

@@ -87,4 +87,4 @@ def build_routes(
     )
     routes = [each.traverse() for each in described]
     network = join_routes(routes, options.links, same_frame=options.same_frame)
-    return used.in_map(built_of([network], config, feature.network))
+    return used.in_map(built_of([network], config, feature.parts))
