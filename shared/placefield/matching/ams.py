@@ -26,7 +26,8 @@ class AmsMatcher(WindowMatcher):
     """Finds the best hypothesis of all coarse scales that have a window yet.
 
     Of the windows, the first length is the smallest scale s_min, the others are the coarse scales
-    s_c, ascending. A partial result is each coarse scale's hypothesis.
+    s_c, ascending. A partial result is each coarse scale's hypothesis; of scales that are cut to
+    one length, there is one.
     """
 
     def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:

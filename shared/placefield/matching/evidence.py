@@ -22,7 +22,7 @@ from placefield.matching.windows import Sums, WindowSums
 class EvidenceMatcher(WindowMatcher):
     """Averages the windows' sums, normalised over all places.
 
-    A partial result is the number of the shard's places, the sum of each window's sums over them,
+    A partial result is the number of the shard's places, the sum of each length's sums over them,
     and the sum of their squared differences from their mean.
     """
 
@@ -45,7 +45,9 @@ class EvidenceMatcher(WindowMatcher):
         means, deviations = _moments(np.array(partials))
         scores = np.zeros(places.count)
         first = windows.column(places.skipped)
-        if not _average_normalised(windows.columns, first, means, deviations, scores):
+        if not _average_normalised(
+            windows.columns, windows.row_of, first, means, deviations, scores
+        ):
             return NO_CANDIDATE
         place = int(np.argmin(scores))
         evidence = scores.astype(np.float32)
@@ -90,13 +92,18 @@ def _sum_up(columns: Sums, first: int, places: int, totals: Sums, squares: Sums)
 
 @kernel
 def _average_normalised(
-    columns: Sums, first: int, means: Sums, deviations: Sums, scores: NDArray[np.float64]
+    columns: Sums,
+    row_of: NDArray[np.int64],
+    first: int,
+    means: Sums,
+    deviations: Sums,
+    scores: NDArray[np.float64],
 ) -> int:
     """Average the normalised sums over the informative windows; return how many those are."""
     places, width = len(scores), columns.shape[1]
     before_wrap = min(width - first, places)
     informative = 0
-    for row in range(len(columns)):
+    for row in row_of:
         if deviations[row] > 0:
             informative += 1
             scale = 1 / deviations[row]

@@ -91,7 +91,7 @@ def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
     posteriors: list[tuple[Same, Array]] = []
     for route, end in bounds_of(starts, len(descriptors)):
         for start in range(route, end, _PART):
-            matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, route)
+            matcher, first = shard.new_matcher([WHOLE_DRIVE]), max(start - _AROUND, route)
             stop = min(start + _PART + _AROUND, end)
             resembled: list[int] = []
             for frame in _among_earlier(places, descriptors, (first, stop), route):

@@ -61,16 +61,16 @@ def match_drive(
     topology = metres.placemap.topology
     stage = ChannelStage(dict(enumerate(channels)), config, topology=topology)
     fusion = FusionStage(topology, config, metres.placemap.places.pose)
-    streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
+    stream = FusedStream(stage, fusion, tuple(lags))
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])
     causal = []
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):
         frame = None if descriptor is None else next(compared)
-        matches = [stream.update(frame, reading) for stream in streams.values()]
-        causal.append(matches[0])  # of all of them the same
-        for lag in lags:
-            smoothed[lag] += streams[lag].smoothed()
-    for lag in lags:
-        smoothed[lag] += streams[lag].finish()
+        causal.append(stream.update(frame, reading))
+        for which, of_lag in enumerate(smoothed.values()):
+            of_lag += stream.smoothed(which)
+    stream.finish()
+    for which, of_lag in enumerate(smoothed.values()):
+        of_lag += stream.smoothed(which)
     return Matches(causal, smoothed)
