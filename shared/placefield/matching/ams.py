@@ -31,7 +31,7 @@ class AmsMatcher(WindowMatcher):
     """
 
     def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:
-        found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
+        found = np.empty((max(len(windows.row_lengths) - 1, 1), 3))
         _find_hypotheses(
             windows.columns,
             windows.column(0),
@@ -70,6 +70,7 @@ def _find_hypotheses(
 ) -> None:
     """Write the hypotheses of windows that end at places from ``start`` up to ``stop``."""
     smallest, coarse = lengths[0], len(lengths) - len(found)
+    found[:] = np.inf
     for number in range(len(found)):
         row = coarse + number
         scale = lengths[row]

@@ -7,13 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
+from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map, MapChannel
 from placefield.matching.channel_stage import ChannelStage
 
+RawFeature = NDArray[np.float32] | None
+"""A frame's raw feature, (D,); None if the frame cannot be read."""
+
 Descriptors = Sequence[NDArray[np.float32] | None]
+"""The descriptors of a drive, (N,) each, None for a missing observation."""
+
+
+def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> Descriptors:
+    """Return the descriptors of a stream of frames."""
+    stream = DescriptorStream(model)
+    return [None if raw is None else stream.update(raw) for raw in raws]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +60,7 @@ def match_drive(
     config: MatchingConfig,
     lags: Collection[int] = (),
 ) -> Matches:
-    """Match a whole stream of descriptors (N,), None for a missing observation.
+    """Match a whole stream of descriptors, once for all lags.
 
     Args:
         channels: whole channels.

@@ -1,6 +1,5 @@
 """The input of every method: a drive of a query along a reference."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.features.network import Network
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
@@ -19,8 +17,7 @@ from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
-from placefield_tools.evaluate.drive_matching import Metres
-from placefield_tools.evaluate.evaluation import RawFeature
+from placefield_tools.evaluate.drive_matching import Descriptors, Metres, descriptors_of
 from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study.describing import Described
 
@@ -56,7 +53,7 @@ class Trial:
     plain: MapChannel
     reference: Described
     query: Described
-    descriptors: list[Array | None]
+    descriptors: Descriptors
     metres: Metres
     truth: Truth
     ground: TruthSource
@@ -149,9 +146,3 @@ def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tup
     places = len(descriptors)
     fitting = [scale for scale in SCALES if 2 * scale + scale // 2 <= places]
     return fixed_scale_channels(places, fitting or SCALES)
-
-
-def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[Array | None]:
-    """Return the descriptors (N,) of a stream of frames, None for a missing observation."""
-    stream = DescriptorStream(model)
-    return [None if raw is None else stream.update(raw) for raw in raws]
