@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, least_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, NO_PLACES, Candidate
 from placefield.matching.matcher import Partial
 from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
@@ -104,12 +104,17 @@ def _best_of(partials: NDArray[np.float64]) -> tuple[float, float]:
 @kernel
 def _lowest(sums: NDArray[np.float64], first: int, start: int, stop: int) -> int:
     """Return the first place of the lowest sum, from ``start`` up to ``stop``."""
-    place, lowest = start, np.inf
-    for j in range(start, stop):
-        value = _at(sums, first, j)
-        if value < lowest:
-            place, lowest = j, value
-    return place
+    wrap = min(max(len(sums) - first, start), stop)  # from this place on, columns begin again
+    ahead = sums[first + start : first + wrap]
+    around = sums[first + wrap - len(sums) : first + stop - len(sums)]
+    lowest = min(least_of(ahead), least_of(around))
+    for i in range(len(ahead)):
+        if ahead[i] == lowest:
+            return start + i
+    for i in range(len(around)):
+        if around[i] == lowest:
+            return wrap + i
+    return start
 
 
 @kernel
