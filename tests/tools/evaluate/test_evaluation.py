@@ -43,7 +43,7 @@ def test_a_query_without_a_frame_that_can_be_read_is_refused(
         (tmp_path / f"{number}.jpg").write_bytes(b"no image")
     with (
         open_source(str(tmp_path)) as source,
-        pytest.raises(SourceError, match="no frame that can be read"),
+        pytest.raises(SourceError, match=r"0\.jpg.*no frame that can be read"),
     ):
         describe_query(source, feature_of_model(route_map.model).of_frame)
 

@@ -115,10 +115,11 @@ def describe_query(
         run = map_in_order if source.dimensions is None else map
         each = list(run(describe_frame, frames))
     described = [description for description, _, _ in each]
-    for _, reason in sorted(unreadable.items()):
+    reasons = [reason for _, reason in sorted(unreadable.items())]
+    if len(reasons) == len(each):
+        raise SourceError("; ".join([*reasons[:1], "the query has no frame that can be read"]))
+    for reason in reasons:
         CONSOLE.print(f"{reason}; matched as a missing observation", soft_wrap=True)
-    if all(description is None for description in described):
-        raise SourceError("the query has no frame that can be read")
     return described, [reading for _, reading, _ in each], [pose for _, _, pose in each]
 
 
