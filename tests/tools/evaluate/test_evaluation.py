@@ -164,7 +164,7 @@ def test_frames_off_the_route_are_those_of_the_other_and_never_right(
     query = Query(str(query_dir), protocol="off-route", other=str(reference_dir), seed=1)
     evaluation = evaluate(map_path, query, within_3, Config(), services=False)
     drive = drive_of("off-route", 60, foreign_count=60, seed=1)
-    assert len(evaluation.raws) == len(drive.frames)
+    assert len(evaluation.descriptors) == len(drive.frames)
     for result in evaluation.results.values():
         assert not result.correct[drive.foreign].any()
         assert result.curve.on_route == 60

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
-from placefield.features.descriptors import DescriptorModel, DescriptorStream
+from placefield.features.joined_model import AnyModel
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
@@ -21,9 +21,9 @@ Descriptors = Sequence[NDArray[np.float32] | None]
 """The descriptors of a drive, (N,) each, None for a missing observation."""
 
 
-def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> Descriptors:
+def descriptors_of(model: AnyModel, raws: Sequence[RawFeature]) -> Descriptors:
     """Return the descriptors of a stream of frames."""
-    stream = DescriptorStream(model)
+    stream = model.new_stream()
     return [None if raw is None else stream.update(raw) for raw in raws]
 
 

@@ -1,5 +1,6 @@
 """The input of every method: a drive of a query along a reference."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.evaluation.truth import Truth
-from placefield.features.network import Network
+from placefield.features.joined_model import FeaturePart
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.map_metrics import identity_metric
@@ -31,7 +32,7 @@ class Trial:
     Attributes:
         config: whose matching says which way the route is driven.
         traverse: the reference.
-        network: that its raw features are the output of, if so.
+        parts: of its feature, see ``Feature.parts``.
         placemap: our map of it.
         plain: a channel of our map under the identity metric.
         reference: its frames.
@@ -48,7 +49,7 @@ class Trial:
 
     config: Config
     traverse: Traverse
-    network: Network | None
+    parts: Sequence[FeaturePart]
     placemap: Map
     plain: MapChannel
     reference: Described
@@ -107,7 +108,7 @@ class Trial:
 
     def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:
         """Build another map of the reference; see ``build_map``."""
-        return build_reference(self.traverse, config, self.network, cut)
+        return build_reference(self.traverse, config, self.parts, cut)
 
     def matching(self, rule: Rule) -> MatchingConfig:
         """Return how to match by a rule."""
@@ -115,14 +116,14 @@ class Trial:
 
 
 def build_reference(
-    traverse: Traverse, config: Config, network: Network | None, cut: Cut = adaptive_channels
+    traverse: Traverse, config: Config, parts: Sequence[FeaturePart], cut: Cut = adaptive_channels
 ) -> Map:
     """Build a map of one traverse.
 
     Raises:
         MapError: see ``build_map``.
     """
-    return build_map([traverse], config, cut=cut, network=network)
+    return build_map([traverse], config, cut=cut, parts=parts)
 
 
 def as_published(config: Config) -> Config:
