@@ -34,6 +34,9 @@ class RawStage:
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
+    dimensions = None
+    """The dimension of the raw features is not known."""
+
     large_frame = large_frame()
     """The shape of a large frame, to warm up with."""
 

@@ -4,9 +4,9 @@ import signal
 import tempfile
 import threading
 from collections.abc import Hashable, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -22,7 +22,7 @@ _ROLES = {
     "fuser": "fuser",
     "serve": "mapserver",
 }
-"""The role whose credentials a command needs."""
+"""The role whose credentials a command needs, but for describers, which a host may not have."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -47,6 +47,9 @@ def _up(
         int | None,
         typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
     ] = None,
+    describers: Annotated[
+        int, typer.Option(min=0, help="processes that compute features besides the featurizer")
+    ] = 0,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -86,7 +89,8 @@ def _up(
 ) -> None:
     """Run all services of a host: router, featurizer, channel workers and fuser.
 
-    With several runs, each core has a featurizer and a fuser for some of the runs.
+    With several runs, each core has a featurizer and a fuser for some of the runs. If the feature
+    is slow, --describers computes it on several cores; each describer serves all runs.
 
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.
@@ -131,6 +135,8 @@ def _up(
         raise ConfigError("give a MAP, or --explore NAME.pfmap")
     if explore is None and feature is not None:
         raise ConfigError("--feature: is for --explore; a map has its own feature")
+    if explore is not None and describers:
+        raise ConfigError("--describers: need a map; leave them out with --explore")
     if explore is not None and ros is not None:
         raise ConfigError("--ros: needs a map; explore without it, then start again with the map")
     if explore is not None:
@@ -156,11 +162,16 @@ def _up(
 
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = [str(map_path), *_common_flags(effective, Path(folder), log_json=log_json)]
+        roles = _ROLES | ({"describer": "describer"} if describers else {})
+        shared_runs = partition(effective.runs, cores())
         commands = _commands(
             common,
-            partition([channel.metric for channel in channels], workers or cores()),
-            [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
-            _credentials_beside(effective.bus.credentials, _ROLES),
+            _Share(
+                partition([channel.metric for channel in channels], workers or cores()),
+                [[effective.runs[run] for run in own] for own in shared_runs],
+                describers,
+            ),
+            _credentials_beside(effective.bus.credentials, roles),
             manifest.lineage,
         )
         if ros is not None:
@@ -173,7 +184,7 @@ def _up(
             effective,
             stop,
             ready,
-            others=() if ros is None else ("replay",),
+            others=(["describer"] if describers else []) + (["replay"] if ros else []),
         )
 
 
@@ -249,18 +260,28 @@ def _credentials_beside(routers: str | None, roles: Mapping[str, str]) -> dict[s
     return credentials
 
 
+class _Share(NamedTuple):
+    """How the services of a host share the work.
+
+    Attributes:
+        channels: channels of each worker.
+        runs: runs of each featurizer, and of each fuser.
+        describers: number of describers, each of all runs.
+    """
+
+    channels: Sequence[Sequence[int]]
+    runs: Sequence[Sequence[str]]
+    describers: int
+
+
 def _commands(
-    common: Sequence[str],
-    channels: Sequence[Sequence[int]],
-    runs: Sequence[Sequence[str]],
-    credentials: Mapping[str, Path],
-    lineage: str,
+    common: Sequence[str], share: _Share, credentials: Mapping[str, Path], lineage: str
 ) -> dict[str, list[str]]:
     """Return the command line of each service, by its name.
 
-    There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, and one map server. ``credentials`` has folders by command. A restarted service opens
-    the version of the map that is there then, and refuses a map of another lineage.
+    Besides those that share the work there is one map server. ``credentials`` has folders by
+    command. A restarted service opens the version of the map that is there then, and refuses a map
+    of another lineage.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
@@ -272,10 +293,12 @@ def _commands(
         return [*PLACEFIELD, service, *common, *flags]
 
     commands = {}
-    for number, own_runs in enumerate(runs):
+    for number, own_runs in enumerate(share.runs):
         commands[f"featurizer {number}"] = command("featurizer", "--run", own_runs)
         commands[f"fuser {number}"] = command("fuser", "--run", own_runs)
-    for number, own_channels in enumerate(channels):
+    for number in range(share.describers):
+        commands[f"describer {number}"] = command("describer", "--run", list(chain(*share.runs)))
+    for number, own_channels in enumerate(share.channels):
         commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
     commands["map server"] = command("serve", "--run", [])
     return commands
