@@ -58,7 +58,7 @@ def serve_featurizer(
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.report)
-        kind = RawKind(model, stage.dimensions)
+        kind = RawKind(model, stage.raw_dimensions)
         inbox, raws = receive_frames(bus, process, kind, config.fusion.deadline_s / 4)
         outputs = {}
         for run, keys in process.keys.items():

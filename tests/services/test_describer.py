@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher, header, received
+from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, RawFeatureMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import Config
 from placefield.errors import ConfigError, MessageError
-from placefield.features.extract import Feature, feature_of_model
+from placefield.features.extract import DescribingPart, Feature, feature_of_model
 from placefield.maps.map import Map
 from placefield_services.describer import FrameDescriber, run_describer
 
@@ -73,13 +74,11 @@ def test_the_featurizer_is_told_at_once_of_an_image_that_cannot_be_read(stage: S
     assert stage.counts == {"unreadable": 1}
 
 
-def test_the_featurizer_is_told_at_once_of_a_defect(route_map: Map, image: bytes) -> None:
-    class Defective(Feature):
-        def describe(self, image: bytes | np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:  # type: ignore[override]
-            raise RuntimeError("a defect")
+def test_the_featurizer_is_told_at_once_of_a_defect(image: bytes) -> None:
+    def defective(images: object) -> NDArray[np.float32]:
+        raise RuntimeError("a defect")
 
-    of = feature_of_model(route_map.model)
-    stage = Stage(Defective(of.kind, of.network, lambda images: np.zeros((1, 1), np.float32)))
+    stage = Stage(Feature((DescribingPart("gist", None, defective),)))
     with pytest.raises(RuntimeError):
         stage.send(7, FrameMessage(image=image))
     assert stage.raws == [None]

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import InferenceConfig
-from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
+from placefield.features.descriptors import DescriptorStream, Moments
 from placefield.features.extract import Feature, feature_of_model
 from placefield.features.frames import Frame
+from placefield.features.joined_model import AnyModel, JoinedStream
 from placefield.features.mask import Mask
 
 _DEFAULTS = InferenceConfig()
@@ -48,7 +49,7 @@ class FrameStage(Protocol):
         """Whether a descriptor depends on the frames before it."""
 
     @property
-    def dimensions(self) -> int | None:
+    def raw_dimensions(self) -> int | None:
         """The dimension of the raw features; None if only describing a frame tells it."""
 
     @property
@@ -84,7 +85,7 @@ def warm_up(stage: FrameStage) -> None:
 class DescriptorStage:
     """Describes frames by a descriptor model; all streams may share it."""
 
-    def __init__(self, model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> None:
+    def __init__(self, model: AnyModel, inference: InferenceConfig = _DEFAULTS) -> None:
         """Load the feature of a map's descriptor model; a network runs where ``inference`` says.
 
         Raises:
@@ -93,7 +94,7 @@ class DescriptorStage:
         self._model = model
         self.standardises = model.follows_query
         """Whether a descriptor depends on the frames before it."""
-        self.dimensions: int | None = len(model.mean)
+        self.raw_dimensions: int | None = model.raw_dimensions
         """The dimension of the raw features."""
         self.large_frame = large_frame(model.mask)
         """The shape of a large frame, to warm up with."""
@@ -102,13 +103,13 @@ class DescriptorStage:
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
         """Begin a stream, or continue one whose moments so far are given."""
-        return ImageStream(self.feature, DescriptorStream(self._model, moments))
+        return ImageStream(self.feature, self._model.new_stream(moments))
 
 
 class ImageStream:
     """Turns the images of one stream into descriptors, frame by frame and causally."""
 
-    def __init__(self, feature: Feature, descriptors: DescriptorStream) -> None:
+    def __init__(self, feature: Feature, descriptors: DescriptorStream | JoinedStream) -> None:
         """Combine the feature with the stream of descriptors of the raw features."""
         self._feature = feature
         self._descriptors = descriptors
