@@ -20,6 +20,7 @@ from placefield.errors import ConfigError, FrameError
 from placefield.features.descriptor_stage import DescriptorStage, warm_up
 from placefield.features.extract import Feature
 from placefield.maps.map import Map, fingerprint
+from placefield_services.frame_of_message import frame_of
 from placefield_services.live_describers import SERVICE, LiveDescribers, live_describers
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
@@ -102,12 +103,12 @@ class FrameDescriber:
         if output.put_again(header):
             self._counts[received.run]["repeated"] += 1
             return
-        image = FrameMessage.decode(received.payload).image
-        if image is None:
+        message = FrameMessage.decode(received.payload)
+        if message.image is None:
             return
         raw = None
         try:
-            raw = self._feature.describe(image)
+            raw = self._feature.of_frame(frame_of(header, message))
         except FrameError:  # the featurizer will find the same, and say so
             self._counts[received.run]["unreadable"] += 1
         finally:  # after a defect, too: the featurizer waits

@@ -32,6 +32,7 @@ from placefield.features.descriptor_stage import (
 from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
+from placefield_services.frame_of_message import frame_of
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.raw_features import RawKind, receive_frames
@@ -262,19 +263,15 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _raw(self, frame: FrameMessage) -> Array:
-        if frame.descriptor is not None:
-            return self._stage.feature.accept(frame.descriptor)
-        assert frame.image is not None  # a frame has one of both
-        return self._stage.feature.describe(frame.image)
-
     def _describe(
-        self, run: _FeaturizerRun, header: Header, frame: FrameMessage, raw: Array | None
+        self, run: _FeaturizerRun, header: Header, message: FrameMessage, raw: Array | None
     ) -> FeatureMessage:
         """Return the descriptor of a frame; ``raw`` is its raw feature if a describer sent it."""
         descriptor = None
         try:
-            descriptor = run.images.update_raw(self._raw(frame) if raw is None else raw)
+            if raw is None:
+                raw = self._stage.feature.of_frame(frame_of(header, message))
+            descriptor = run.images.update_raw(raw)
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))
@@ -295,6 +292,6 @@ class Featurizer:
         return FeatureMessage(
             model=self._fingerprint,
             descriptor=descriptor,
-            odometry_m=frame.odometry_m,
+            odometry_m=message.odometry_m,
             forgotten=run.forgets,
         )

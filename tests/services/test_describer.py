@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher, header, received
+from lenses import Lens
 from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys
@@ -14,6 +15,8 @@ from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.config import Config
 from placefield.errors import ConfigError, MessageError
 from placefield.features.extract import DescribingPart, Feature, feature_of_model
+from placefield.features.frames import Frame
+from placefield.features.rectification import view_of
 from placefield.maps.map import Map
 from placefield_services.describer import FrameDescriber, run_describer
 
@@ -59,6 +62,17 @@ def test_the_raw_feature_of_a_frame_is_published_with_its_header(
     stage.send(7, FrameMessage(image=image))
     assert stage.publisher.sent[0][0] == header(7)
     assert stage.raws == [feature_of_model(route_map.model).describe(image).tobytes()]
+
+
+def test_a_frame_of_a_calibrated_camera_is_rectified_first(route_map: Map, image: bytes) -> None:
+    calibration = Lens(
+        "fisheye", (0.02, 0.0, 0.0, 0.0), 96, 72, (78.0, 78.0), (47.5, 35.5)
+    ).calibration
+    model = replace(route_map.model, view=view_of(calibration))
+    feature, stage = feature_of_model(model), Stage(feature_of_model(model))
+    stage.send(7, FrameMessage(image=image, calibration=calibration))
+    expected = feature.of_frame(Frame(7, 0, "", image, calibration=calibration))
+    assert stage.raws == [expected.tobytes()]
 
 
 def test_a_frame_that_comes_again_is_not_described_again(stage: Stage, image: bytes) -> None:
