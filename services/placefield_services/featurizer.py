@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
@@ -27,6 +26,7 @@ from placefield.config import Config
 from placefield.errors import FrameError, MessageError
 from placefield.features.descriptor_stage import DescriptorStage, FrameStage, FrameStream
 from placefield.features.descriptors import Moments
+from placefield.features.frames import Frame
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.process import ServiceProcess
@@ -257,16 +257,11 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _raw(self, frame: FrameMessage) -> NDArray[np.float32]:
-        if frame.descriptor is not None:
-            return self._stage.feature.accept(frame.descriptor)
-        assert frame.image is not None  # a frame has one of both
-        return self._stage.feature.describe(frame.image)
-
     def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.images.update_raw(self._raw(frame))
+            raw = self._stage.feature.of_frame(_frame(header, frame))
+            descriptor = run.images.update_raw(raw)
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))
@@ -290,3 +285,14 @@ class Featurizer:
             odometry_m=frame.odometry_m,
             forgotten=run.forgets,
         )
+
+
+def _frame(header: Header, message: FrameMessage) -> Frame:
+    return Frame(
+        header.sequence,
+        header.stamp_ns,
+        f"frame {header.sequence}",
+        b"" if message.image is None else message.image,
+        descriptor=message.descriptor,
+        calibration=message.calibration,
+    )

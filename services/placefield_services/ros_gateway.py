@@ -13,7 +13,9 @@ from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
+from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler, check_spacing
+from placefield.features.rectification import check_calibrated
 from placefield.maps.map import Map
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
 from placefield.ros.topic_keys import check_name, check_topic
@@ -41,19 +43,21 @@ _OTHER = Header(stream="ros", sequence=0, stamp_ns=0)
 
 @dataclass(frozen=True)
 class Topics:
-    """The ROS topics that the gateway subscribes to.
+    """The ROS topics that the gateway subscribes to, and the camera of the images.
 
     Attributes:
         domain: the ROS domain.
         image: the topic of images.
         odometry: the topic of odometry; None: no odometry.
         spacing_m: use an image every so many metres by odometry; None: use every image.
+        calibration: of the camera; None: it is not known.
     """
 
     domain: int
     image: str
     odometry: str | None = None
     spacing_m: float | None = None
+    calibration: Calibration | None = None
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,16 @@ class _QueuedCall(Received):
     handle: Callable[[], None]
 
 
-def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threading.Event) -> None:
+def run_ros(
+    versions: MapVersions | None, topics: Topics, config: Config, stop: threading.Event
+) -> None:
     """Serve until ``stop`` is set, as the source of the run.
+
+    Args:
+        versions: of the map whose poses are published; None: no poses are published.
+        topics: what the gateway subscribes to.
+        config: its run and bus, and the tolerance of the poses, count.
+        stop: ends the service.
 
     Raises:
         MapError: the map cannot be opened.
@@ -72,6 +84,7 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
         ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
             the bus has credentials, or rosbags is missing.
         SourceError: the spacing is not a distance.
+        FrameError: the camera does not fit the map's view, or there is no map.
     """
     if config.bus.credentials:
         raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
@@ -85,7 +98,9 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
     def prepare(placemap: Map) -> MapPoses:
         return MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
 
-    first = prepare(versions.open())
+    opened = None if versions is None else versions.open()
+    check_calibrated(topics.calibration, None if opened is None else opened.model.view)
+    first = None if opened is None else prepare(opened)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         serve_metrics(config.monitoring, process.report)
@@ -95,7 +110,8 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
 
         frames = CachedPublisher(bus.publisher(keys.frame), ReplayCache(1))
         process.answers[run] = frames.cache
-        source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
+        put_odometry = partial(bus.put, keys.odometry)
+        source = RosSource(frames, put_odometry, counts, spacing, topics.calibration)
         # As image_transport names topics. Each message says its own kind.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
         images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)
@@ -108,19 +124,20 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
         followers: list[Poses] = []
-        if len(first.poses):
+        if first is not None and len(first.poses):
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
                 poses = Poses(first, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
                 followers.append(poses)
         else:
-            log.warning("the map has no poses, so no poses are published to ROS")
+            why = "there is no map" if first is None else "the map has no poses"
+            log.warning("%s, so no poses are published to ROS", why)
 
-        prepared = PreparedVersions(versions, prepare)
+        prepared = None if versions is None else PreparedVersions(versions, prepare)
 
         def after_batch(run: str) -> None:
-            for of_map in prepared.pop_all():
+            for of_map in () if prepared is None else prepared.pop_all():
                 for poses in followers:
                     poses.offer(of_map)
             diagnostics.publish()

@@ -3,7 +3,7 @@
 import queue
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -12,7 +12,7 @@ from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.bus.replay_cache import LENGTH, Fetch, fetcher
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
-from placefield.errors import MessageError
+from placefield.errors import MessageError, OtherMapError
 
 _QUIET_S = 2.0
 
@@ -28,7 +28,12 @@ class MatchQueue:
     """
 
     def __init__(
-        self, bus: Bus, keys: Keys, *, smoothed: bool = False, digest: str | None = None
+        self,
+        bus: Bus,
+        keys: Keys,
+        *,
+        smoothed: bool = False,
+        digests: Container[str] | None = None,
     ) -> None:
         """Subscribe to the matches of a run.
 
@@ -36,14 +41,14 @@ class MatchQueue:
             bus: the session.
             keys: of the run.
             smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
-            digest: of the map that all matches must be of; None: any map.
+            digests: of the maps that matches may be of; None: any map.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._ready: deque[OrderedMatch] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
         self._in_order = {
-            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digest)
+            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digests)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
@@ -82,10 +87,14 @@ class _InOrder:
     """Puts the messages of one key in order, and fetches missing messages."""
 
     def __init__(
-        self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], digest: str | None
+        self,
+        kind: type[MatchMessage],
+        fetch: Fetch,
+        counts: Counter[str],
+        digests: Container[str] | None,
     ) -> None:
         self._kind = kind
-        self._digest = digest
+        self._digests = digests
         self._fetch = fetch
         self._follower = StreamFollower(counts, lambda header: header.sequence)
         self._open_stream: str | None = None
@@ -127,8 +136,8 @@ class _InOrder:
 
     def _decode(self, payload: bytes) -> MatchMessage:
         match = self._kind.decode(payload)
-        if self._digest is not None:
-            match.check_map(self._digest)
+        if self._digests is not None and match.map not in self._digests:
+            raise OtherMapError(f"{self._kind.__name__} of map {match.map}, which is another map")
         return match
 
     def _decoded(self, payload: bytes) -> MatchMessage | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from placefield.config import BuildConfig, Config
 from placefield.errors import MapError
+from placefield.features.descriptors import DescriptorModel
 from placefield.maps.joining_routes import GivenLink, join_routes
 from placefield.maps.look_rows import identity_of, look_rows
 from placefield.maps.map import Array, Map, MapAlignment, MapMetric
@@ -25,18 +26,23 @@ def check_joinable(one: Map, other: Map) -> None:
     """Refuse two maps that cannot be joined.
 
     Raises:
-        MapError: one is of an earlier version, their descriptors are of different features,
-            or one has a mask.
+        MapError: one is of an earlier version, or their descriptors are of different features,
+            views or masks.
     """
     for each in (one, other):
         _identity_of(each)
-        if each.model.mask is not None:
-            raise MapError("has a mask, and such maps are not joined: build them without --mask")
     if _feature_of(one) != _feature_of(other):
         raise MapError(
             f"its features are {_words(other)}, and those of the first map {_words(one)}: build "
             "one map of all frames with 'placefield build --routes'"
         )
+    if one.model.view != other.model.view:
+        raise MapError(
+            "its view is not that of the first map: build both with the same --camera and "
+            "--query-camera"
+        )
+    if _mask_of(one) != _mask_of(other):
+        raise MapError("its mask is not that of the first map: build both with the same --mask")
 
 
 def traverses_of(
@@ -158,9 +164,17 @@ def _identity_of(opened: Map) -> MapMetric:
 def _feature_of(opened: Map) -> tuple[object, ...]:
     """Return what must be equal in maps that are joined."""
     model = opened.model
+    return model.standardise, model.plain, *map(_part, model.parts)
+
+
+def _part(model: DescriptorModel) -> tuple[str, bytes | None, int]:
     network = None if model.network is None else model.network.digest
-    kind = model.kind if network is None else "network"
-    return kind, network, model.standardise, model.plain, len(model.mean)
+    return model.kind if network is None else "network", network, model.raw_dimensions
+
+
+def _mask_of(opened: Map) -> tuple[tuple[int, ...], bytes] | None:
+    mask = opened.model.mask
+    return None if mask is None else (mask.used.shape, mask.used.tobytes())
 
 
 def _words(opened: Map) -> str:

@@ -1,5 +1,6 @@
 """Reference traverses, which maps are built from: raw features, stamps, poses, thumbnails."""
 
+import hashlib
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -119,6 +120,17 @@ class Traverse:
         return f"Traverse({self.name!r}, {frames} frames, features of {dimensions} dimensions)"
 
 
+def content_of(raw: Iterable[NDArray[np.float32]]) -> str:
+    """Return the SHA-256 of raw features (D,) of frames, as hexadecimal digits.
+
+    Two drives with the same checksum are the same frames.
+    """
+    checksum = hashlib.sha256()
+    for row in raw:
+        checksum.update(np.ascontiguousarray(row, "<f4").data)
+    return checksum.hexdigest()
+
+
 def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> DescribedFrame:
     """Describe a reference frame, with so many local features at most.
 
@@ -126,12 +138,13 @@ def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> D
         FrameError: the frame cannot be read; the error begins with its name.
     """
     try:
-        decoded = frame.decoded()
-        raw = feature.of_frame(decoded)
-        local = extract(feature.used(decoded.pixels()), local_features) if local_features else None
+        raw, image = feature.observe(frame)
+        local = None
+        if local_features and image is not None:
+            local = extract(feature.used(image), local_features)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), THUMBNAIL)
+    thumbnail = b"" if image is None else small_jpeg(image, THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail, local)
 
 

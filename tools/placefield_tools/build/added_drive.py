@@ -2,11 +2,11 @@
 
 from placefield.errors import SourceError
 from placefield.features.extract import feature_of_model
-from placefield.maps.adding import Addition, add_traverse, check_name
+from placefield.maps.adding import Addition, add_traverse, check_content, check_name
 from placefield.maps.map import Map
 from placefield_tools.build.references import describe_reference
 from placefield_tools.sources import Parts, open_source
-from placefield_tools.sources.frame_content import check_frames, dimensions_of
+from placefield_tools.sources.frame_content import check_frames, check_view, dimensions_of
 from placefield_tools.sources.secrets import without_secrets
 
 
@@ -32,7 +32,7 @@ def add_drive(
     Raises:
         SourceError: the source or one of its frames cannot be read, it is a camera, or its frames
             are not what the map takes.
-        MapError: see ``add_traverse``.
+        MapError: the map has this drive; or see ``add_traverse``.
     """
     check_name(opened, name)
     known = opened.local_features
@@ -41,6 +41,7 @@ def add_drive(
             shown = without_secrets(drive)
             raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
         check_frames(source, drive, dimensions_of(opened.model), "the map")
+        check_view(source, drive, opened.model.view)
         described = describe_reference(
             source,
             name,
@@ -48,4 +49,5 @@ def add_drive(
             leave_out_bad=leave_out_bad,
             local_features=0 if known is None else known.most,
         )
+    check_content(opened, name, described.content)
     return add_traverse(opened, described.traverse())

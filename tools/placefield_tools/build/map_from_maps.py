@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.features.joined_model import parts_of
 from placefield.maps.joining_maps import check_joinable, config_of, traverses_of, with_records
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import built_of
 from placefield_tools.build.routes_from_sources import RouteOptions
+from placefield_tools.build.used_part import UsedPart
 
 
 def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
@@ -32,4 +34,6 @@ def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
         except MapError as error:
             raise MapError(f"{path}: {error}") from None
     traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
-    return with_records(built_of(traverses, config_of(maps), maps[0].model.network), maps)
+    model = maps[0].model
+    built = built_of(traverses, config_of(maps), parts_of(model))
+    return with_records(UsedPart(model.view, model.mask).in_map(built), maps)

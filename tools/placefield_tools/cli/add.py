@@ -31,6 +31,7 @@ def _add(
     odometry_topic: options_frames.OdometryTopic = None,
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
+    camera: options_frames.Camera = None,
 ) -> None:
     """Add a later drive to a map: how the places look in it, and stretches that are new.
 
@@ -38,6 +39,8 @@ def _add(
     a place in another light becomes a further look of it. A stretch that the map does not have
     becomes a route of its own, with links to the places before and after it. The drive must show
     the route: 30% of its frames, or of the places. 'placefield drop' takes it out again.
+
+    The frames are described as those of the map are, so its settings hold, and none is given here.
 
     The new version of the map replaces the old one in an instant, or is written to --output.
 
@@ -52,7 +55,7 @@ def _add(
     from placefield_tools.sources import Parts
 
     output = options_map.changed_map(map_path, output)
-    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride, camera)
     with open_locked(map_path) as opened:
         added = add_drive(
             opened,

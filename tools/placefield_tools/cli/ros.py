@@ -1,5 +1,6 @@
 """``placefield ros``: the gateway to ROS 2."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,15 +14,23 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _ros(
-    map_path: options.MapPath,
     topic: Annotated[
         str, typer.Option(metavar="TOPIC", help="topic of images: CompressedImage or Image")
     ],
+    map_path: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MAP",
+            help="a map: NAME.pfmap; without, no poses are published",
+            show_default=False,
+        ),
+    ] = None,
     odometry: Annotated[
         str | None,
         typer.Option(metavar="TOPIC", help="topic of nav_msgs/Odometry", show_default="none"),
     ] = None,
     spacing: options_frames.Spacing = None,
+    camera: options_frames.Camera = None,
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="domain of ROS 2")] = 0,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
@@ -40,10 +49,10 @@ def _ros(
     the services are too slow. Odometry gives the metres travelled between images. If the map was
     built with --spacing, give the same --spacing here.
 
-    Output, if the map has poses: known matches of the rule filter on /placefield/RUN/pose, and
-    known smoothed matches on /placefield/RUN/smoothed_pose
-    (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Once a second, the
-    status of the services on /diagnostics (diagnostic_msgs/DiagnosticArray).
+    Output, if MAP has poses: known matches of the rule filter on /placefield/RUN/pose, and known
+    smoothed matches on /placefield/RUN/smoothed_pose (geometry_msgs/PoseWithCovarianceStamped, in
+    the frame "map"). Once a second, the status of the services on /diagnostics
+    (diagnostic_msgs/DiagnosticArray).
 
     Examples:
       placefield ros day.pfmap --topic /camera/image_raw/compressed --odometry /odom --spacing 0.5
@@ -51,13 +60,15 @@ def _ros(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
+    from placefield.features.camera_file import read_camera
     from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    topics = Topics(domain, topic, odometry, spacing)
-    versions = MapVersions(map_path, lineage=lineage)
+    calibration = None if camera is None else read_camera(camera)
+    topics = Topics(domain, topic, odometry, spacing, calibration)
+    versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())
     leave()

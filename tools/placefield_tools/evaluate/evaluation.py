@@ -12,7 +12,6 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.protocols import Resampling, aligned
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptors import DescriptorStream
 from placefield.features.frames import Frame, Pose
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -27,7 +26,7 @@ from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
 from placefield_tools.evaluate.verified import verified_matches
 from placefield_tools.sources import Source
-from placefield_tools.sources.frame_content import check_frames, dimensions_of
+from placefield_tools.sources.frame_content import check_frames, check_view, dimensions_of
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -129,7 +128,7 @@ def match_here(
     lags: Collection[int] = (),
 ) -> Matches:
     """Match a query's frames in this process, see ``match_drive``."""
-    stream = DescriptorStream(placemap.model)
+    stream = placemap.model.new_stream()
     descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)
@@ -168,6 +167,7 @@ def evaluate(
     verified = None
     with query.open() as source:
         check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
+        check_view(source, query.where, placemap.model.view)
         observe = observer(placemap, config.inference)
         observed, readings, poses = describe_query(source, observe)
         raws = [None if frame is None else frame.raw for frame in observed]
