@@ -238,12 +238,15 @@ def test_each_role_publishes_and_reads_only_what_it_may(endpoint: str, issued: P
             bus.subscribe_raw(RUN + "**", gather(received, role))
             for key in keys:
                 bus.subscribe_raw(RUN + key, gather(received, role))
-        time.sleep(0.5)
-        for role, bus in writers.items():
-            for key in keys:
-                session_of(bus).put(RUN + key, role.encode())
-                session_of(bus).delete(RUN + key)
-        wait_until(lambda: received >= expected, "what is allowed comes")
+
+        def is_received() -> bool:
+            for role, bus in writers.items():
+                for key in keys:
+                    session_of(bus).put(RUN + key, role.encode())
+                    session_of(bus).delete(RUN + key)
+            return received >= expected
+
+        wait_until(is_received, "what is allowed comes")
         time.sleep(0.5)  # and what is not would have come
     assert received == expected
 
