@@ -38,8 +38,18 @@ from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
-STREAMS = ("frame", "odometry", "feature", "moments", "unobserved", CANDIDATE, "match", "ack")
-REPORTING = ("featurizer", "channel", "fuser", "mapserver", "mapper")
+STREAMS = (
+    "frame",
+    "odometry",
+    "raw/x",
+    "feature",
+    "moments",
+    "unobserved",
+    CANDIDATE,
+    "match",
+    "ack",
+)
+REPORTING = ("featurizer", "describer", "channel", "fuser", "mapserver", "mapper")
 COUNTS = tuple(f"stats/{role}/x" for role in REPORTING)
 TOKENS = tuple(f"alive/{role}/x" for role in ("replay", *REPORTING))
 MAP = "placefield/maps/route/manifest"
@@ -48,6 +58,7 @@ MAP = "placefield/maps/route/manifest"
 PUBLISHES = {
     "camera": {"frame", "odometry"},
     "featurizer": {"feature", "moments", "unobserved", "stats/featurizer/x"},
+    "describer": {"raw/x", "stats/describer/x"},
     "channel": {CANDIDATE, "halo/x", "stats/channel/x"},
     "fuser": {"match", "ack", "stats/fuser/x"},
     "mapserver": {"stats/mapserver/x"},
@@ -57,7 +68,8 @@ PUBLISHES = {
 """Keys without the run's prefix, as in the next tables."""
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
-    "featurizer": {"frame"},
+    "featurizer": {"frame", "raw/x"},
+    "describer": {"frame"},
     "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},
     "mapserver": set[str](),
@@ -71,7 +83,7 @@ IS_ALIVE_AS = {
 }
 SERVICES = {"featurizer", "channel", "fuser"}
 ANSWERS = {RUN + "cache/feature": SERVICES | {"mapper"}, MAP: {"mapserver"}}
-ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES}
+ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES | {"describer"}}
 ROLES = tuple(PUBLISHES)
 
 

@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from placefield.bus.message import Channel, Digest, Message, Metres, OfMap
 from placefield.bus.wire import Descriptor, FloatVector, Image, Sums
+from placefield.features.calibration import Calibration
 from placefield.fusion.match import Match
 from placefield.pose import Pose as PlacePose
 
@@ -21,17 +22,31 @@ class FrameMessage(Message):
         image: encoded, as bytes, or pixels; None: there is a descriptor.
         descriptor: (D,) float16 or float32, finite; None: there is an image.
         odometry_m: the odometry reading, metres.
+        calibration: of the camera that took the image; None if it is not known.
     """
 
     image: Image | None = None
     descriptor: Descriptor | None = None
     odometry_m: Metres | None = None
+    calibration: Calibration | None = None
 
     @model_validator(mode="after")
     def _check_content(self) -> Self:
         if (self.image is None) == (self.descriptor is None):
             raise PydanticCustomError("content", "a frame is an image or a descriptor")
         return self
+
+
+class RawFeatureMessage(Message):
+    """The raw feature of a frame, of a describer.
+
+    Attributes:
+        model: fingerprint of the model whose feature it is.
+        raw: (D,), finite; None: the describer could not describe the frame.
+    """
+
+    model: str = Field(max_length=64)
+    raw: FloatVector | None
 
 
 class FeatureMessage(Message):

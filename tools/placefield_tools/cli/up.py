@@ -37,6 +37,9 @@ def _up(
         int | None,
         typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
     ] = None,
+    describers: Annotated[
+        int, typer.Option(min=0, help="processes that compute features besides the featurizer")
+    ] = 0,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -76,7 +79,8 @@ def _up(
 ) -> None:
     """Run all services of a host: router, featurizer, channel workers and fuser.
 
-    With several runs, each core has a featurizer and a fuser for some of the runs.
+    With several runs, each core has a featurizer and a fuser for some of the runs. If the feature
+    is slow, --describers computes it on several cores; each describer serves all runs.
 
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.
@@ -113,9 +117,11 @@ def _up(
     gateway = _gateway_flags(ros, ros_odometry, ros_spacing, ros_domain)
     if explore is None and feature is not None:
         raise ConfigError("--feature: is for --explore; a map has its own feature")
+    if explore is not None and describers:
+        raise ConfigError("--describers: need a map; leave them out with --explore")
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = common_flags(effective, Path(folder), log_json=log_json)
-        flags = ServiceFlags(common, gateway, workers)
+        flags = ServiceFlags(common, gateway, workers, describers)
         if explore is not None and map_path is None:
             if not _explored(explore, effective, flags, stop):
                 return
@@ -188,4 +194,4 @@ def _serve(
 
     commands = commands_on_map(map_path, manifest, effective, flags)
     channels = len(manifest.channels)
-    run_host(commands, channels, effective, stop, ready, others=flags.sources)
+    run_host(commands, channels, effective, stop, ready, others=flags.others)

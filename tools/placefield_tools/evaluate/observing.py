@@ -25,7 +25,7 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     """Return a function that observes a frame; it raises FrameError if the frame cannot be read.
 
     Args:
-        placemap: its feature describes the frame, and its mask is applied.
+        placemap: its feature describes the frame, with its view and its mask.
         inference: where a network runs.
 
     Raises:
@@ -34,10 +34,10 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     feature, places = feature_of_model(placemap.model, inference), placemap.local_features
 
     def observe(frame: Frame) -> Observed:
-        decoded = frame.decoded()
+        raw, image = feature.observe(frame)
         local = None
-        if places is not None:
-            local = extract(feature.used(decoded.pixels()), places.most)
-        return Observed(feature.of_frame(decoded), local)
+        if places is not None and image is not None:
+            local = extract(feature.used(image), places.most)
+        return Observed(raw, local)
 
     return observe
