@@ -186,7 +186,7 @@ def test_frames_of_a_query_that_is_cut_keep_their_numbers(
         asked=asked,
     )
     numbers = range(60)[parts.start : parts.stop : parts.stride]
-    assert len(cut.raws) == len(numbers)
+    assert len(cut.descriptors) == len(numbers)
     assert cut.ground.by == "aligned"
     assert cut.ground.truth is not None
     right = Truth.within(60, 60, 3)
