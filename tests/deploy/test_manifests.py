@@ -14,7 +14,12 @@ import yaml
 Resource = dict[str, Any]
 
 CHANNELS = 4
-SERVICES = ["featurizer", "fuser", *(f"channel-{channel}" for channel in range(CHANNELS))]
+SERVICES = [
+    "featurizer",
+    "fuser",
+    "verifier",
+    *(f"channel-{channel}" for channel in range(CHANNELS)),
+]
 
 
 @pytest.fixture(scope="module")

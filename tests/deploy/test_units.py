@@ -17,6 +17,7 @@ UNITS = [
     "placefield-featurizer.service",
     "placefield-channel@0.service",
     "placefield-fuser.service",
+    "placefield-verifier@0.service",
 ]
 INSTALLED_AT = "/opt/placefield/bin/"
 

@@ -47,6 +47,10 @@ def _up(
         int | None,
         typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
     ] = None,
+    verifiers: Annotated[
+        int,
+        typer.Option(min=0, help="verifiers of smoothed matches; the map needs local features"),
+    ] = 0,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -85,6 +89,8 @@ def _up(
     settings: options.Settings = None,
 ) -> None:
     """Run all services of a host: router, featurizer, channel workers and fuser.
+
+    With --verifiers, smoothed matches are verified by geometry; see 'placefield verifier -h'.
 
     With several runs, each core has a featurizer and a fuser for some of the runs.
 
@@ -133,6 +139,12 @@ def _up(
         raise ConfigError("--feature: is for --explore; a map has its own feature")
     if explore is not None and ros is not None:
         raise ConfigError("--ros: needs a map; explore without it, then start again with the map")
+    if explore is not None and (verifiers or effective.build.local_features):
+        flag = "--verifiers" if verifiers else "setting build.local_features"
+        raise ConfigError(
+            f"{flag}: an explored drive keeps no images, so its map has no local features; build a "
+            "map of the frames with 'placefield build'"
+        )
     if explore is not None:
         if not _explored(explore, effective, workers or 1, stop, log_json=log_json):
             return
@@ -154,14 +166,17 @@ def _up(
             flush=True,
         )
 
+    roles = _ROLES | ({"verifier": "verifier"} if verifiers else {})
+    others = [*(["replay"] if ros else []), *(["verifier"] if verifiers else [])]
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = [str(map_path), *_common_flags(effective, Path(folder), log_json=log_json)]
         commands = _commands(
             common,
             partition([channel.metric for channel in channels], workers or cores()),
             [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
-            _credentials_beside(effective.bus.credentials, _ROLES),
+            _credentials_beside(effective.bus.credentials, roles),
             manifest.lineage,
+            verifiers,
         )
         if ros is not None:
             commands["gateway to ROS 2"] = _ros_command(
@@ -173,7 +188,7 @@ def _up(
             effective,
             stop,
             ready,
-            others=() if ros is None else ("replay",),
+            others=others,
         )
 
 
@@ -255,12 +270,13 @@ def _commands(
     runs: Sequence[Sequence[str]],
     credentials: Mapping[str, Path],
     lineage: str,
+    verifiers: int = 0,
 ) -> dict[str, list[str]]:
     """Return the command line of each service, by its name.
 
     There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, and one map server. ``credentials`` has folders by command. A restarted service opens
-    the version of the map that is there then, and refuses a map of another lineage.
+    runs, one map server, and so many verifiers. ``credentials`` has folders by command. A restarted
+    service opens the version of the map that is there then, and refuses a map of another lineage.
     """
 
     def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
@@ -277,6 +293,8 @@ def _commands(
         commands[f"fuser {number}"] = command("fuser", "--run", own_runs)
     for number, own_channels in enumerate(channels):
         commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
+    for number in range(verifiers):
+        commands[f"verifier {number}"] = command("verifier", "--run", [])
     commands["map server"] = command("serve", "--run", [])
     return commands
 

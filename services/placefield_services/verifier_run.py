@@ -1,0 +1,210 @@
+"""A run in a verifier: its frames, its smoothed matches, and which of them fall to it.
+
+All verifiers of a run receive all frames and all smoothed matches. A match falls to one of those
+that were alive when its frame came, by the number of the frame. The others keep frame and match
+until its verified match comes: if the verifier that it falls to dies, it falls to another.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from placefield.bus.inbox import Received
+from placefield.bus.keys import Keys
+from placefield.bus.message import Header
+from placefield.bus.messages import FrameMessage, SmoothedMessage
+from placefield.bus.refusing import count_refused
+from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, Fetched
+from placefield.bus.streams import StreamFollower, Turn
+from placefield.bus.verified_messages import VerifiedMessage
+from placefield.errors import MessageError
+from placefield_services.background_query import BackgroundQuery
+from placefield_services.kept_frames import FrameName, KeptFrame, KeptFrames
+from placefield_services.live_verifiers import LiveVerifiers
+from placefield_services.process import counting_failure
+from placefield_services.verified_answers import unverified_answer, verified_answer
+from placefield_services.verified_versions import VerifiedVersion
+
+MOST_WAITING = 2**15
+"""The most matches of a run that wait."""
+
+_MOST_DONE = 4096  # verified matches that are remembered
+_LATE_S = 1.0  # how much later than its match a frame may come
+_OVERDUE_S = 5.0  # after that, another verifier that has nothing else to do verifies a match
+
+
+@dataclass(frozen=True)
+class VerifierLinks:
+    """How a verifier publishes verified matches of a run, and fetches those that it missed."""
+
+    verified: CachedPublisher
+    fetch_smoothed: Fetch
+    fetch_verified: Fetch
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A smoothed match that is not verified yet; ``since`` in monotonic seconds."""
+
+    header: Header
+    smoothed: SmoothedMessage
+    version: VerifiedVersion
+    since: float
+
+
+class VerifierRun:
+    """Verifies the smoothed matches of a run that fall to this verifier, oldest first.
+
+    Counts the matches that it ``verified``, and those that it did not by their reason.
+    """
+
+    def __init__(
+        self,
+        keys: Keys,
+        find_version: Callable[[str], VerifiedVersion],
+        verifiers: LiveVerifiers,
+        links: VerifierLinks,
+        counts: Counter[str],
+    ) -> None:
+        """Begin.
+
+        Args:
+            keys: of the run.
+            find_version: returns the version of the map that a match names, or raises
+                ``OtherMapError``.
+            verifiers: of the run.
+            links: of the run.
+            counts: of the run.
+        """
+        self._keys, self._find_version, self._verifiers = keys, find_version, verifiers
+        self._links, self._counts = links, counts
+        self._follower = StreamFollower(counts, self._join)
+        self._query = BackgroundQuery(self._fetch)
+        self._frames = KeptFrames()
+        self._waiting: dict[FrameName, _Waiting] = {}
+        self._done: dict[FrameName, None] = {}
+
+    def accept(self, received: Received) -> None:
+        """Handle a frame, a smoothed match, or a verified match of any verifier.
+
+        Raises:
+            MessageError: it is refused.
+            NotYet: missed matches have been queried, and the answer has not come.
+        """
+        header = received.header
+        if received.key == self._keys.smoothed:
+            self._accept_smoothed(header, received.payload)
+        elif header.end or _name(header) in self._done:
+            return
+        elif received.key == self._keys.frame:
+            image = FrameMessage.decode(received.payload).image
+            self._frames.keep(_name(header), KeptFrame(image, self._verifiers.alive))
+        else:
+            VerifiedMessage.decode(received.payload)
+            self._links.verified.cache.store(header, received.payload)
+            self._finish(_name(header))
+
+    def _accept_smoothed(self, header: Header, payload: bytes) -> None:
+        waiting = None if header.end else self._decode(header, payload)
+        turn = self._follower.follow(header)
+        if turn is Turn.AFTER_GAP:
+            self._catch_up(header)
+        if waiting is not None and turn in (Turn.NEXT, Turn.AFTER_GAP):
+            self._wait(waiting)
+            self._frames.drop_before(_name(header), self._waiting)
+
+    def _decode(self, header: Header, payload: bytes) -> _Waiting:
+        smoothed = SmoothedMessage.decode(payload)
+        version = self._find_version(smoothed.map)
+        if smoothed.place >= version.places:
+            raise MessageError(f"place {smoothed.place} of a map of {version.places} places")
+        return _Waiting(header, smoothed, version, time.monotonic())
+
+    def _wait(self, waiting: _Waiting) -> None:
+        name = _name(waiting.header)
+        if name in self._done:
+            return
+        self._waiting[name] = waiting
+        if len(self._waiting) > MOST_WAITING:
+            self._counts["dropped_full"] += 1
+            del self._waiting[next(iter(self._waiting))]
+
+    def _join(self, header: Header) -> int:
+        """Begin a stream; return its first match that this verifier answers for.
+
+        Matches that came before the only verifier are gaps: nobody says whether they were verified.
+        """
+        if self._verifiers.is_oldest:
+            self._counts["gaps"] += header.sequence
+            return header.sequence
+        return max(0, header.sequence - LENGTH)
+
+    def _catch_up(self, header: Header) -> None:
+        """Let the matches before this one wait that have not come, and that nobody has verified."""
+        first = self._follower.next
+        smoothed, verified = self._query(header.stream, first, header.sequence)
+        for about, payload in verified.values():
+            self._links.verified.cache.store(about, payload)
+            self._finish(_name(about))
+        for about, payload in smoothed.values():
+            try:
+                self._wait(self._decode(about, payload))
+            except MessageError as error:
+                count_refused(self._counts, error)
+        self._counts["fetched"] += len(smoothed)
+        missing = header.sequence - first - len(smoothed)
+        self._follower.skip_to(header.sequence, gaps=missing)
+
+    def _fetch(self, stream: str, first: int, end: int) -> tuple[Fetched, Fetched]:
+        """Fetch the matches of some frames, smoothed and verified; this runs in its own thread."""
+        smoothed = self._links.fetch_smoothed(stream, first, end)
+        return smoothed, self._links.fetch_verified(stream, first, end)
+
+    def _finish(self, name: FrameName) -> None:
+        self._waiting.pop(name, None)
+        self._frames.drop(name)
+        self._done[name] = None
+        if len(self._done) > _MOST_DONE:
+            del self._done[next(iter(self._done))]
+
+    def verify_next(self) -> bool:
+        """Verify the next match that falls to this verifier; return whether there was one."""
+        name = self._next(time.monotonic())
+        if name is None:
+            return False
+        waiting, frame = self._waiting[name], self._frames.find(name)
+        waiting.version.check_unchanged()  # its files are memory-mapped
+        self._finish(name)
+        self._links.verified.put(waiting.header, self._answer(waiting, frame))
+        return True
+
+    def _next(self, now: float) -> FrameName | None:
+        """Return the oldest match that falls to this verifier; if none does, one that is overdue.
+
+        Of the overdue ones it is the newest, as the verifier that they fall to begins with the
+        oldest. Matches without a frame fall to the oldest verifier: no other has more frames.
+        """
+        overdue = None
+        for name, waiting in self._waiting.items():
+            frame, age = self._frames.find(name), now - waiting.since
+            if frame is None:
+                is_own = self._verifiers.is_oldest and age >= _LATE_S
+            else:
+                is_own = self._verifiers.is_own(name[1], frame.verifiers)
+            if is_own:
+                return name
+            if frame is not None and age >= _OVERDUE_S:
+                overdue = name
+        return overdue
+
+    def _answer(self, waiting: _Waiting, frame: KeptFrame | None) -> VerifiedMessage:
+        with counting_failure([self._counts]):
+            answer = verified_answer(waiting.smoothed, frame, waiting.version.stage)
+            self._counts[answer.reason or "verified"] += 1
+            return answer
+        return unverified_answer(waiting.smoothed, "failed")
+
+
+def _name(header: Header) -> FrameName:
+    return header.stream, header.sequence
