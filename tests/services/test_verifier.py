@@ -2,8 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from placefield.features.frames import Frame
 from placefield.fusion.match import SmoothedMatch
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
+from placefield.maps.store import save_map
 from placefield.verification.verification_stage import VerificationStage
 from placefield_services import verifier_run as run_module
 from placefield_services.kept_frames import KeptFrame, KeptFrames
@@ -274,6 +277,25 @@ def test_hostile_messages_are_refused_and_harm_no_other(
         verifier.send_match(number, smoothed(verified_map, number))
     assert verifier.verify() == [0, 1]
     assert verifier.counts["verified"] == 2
+
+
+def test_matches_of_a_new_version_of_the_map_are_verified_by_it_and_late_ones_by_the_one_before(
+    tmp_path: Path, verified_map_path: Path, verified_map: Map, images: list[bytes]
+) -> None:
+    path = Path(copytree(verified_map_path, tmp_path / "served.pfmap"))
+    verifier = Verifier(path)
+    for number in range(3):
+        verifier.send_frame(number, images[number])
+    verifier.send_match(0, smoothed(verified_map, 0))
+    assert verified_map.local_features is not None
+    certain = np.full_like(verified_map.local_features.ratios, 7.0)
+    places = replace(verified_map.local_features, ratios=certain)
+    save_map(replace(verified_map, local_features=places), path)
+    verifier.send_match(1, smoothed(verified_map, 1))
+    verifier.send_match(2, smoothed(open_map(path), 2))
+    assert verifier.verify() == [0, 1, 2]
+    assert [answer.ratio == 7 for answer in verifier.answers] == [False, False, True]
+    assert verifier.answers[2].map == open_map(path).digest != verified_map.digest
 
 
 def test_the_oldest_frames_are_dropped_when_there_are_too_many_bytes() -> None:
