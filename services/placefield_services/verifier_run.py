@@ -84,6 +84,8 @@ class VerifierRun:
         self._frames = KeptFrames()
         self._waiting: dict[FrameName, _Waiting] = {}
         self._done: dict[FrameName, None] = {}
+        self._is_joining = False
+        """Whether the stream began earlier, and its matches have not been fetched yet."""
 
     def accept(self, received: Received) -> None:
         """Handle a frame, a smoothed match, or a verified match of any verifier.
@@ -112,6 +114,7 @@ class VerifierRun:
             self._catch_up(header)
         if waiting is not None and turn in (Turn.NEXT, Turn.AFTER_GAP):
             self._wait(waiting)
+        if turn is Turn.AFTER_GAP or header.end:  # some frames have no match
             self._frames.drop_before(_name(header), self._waiting)
 
     def _decode(self, header: Header, payload: bytes) -> _Waiting:
@@ -135,14 +138,22 @@ class VerifierRun:
 
         Matches that came before the only verifier are gaps: nobody says whether they were verified.
         """
+        first = max(0, header.sequence - LENGTH)
         if self._verifiers.is_oldest:
             self._counts["gaps"] += header.sequence
-            return header.sequence
-        return max(0, header.sequence - LENGTH)
+            first = header.sequence
+        self._is_joining = first < header.sequence
+        return first
 
     def _catch_up(self, header: Header) -> None:
-        """Let the matches before this one wait that have not come, and that nobody has verified."""
+        """Let the matches before this one wait that have not come, and that nobody has verified.
+
+        A live stream has gaps: frames that were dropped have no match.
+        """
         first = self._follower.next
+        if header.live and not self._is_joining:
+            self._follower.skip_to(header.sequence)
+            return
         smoothed, verified = self._query(header.stream, first, header.sequence)
         for about, payload in verified.values():
             self._links.verified.cache.store(about, payload)
@@ -153,8 +164,9 @@ class VerifierRun:
             except MessageError as error:
                 count_refused(self._counts, error)
         self._counts["fetched"] += len(smoothed)
-        missing = header.sequence - first - len(smoothed)
+        missing = 0 if self._is_joining else header.sequence - first - len(smoothed)
         self._follower.skip_to(header.sequence, gaps=missing)
+        self._is_joining = False
 
     def _fetch(self, stream: str, first: int, end: int) -> tuple[Fetched, Fetched]:
         """Fetch the matches of some frames, smoothed and verified; this runs in its own thread."""

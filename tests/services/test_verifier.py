@@ -82,12 +82,14 @@ class Verifier:
     def accept(self, message: Received) -> None:
         at_last(lambda: self._run.accept(message))
 
-    def send_frame(self, sequence: int, frame: FrameMessage | bytes) -> None:
+    def send_frame(self, sequence: int, frame: FrameMessage | bytes, *, live: bool = False) -> None:
         message = frame if isinstance(frame, FrameMessage) else FrameMessage(image=frame)
-        self.accept(received(KEYS.frame, header(sequence), message))
+        self.accept(received(KEYS.frame, header(sequence, live=live), message))
 
-    def send_match(self, sequence: int, match: SmoothedMessage | bytes) -> None:
-        self.accept(received(KEYS.smoothed, header(sequence), match))
+    def send_match(
+        self, sequence: int, match: SmoothedMessage | bytes, *, live: bool = False
+    ) -> None:
+        self.accept(received(KEYS.smoothed, header(sequence, live=live), match))
 
     def send_verified(self, sequence: int, message: VerifiedMessage) -> None:
         self.accept(received(KEYS.verified, header(sequence), message))
@@ -237,6 +239,21 @@ def test_one_that_joins_alone_counts_what_it_missed(
     verifier.send_match(7, smoothed(verified_map, 7))
     assert verifier.verify() == [7]
     assert verifier.counts["gaps"] == 7
+
+
+def test_a_live_stream_has_gaps_and_a_lossless_one_has_its_missed_matches_fetched(
+    verified_map_path: Path, verified_map: Map, images: list[bytes]
+) -> None:
+    for live in (True, False):
+        verifier = Verifier(verified_map_path)
+        for number in (0, 1, 2, 3):
+            verifier.send_frame(number, images[number], live=live)
+            match = smoothed(verified_map, number)
+            verifier.smoothed_elsewhere.kept[number] = header(number, live=live), match.encode()
+            if number in (0, 3):
+                verifier.send_match(number, match, live=live)
+        assert verifier.verify() == ([0, 3] if live else [0, 1, 2, 3])
+        assert verifier.counts["gaps"] == (2 if live else 0)
 
 
 def test_what_came_and_what_was_verified_is_not_verified_again(
