@@ -20,6 +20,7 @@ from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map
 from placefield.maps.route_graph import check_rule
 from placefield_services.fuser_run import FuserCaches, FuserRun
+from placefield_services.fusion_parts import RunParts
 from placefield_services.live_channels import LiveChannels
 from placefield_services.map_versions import MapVersions, PreparedVersions
 from placefield_services.match_publisher import FuserOutputs
@@ -95,15 +96,9 @@ def serve_fuser(
             )
             process.answers[run] = outputs.matches.cache
             candidates = partial(fetch_all, bus, keys.cache(keys.all_candidates))
-            fusers[run] = FuserRun(
-                first,
-                config,
-                keys,
-                channels,
-                FuserCaches(features, moments, candidates),
-                outputs,
-                process.counts[run],
-            )
+            parts = RunParts(config, channels, outputs, process.counts[run])
+            caches = FuserCaches(features, moments, candidates)
+            fusers[run] = FuserRun(first, keys, parts, caches)
         del first  # so that it is freed when a new version has taken over
         end = time.monotonic() + config.bus.connect_timeout_s
         for fuser in fusers.values():  # a stream that is on is answered by the channels there are

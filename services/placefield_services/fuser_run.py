@@ -1,7 +1,6 @@
 """A run in the fuser: its streams, one after the other, under one version of the map or two."""
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -14,15 +13,13 @@ from placefield.bus.messages import FeatureMessage
 from placefield.bus.refusing import count_refused
 from placefield.bus.replay_cache import ReplicatedCache
 from placefield.bus.streams import Arrival, StreamSwitch
-from placefield.config import Config
 from placefield.errors import MessageError
 from placefield_services.background_query import BackgroundQuery
-from placefield_services.candidate_decoder import CandidateDecoder, decode_candidates
+from placefield_services.candidate_decoder import decode_candidates
 from placefield_services.fuser_stream import FuserStream
-from placefield_services.fusion_parts import FusionParts
+from placefield_services.fusion_parts import FusionParts, RunParts
 from placefield_services.held_candidates import HeldCandidates
 from placefield_services.live_channels import LiveChannels
-from placefield_services.match_publisher import FuserOutputs, MatchPublisher
 from placefield_services.next_version import NextVersion
 from placefield_services.served import FuserVersion
 
@@ -48,33 +45,19 @@ class FuserCaches:
 class FuserRun:
     """Follows the streams of a run, one after the other, and hands on what comes of each."""
 
-    def __init__(
-        self,
-        first: FuserVersion,
-        config: Config,
-        keys: Keys,
-        channels: LiveChannels,
-        caches: FuserCaches,
-        outputs: FuserOutputs,
-        counts: Counter[str],
-    ) -> None:
+    def __init__(self, first: FuserVersion, keys: Keys, run: RunParts, caches: FuserCaches) -> None:
         """Begin without a stream.
 
         Args:
             first: the version of the map that answers at first.
-            config: of the fuser.
             keys: of the run.
-            channels: those that are alive.
+            run: what it shares under every version.
             caches: of the run.
-            outputs: where it publishes.
-            counts: of the run.
         """
         self._feature_key = keys.feature
-        self.channels = channels
+        self._run, self._parts = run, run.under(first)
         self._caches = caches
-        self._counts = counts
-        self._config, self._outputs = config, outputs
-        self._parts = self._parts_of(first)
+        counts = self._counts = run.counts
         self._next: NextVersion | None = None
         self._left = ""
         """Digest of the version before the current one; workers may still answer by it."""
@@ -83,12 +66,10 @@ class FuserRun:
         self._query = BackgroundQuery(self._fetch)
         self._stream = FuserStream(self._parts, 0, live=False)
 
-    def _parts_of(self, version: FuserVersion) -> FusionParts:
-        config, counts = self._config, self._counts
-        served, stage = version
-        decoder = CandidateDecoder(served.digest, config.matching, stage)
-        publisher = MatchPublisher(served, stage, self._outputs, counts)
-        return FusionParts(served, config, self.channels, stage, decoder, publisher, counts)
+    @property
+    def channels(self) -> LiveChannels:
+        """Which channels there are, and which are alive."""
+        return self._run.channels
 
     @property
     def digest(self) -> str:
@@ -104,7 +85,7 @@ class FuserRun:
         """
         self._next = None
         if version.served.digest != self.digest:
-            self._next = NextVersion(self._parts_of(version), self._stream, is_there)
+            self._next = NextVersion(self._run.under(version), self._stream, is_there)
 
     def handle(self, received: Received) -> None:
         """Handle a descriptor, which announces a frame, or candidates.

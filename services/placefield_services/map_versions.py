@@ -29,13 +29,13 @@ class MapVersions:
     """
 
     def __init__(
-        self, path: Path, channels: Collection[int] = (), lineage: str | None = None
+        self, path: Path, channels: Collection[int] | None = (), lineage: str | None = None
     ) -> None:
         """Prepare to open maps.
 
         Args:
             path: of the map.
-            channels: the channels that are read and checked when a version is opened.
+            channels: those that are read and checked when a version is opened; None: all.
             lineage: of all versions; None: that of the first.
         """
         self._path, self._channels = path, channels

@@ -63,8 +63,16 @@ class _QueuedCall(Received):
     handle: Callable[[], None]
 
 
-def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threading.Event) -> None:
+def run_ros(
+    versions: MapVersions | None, topics: Topics, config: Config, stop: threading.Event
+) -> None:
     """Serve until ``stop`` is set, as the source of the run.
+
+    Args:
+        versions: of the map whose poses are published; None: no poses are published.
+        topics: what the gateway subscribes to.
+        config: its run and bus, and the tolerance of the poses, count.
+        stop: ends the service.
 
     Raises:
         MapError: the map cannot be opened.
@@ -85,7 +93,7 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
     def prepare(placemap: Map) -> MapPoses:
         return MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
 
-    first = prepare(versions.open())
+    first = None if versions is None else prepare(versions.open())
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         serve_metrics(config.monitoring, process.report)
@@ -108,19 +116,20 @@ def run_ros(versions: MapVersions, topics: Topics, config: Config, stop: threadi
         stats = _offering(inbox, keys.all_stats, _OTHER, diagnostics.receive)
         bus.subscribe_raw(keys.all_stats, stats)
         followers: list[Poses] = []
-        if len(first.poses):
+        if first is not None and len(first.poses):
             for key, topic in ((keys.match, "pose"), (keys.smoothed, "smoothed_pose")):
                 publisher = node.publisher(f"{NAMESPACE}/{run}/{topic}", POSE)
                 poses = Poses(first, publisher, counts, smoothed=key == keys.smoothed)
                 bus.subscribe(key, partial(_offer_match, inbox, poses), counts)
                 followers.append(poses)
         else:
-            log.warning("the map has no poses, so no poses are published to ROS")
+            why = "there is no map" if first is None else "the map has no poses"
+            log.warning("%s, so no poses are published to ROS", why)
 
-        prepared = PreparedVersions(versions, prepare)
+        prepared = None if versions is None else PreparedVersions(versions, prepare)
 
         def after_batch(run: str) -> None:
-            for of_map in prepared.pop_all():
+            for of_map in () if prepared is None else prepared.pop_all():
                 for poses in followers:
                     poses.offer(of_map)
             diagnostics.publish()

@@ -14,7 +14,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage, SmoothedMessage
-from placefield.bus.refusing import count_refused
+from placefield.bus.refusing import counting_refused
 from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, Fetched
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
@@ -103,9 +103,12 @@ class VerifierRun:
             image = FrameMessage.decode(received.payload).image
             self._frames.keep(_name(header), KeptFrame(image, self._verifiers.alive))
         else:
-            VerifiedMessage.decode(received.payload)
-            self._links.verified.cache.store(header, received.payload)
-            self._finish(_name(header))
+            self._accept_verified(header, received.payload)
+
+    def _accept_verified(self, header: Header, payload: bytes) -> None:
+        VerifiedMessage.decode(payload)
+        self._links.verified.cache.store(header, payload)
+        self._finish(_name(header))
 
     def _accept_smoothed(self, header: Header, payload: bytes) -> None:
         waiting = None if header.end else self._decode(header, payload)
@@ -156,13 +159,11 @@ class VerifierRun:
             return
         smoothed, verified = self._query(header.stream, first, header.sequence)
         for about, payload in verified.values():
-            self._links.verified.cache.store(about, payload)
-            self._finish(_name(about))
+            with counting_refused(self._counts):
+                self._accept_verified(about, payload)
         for about, payload in smoothed.values():
-            try:
+            with counting_refused(self._counts):
                 self._wait(self._decode(about, payload))
-            except MessageError as error:
-                count_refused(self._counts, error)
         self._counts["fetched"] += len(smoothed)
         missing = 0 if self._is_joining else header.sequence - first - len(smoothed)
         self._follower.skip_to(header.sequence, gaps=missing)

@@ -1,6 +1,7 @@
 """The configuration of a run: one frozen value."""
 
 import re
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import tomli_w
@@ -34,16 +35,6 @@ FEATURES = ("grayscale", "gist", DESCRIPTOR)
 _PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 
 
-def _check_kind(kind: str) -> str:
-    is_network = kind.startswith(ONNX) and len(kind) > len(ONNX)
-    if not is_network and not _PLUGIN.fullmatch(kind):  # built-in kinds are such names, too
-        raise PydanticCustomError("feature_kind", "give grayscale, gist, descriptor or onnx:FILE")
-    return kind
-
-
-FeatureKind = Annotated[str, AfterValidator(_check_kind)]
-
-
 def _split(names: object) -> object:
     """Split names that a flag or the environment gives as one text."""
     return tuple(names.split(",")) if isinstance(names, str) else names
@@ -53,6 +44,36 @@ def _check_distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         raise PydanticCustomError("distinct", "give each name once")
     return names
+
+
+# Not each plus sign joins kinds, since the name of a network's file may have some.
+_JOINED = re.compile(r"\+(?=onnx:|(?![^+]*\.onnx(?:\+|$))[A-Za-z][A-Za-z0-9_.-]*(?:\+|$))")
+
+
+def kinds_of(kind: str) -> tuple[str, ...]:
+    """Return the kinds of the parts of a feature, of ``gist+onnx:FILE`` ``gist`` and the other."""
+    return tuple(_JOINED.split(kind))
+
+
+def kind_of(kinds: Iterable[str]) -> str:
+    """Return the kind of a feature by the kinds of its parts."""
+    return "+".join(kinds)
+
+
+def _check_kind(kind: str) -> str:
+    kinds = kinds_of(kind)
+    for part in kinds:
+        is_network = part.startswith(ONNX) and len(part) > len(ONNX)
+        if not is_network and not _PLUGIN.fullmatch(part):  # built-in kinds are such names, too
+            choice = "give grayscale, gist, descriptor, onnx:FILE, or several as gist+onnx:FILE"
+            raise PydanticCustomError("feature_kind", choice)
+    if len(kinds) > 1 and DESCRIPTOR in kinds:
+        raise PydanticCustomError("feature_kind", "descriptors are not joined with other features")
+    _check_distinct(kinds)
+    return kind
+
+
+FeatureKind = Annotated[str, AfterValidator(_check_kind)]
 
 
 def _check_push(push: float | str) -> float | str:
@@ -108,12 +129,13 @@ class FeatureConfig(_Section):
     kind: FeatureKind = Field(
         "gist",
         description="grayscale, gist, onnx:FILE (a network), or a feature of another package; "
-        "descriptor: the frames are descriptors",
+        "several as gist+onnx:FILE; descriptor: the frames are descriptors",
     )
     dimensions: int | None = Field(
         None,
         ge=1,
-        description="dimensions of the descriptor, after PCA; default 300, 500 for grayscale",
+        description="dimensions of the descriptor of each feature, after PCA; default 300, 500 for "
+        "grayscale",
     )
     standardise: bool = Field(
         True, description="standardise features by the query's running mean and deviation"

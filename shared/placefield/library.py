@@ -45,7 +45,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     ]
     with threadpool_limits(1):  # the number of threads changes the last bits
         aligned = align_traverses(described, config.features.kind)
-        return build.build_map(aligned, config, network=feature.network)
+        return build.build_map(aligned, config, parts=feature.parts)
 
 
 def _described(

@@ -14,7 +14,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from placefield.config import FEATURES, ONNX, Config
+from placefield.config import FEATURES, ONNX, Config, kinds_of
 from placefield.errors import ConfigError
 from placefield.plugins import has_plugin
 from placefield.presets import PRESETS
@@ -92,12 +92,13 @@ def load_config(file: Path | None = None, flags: Mapping[str, Any] | None = None
 
 
 def _check_feature(kind: str) -> None:
-    if kind in FEATURES or kind.startswith(ONNX) or has_plugin("placefield.features", kind):
-        return
-    raise ConfigError(
-        f"setting features.kind: {kind!r}: give {', '.join(FEATURES)} or {ONNX}FILE, or install "
-        "the package that brings it"
-    )
+    for part in kinds_of(kind):
+        if part in FEATURES or part.startswith(ONNX) or has_plugin("placefield.features", part):
+            continue
+        raise ConfigError(
+            f"setting features.kind: {part!r}: give {', '.join(FEATURES)} or {ONNX}FILE, or "
+            "install the package that brings it"
+        )
 
 
 def _read(file: Path) -> dict[str, Any]:

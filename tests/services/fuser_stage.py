@@ -25,6 +25,7 @@ from placefield.fusion.rules import fuse
 from placefield.maps.map import Map
 from placefield.matching.candidate import Candidate
 from placefield_services.fuser_run import FuserCaches, FuserRun
+from placefield_services.fusion_parts import RunParts
 from placefield_services.live_channels import LiveChannels
 from placefield_services.match_publisher import FuserOutputs
 from placefield_services.served import FuserVersion
@@ -76,23 +77,16 @@ class Stage:
         unasked = ReplicatedCache(ReplayCache(), PeerCache().fetch)
         self.counts: Counter[str] = Counter()
         self._clock = clock
-        self._fuser = FuserRun(
-            version_of(placemap, self.config),
-            self.config,
-            KEYS,
-            self.channels,
-            FuserCaches(
-                ReplicatedCache(self.features, self.elsewhere.fetch),
-                unasked,
-                self._fetch_candidates,
-            ),
-            FuserOutputs(
-                CachedPublisher(self.matches, ReplayCache()),
-                CachedPublisher(self.smoothed_matches, ReplayCache()),
-                self.acks,
-            ),
-            self.counts,
+        outputs = FuserOutputs(
+            CachedPublisher(self.matches, ReplayCache()),
+            CachedPublisher(self.smoothed_matches, ReplayCache()),
+            self.acks,
         )
+        caches = FuserCaches(
+            ReplicatedCache(self.features, self.elsewhere.fetch), unasked, self._fetch_candidates
+        )
+        parts = RunParts(self.config, self.channels, outputs, self.counts)
+        self._fuser = FuserRun(version_of(placemap, self.config), KEYS, parts, caches)
 
     def _fetch_candidates(self, stream: str, first: int, end: int) -> list[tuple[Header, bytes]]:
         return [

@@ -1,5 +1,6 @@
 """A drive is explored by real processes; its map is saved and served, whoever dies meanwhile."""
 
+import queue
 import re
 import signal
 from collections.abc import Iterator, Sequence
@@ -9,16 +10,20 @@ import cv2
 import numpy as np
 import psutil
 import pytest
+from cdr_by_hand import compressed_image, odometry
+from hosting import PATIENCE_S, Host, Listener, Process, placefield, refusal, wait_until
 from hosting import Answer as Received
-from hosting import Host, Listener, Process, placefield, refusal, wait_until
 from laps import FRAMES, images_of_laps
 from numpy.typing import NDArray
 
 import placefield as library
+from placefield.bus.messages import OdometryMessage
+from placefield.bus.ros_node import RosNode
 from placefield.config import MatchingConfig
 from placefield.features.extract import feature_of
 from placefield.maps.opening import open_map
 from placefield.matching.exploring import Answer, Explorer
+from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
 from placefield_services.mapper import drive_path, ended_path
 
 IMAGES = images_of_laps()
@@ -103,6 +108,35 @@ def test_a_drive_is_explored_as_the_library_does_and_its_map_is_served_whoever_i
             header, match = listener.next_match()
             assert (header.sequence, match and match.map) == (0, placemap.digest)
     assert not drive_path(path).exists()
+
+
+def test_images_of_ros_are_explored_until_the_host_is_ended_and_the_map_has_their_metres(
+    tmp_path: Path,
+) -> None:
+    path, camera, odom = tmp_path / "laps.pfmap", "/camera/compressed", "/odom"
+    flags = Path(f"--explore={path}"), "--ros", camera, "--ros-odometry", odom
+    metres: queue.SimpleQueue[float] = queue.SimpleQueue()
+    with Host(tmp_path, *flags) as host, host.listener() as listener:
+        listener.bus.subscribe_raw(
+            listener.keys.odometry,
+            lambda _, payload: metres.put(OdometryMessage.decode(payload).metres),
+        )
+        robot = RosNode(listener.bus, 0, "/robot", "camera")
+        images = robot.publisher(camera, COMPRESSED_IMAGE)
+        positions = robot.publisher(odom, ODOMETRY)
+        answers: list[Received] = []
+        for number, image in enumerate(IMAGES[:SOON]):
+            positions.put(odometry([number / 2, 0, 0]))
+            assert metres.get(timeout=PATIENCE_S) == number / 2
+            images.put(compressed_image((number, 0), cv2.imencode(".png", image)[1].tobytes()))
+            answers += listener.answers(first=number, count=1)
+        wait_until(lambda: listener.count("mapper", "kept") == SOON, "the frames are kept")
+        assert host.stop(signal.SIGINT) == 0
+    matches = [match for _, match in answers]
+    assert [(m.place, m.probability, m.new, m.known) for m in matches] == explored()[0][:SOON]
+    places = open_map(path).places
+    np.testing.assert_allclose(np.diff(places.travelled), 0.5)
+    assert places.count == SOON
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

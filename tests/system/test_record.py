@@ -1,6 +1,7 @@
 import base64
 import json
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,8 +9,13 @@ import numpy as np
 from hosting import Host, Listener, Process, placefield, refusal, wait_until
 from mcap.reader import make_reader
 
-from placefield.bus.messages import SmoothedMessage
+from placefield.bus.keys import Keys
+from placefield.bus.message import Header
+from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.features.images import decode
+from placefield.maps.manifest import ChangeRecord, read_identified
+from placefield.maps.map import Map
+from placefield.maps.store import save_map
 from placefield_tools.record.records import Record, read_records
 
 
@@ -68,6 +74,35 @@ def test_recordings_hold_what_was_on_the_bus(
         shown = cv2.imdecode(np.frombuffer(base64.b64decode(image), np.uint8), cv2.IMREAD_COLOR)
         assert shown is not None
         assert np.abs(shown.astype(int) - decode(file.read_bytes())).mean() < 5
+
+
+def test_a_recording_with_a_map_follows_its_versions_and_leaves_other_maps_out(
+    host: Host, listener: Listener, logs: Path, route_map: Map, tmp_path: Path
+) -> None:
+    path, drive, run, other = tmp_path / "route.pfmap", tmp_path / "drive.mcap", "own", "a" * 16
+    places = replace(route_map.places, poses=np.zeros((route_map.places.count, 3)))
+    version = replace(route_map, places=places, pose_frame="wgs84 48.0 16.0")
+
+    def put(before: list[str]) -> str:
+        """Put a version at the path, whose history names those before; return its digest."""
+        changes = [ChangeRecord(change="added", drive=each, before=each) for each in before]
+        save_map(replace(version, history=tuple(changes)), path)
+        return read_identified(path)[1]
+
+    digests = [put([])]
+    flags = ("--map", path, "--run", run, "--endpoint", host.endpoint)
+    with Process(logs, "record", drive, *flags) as process:
+        wait_until(lambda: "\n" in process.out, "it records")
+        digests += [put(digests)]
+        digests += [put(digests)]
+        matches = listener.bus.publisher(Keys(run).match)
+        for sequence, digest in enumerate([*digests, other]):
+            header = Header(stream="s", sequence=sequence, stamp_ns=sequence)
+            matches.put(header, MatchMessage(map=digest, place=1, score=0.0))
+        wait_until(lambda: other in process.err, "the other map is refused")
+        assert process.stop(signal.SIGINT) == 0
+    assert process.out.splitlines()[-1] == f"{drive}: 3 matches, 0 smoothed"
+    assert "1 matches of another map" in process.err
 
 
 def test_a_recording_that_cannot_begin_leaves_no_file(

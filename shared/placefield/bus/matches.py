@@ -4,7 +4,7 @@ import math
 import queue
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import suppress
 
 from placefield.bus.inbox import Received
@@ -15,7 +15,7 @@ from placefield.bus.replay_cache import LENGTH, Fetch, fetcher
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
-from placefield.errors import MessageError
+from placefield.errors import MessageError, OtherMapError
 
 _QUIET_S = 2.0
 
@@ -38,7 +38,7 @@ class MatchQueue:
         *,
         smoothed: bool = False,
         verified: bool = False,
-        digest: str | None = None,
+        digests: Container[str] | None = None,
     ) -> None:
         """Subscribe to the matches of a run.
 
@@ -47,20 +47,20 @@ class MatchQueue:
             keys: of the run.
             smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
             verified: whether to return verified matches, too, as ``VerifiedMessage``.
-            digest: of the map that all matches must be of; None: any map.
+            digests: of the maps that matches may be of; None: any map.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._ready: deque[OrderedMatch] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
         self._readers: dict[str, _InOrder | _InAnyOrder] = {
-            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digest)
+            key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digests)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
         if verified:
             fetch = fetcher(bus, keys.cache(keys.verified))
-            self._readers[keys.verified] = _InAnyOrder(fetch, digest)
+            self._readers[keys.verified] = _InAnyOrder(fetch, digests)
         for key in self._readers:
             bus.subscribe(key, self._received.put, self.counts)
 
@@ -96,10 +96,14 @@ class _InOrder:
     """Puts the messages of one key in order, and fetches missing messages."""
 
     def __init__(
-        self, kind: type[MatchMessage], fetch: Fetch, counts: Counter[str], digest: str | None
+        self,
+        kind: type[MatchMessage],
+        fetch: Fetch,
+        counts: Counter[str],
+        digests: Container[str] | None,
     ) -> None:
         self._kind = kind
-        self._digest = digest
+        self._digests = digests
         self._fetch = fetch
         self._follower = StreamFollower(counts, lambda header: header.sequence)
         self._open_stream: str | None = None
@@ -141,8 +145,7 @@ class _InOrder:
 
     def _decode(self, payload: bytes) -> MatchMessage:
         match = self._kind.decode(payload)
-        if self._digest is not None:
-            match.check_map(self._digest)
+        _check_map(match, self._digests)
         return match
 
     def _decoded(self, payload: bytes) -> MatchMessage | None:
@@ -156,8 +159,8 @@ class _InOrder:
 class _InAnyOrder:
     """Returns verified matches as they come, each once, and fetches missing ones after silence."""
 
-    def __init__(self, fetch: Fetch, digest: str | None) -> None:
-        self._fetch, self._digest = fetch, digest
+    def __init__(self, fetch: Fetch, digests: Container[str] | None) -> None:
+        self._fetch, self._digests = fetch, digests
         self._seen: dict[tuple[str, int], None] = {}
         self._newest: Header | None = None
         self._ask_at = math.inf
@@ -185,13 +188,17 @@ class _InAnyOrder:
         if header.end or name in self._seen:
             return []
         match = VerifiedMessage.decode(payload)
-        if self._digest is not None:
-            match.check_map(self._digest)
+        _check_map(match, self._digests)
         self._newest = header
         self._seen[name] = None
         if len(self._seen) > 4 * LENGTH:
             del self._seen[next(iter(self._seen))]
         return [(header, match)]
+
+
+def _check_map(match: MatchMessage, digests: Container[str] | None) -> None:
+    if digests is not None and match.map not in digests:
+        raise OtherMapError(f"{type(match).__name__} of map {match.map}, which is another map")
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from placefield.features.descriptors import DescriptorModel, fit_descriptors
 from placefield.features.extract import default_dimensions, feature_of
 from placefield.features.images import Image, load
+from placefield.features.joined_model import AnyModel, fit_parts
 
 Array = NDArray[np.float32]
 
@@ -25,10 +25,13 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         model_: the descriptor model, after ``fit``.
     """
 
-    model_: DescriptorModel
+    model_: AnyModel
 
     def __init__(self, kind: str = "gist", dimensions: int | None = None) -> None:
-        """Set the feature (grayscale, gist or onnx:FILE), and the most dimensions after PCA."""
+        """Set the feature (grayscale, gist, onnx:FILE, or several joined by a plus sign).
+
+        ``dimensions`` is the most that PCA keeps of each.
+        """
         self.kind = kind
         self.dimensions = dimensions
 
@@ -40,12 +43,12 @@ class Describer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
             SourceError: a file cannot be read.
         """
         feature = feature_of(self.kind)
-        self.model_, _ = fit_descriptors(
+        self.model_, _ = fit_parts(
             [np.stack([feature.describe(load(image)) for image in images])],
-            self.kind,
-            dimensions=self.dimensions or default_dimensions(self.kind),
+            feature.parts,
+            dimensions=[self.dimensions or default_dimensions(part.kind) for part in feature.parts],
             standardise=True,
-            network=feature.network,
+            plain=False,
         )
         return self
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import InferenceConfig
-from placefield.features.descriptors import DescriptorModel, DescriptorStream, Moments
+from placefield.features.descriptors import DescriptorStream, Moments
 from placefield.features.extract import Feature, feature_of_model
 from placefield.features.frames import Frame
+from placefield.features.joined_model import AnyModel, JoinedStream
 from placefield.features.mask import Mask
 
 _DEFAULTS = InferenceConfig()
@@ -64,7 +65,7 @@ def large_frame(mask: Mask | None = None) -> tuple[int, int, int]:
 class DescriptorStage:
     """Describes frames by a descriptor model; all streams may share it."""
 
-    def __init__(self, model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> None:
+    def __init__(self, model: AnyModel, inference: InferenceConfig = _DEFAULTS) -> None:
         """Load the feature of a map's descriptor model; a network runs where ``inference`` says.
 
         Raises:
@@ -80,13 +81,13 @@ class DescriptorStage:
 
     def new_stream(self, moments: Moments | None = None) -> "ImageStream":
         """Begin a stream, or continue one whose moments so far are given."""
-        return ImageStream(self.feature, DescriptorStream(self._model, moments))
+        return ImageStream(self.feature, self._model.new_stream(moments))
 
 
 class ImageStream:
     """Turns the images of one stream into descriptors, frame by frame and causally."""
 
-    def __init__(self, feature: Feature, descriptors: DescriptorStream) -> None:
+    def __init__(self, feature: Feature, descriptors: DescriptorStream | JoinedStream) -> None:
         """Combine the feature with the stream of descriptors of the raw features."""
         self._feature = feature
         self._descriptors = descriptors

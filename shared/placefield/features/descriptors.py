@@ -12,9 +12,8 @@ does not change which place is the nearest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,8 +33,8 @@ PRIOR_FRAMES = 20
 _LEAST_DEVIATION = 1e-6
 _BLANK = 1e-5  # of the largest value: the raw features of a blank image differ only by rounding
 _ROUNDED = 1e-3  # tolerance of a descriptor's length around 1
-_FARTHEST = 4.0  # plain PCA: a query's descriptor may be this many times as long as any place's
-_BLOCK = 512  # frames whose standardised features are held at once
+BLOCK = 512
+"""Frames whose standardised features are held at once."""
 
 Array = NDArray[np.float32]
 Array64 = NDArray[np.float64]
@@ -74,15 +73,34 @@ class DescriptorModel:
         return f"DescriptorModel({self.kind}, {raw} to {reduced} dimensions)"
 
     @property
+    def parts(self) -> tuple[DescriptorModel, ...]:
+        """The models of the parts of the feature: this one, see ``JoinedModel``."""
+        return (self,)
+
+    @property
+    def raw_dimensions(self) -> int:
+        """D, of the raw features."""
+        return len(self.mean)
+
+    @property
+    def dimensions(self) -> int:
+        """N, of the descriptors."""
+        return len(self.components)
+
+    @property
     def follows_query(self) -> bool:
         """Whether a descriptor depends on the frames of the stream before it."""
         return self.standardise and not self.plain
 
+    def new_stream(self, moments: Moments | None = None) -> DescriptorStream:
+        """Begin a stream of raw features, or continue one whose moments so far are given."""
+        return DescriptorStream(self, moments)
+
     def of_reference(self, raws: Array) -> Array:
         """Return descriptors (..., N) of raw features (..., D), standardised like the reference."""
         if self.plain:
-            return self.reduce(_standardise(raws, self.mean, self.deviation))
-        return self.reduce(_standardise(unit_length(raws), self.mean, self.deviation))
+            return self.reduce(standardise(raws, self.mean, self.deviation))
+        return self.reduce(standardise(unit_length(raws), self.mean, self.deviation))
 
     def of_traverse(self, raws: Array) -> Array:
         """Return the descriptors (K, N) of a further traverse's raw features (K, D).
@@ -90,8 +108,8 @@ class DescriptorModel:
         They are standardised by the traverse's own mean and deviation, as those of a query are by
         its running ones. This is not for plain PCA.
         """
-        moments = _moments(raws) if self.follows_query else (self.mean, self.deviation)
-        return np.concatenate([self.reduce(block) for block in _standardised(raws, moments)])
+        moments = moments_of_raws(raws) if self.follows_query else (self.mean, self.deviation)
+        return np.concatenate([self.reduce(block) for block in standardised(raws, moments)])
 
     def reduce(self, standardised: Array) -> Array:
         """Project standardised features (..., D) on the principal axes, (..., N).
@@ -122,17 +140,21 @@ class DescriptorModel:
         Raises:
             FrameError: its shape or its length is not that of a descriptor of this model.
         """
-        dimensions = len(self.components)
-        if descriptor.shape != (dimensions,):
-            raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
-        length = float(np.linalg.norm(descriptor.astype(np.float64)))
-        if length == 0:
-            return None
-        if self.plain and length <= 1:
-            return descriptor
-        if not abs(length - 1) <= _ROUNDED or self.plain:  # nor is NaN
-            raise FrameError(f"descriptor of length {length:.3g}, not 1" + " at most" * self.plain)
+        return checked_length(descriptor, self.dimensions, plain=self.plain)
+
+
+def checked_length(descriptor: Array, dimensions: int, *, plain: bool) -> Array | None:
+    """Check shape and length of a descriptor, see ``DescriptorModel.checked``."""
+    if descriptor.shape != (dimensions,):
+        raise FrameError(f"descriptor of shape {descriptor.shape}, not ({dimensions},)")
+    length = float(np.linalg.norm(descriptor.astype(np.float64)))
+    if length == 0:
+        return None
+    if plain and length <= 1:
         return descriptor
+    if not abs(length - 1) <= _ROUNDED or plain:  # nor is NaN
+        raise FrameError(f"descriptor of length {length:.3g}, not 1" + " at most" * plain)
+    return descriptor
 
 
 def unit_length(vectors: Array) -> Array:
@@ -142,94 +164,33 @@ def unit_length(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1), np.float32)
 
 
+def check_raw(raw: Array, dimensions: int) -> None:
+    """Refuse a wrong shape or a value that is not finite, which would spoil all later sums.
+
+    Raises:
+        FrameError: the raw feature is not of the shape ``(dimensions,)``, or not finite.
+    """
+    if raw.shape != (dimensions,):
+        raise FrameError(f"feature of shape {raw.shape}, not ({dimensions},)")
+    if not np.isfinite(raw).all():
+        raise FrameError("the feature is not finite")
+
+
 def is_blank(raw: Array) -> bool:
     """Whether a raw feature (D,) is constant, as that of a blank image in the dark or in fog."""
     return bool(np.ptp(raw) <= _BLANK * np.abs(raw).max())
 
 
-def fit_descriptors(
-    traverses: Sequence[Array],
-    kind: FeatureKind,
-    *,
-    dimensions: int,
-    standardise: bool,
-    plain: bool = False,
-    network: Network | None = None,
-    routes: int = 1,
-) -> tuple[DescriptorModel, list[Array]]:
-    """Fit the model on reference traverses, and return it with their descriptors.
-
-    Args:
-        traverses: raw features of each, (K, D) float32; the first give mean and deviation.
-        kind: of the features.
-        dimensions: the largest N; it is smaller if there are fewer frames.
-        standardise: whether each further traverse is standardised by its own mean and deviation,
-            as a query is.
-        plain: whether to fit plain PCA instead.
-        network: the network that gave the features, if one did.
-        routes: so many of the first traverses are of different routes, which count equally in the
-            mean and in the squared deviation of the model.
-
-    Returns:
-        The model, and the descriptors of each traverse, (K, N) float32.
-    """
-    if plain:
-        return _fit_plain(traverses, kind, dimensions, standardise, network, routes)
-    moments = [_moments(traverse) for traverse in traverses]
-    shared = _mean_moments(moments[:routes])
-    if not standardise:
-        moments = [shared] * len(traverses)
-
-    def standardised() -> Iterator[Iterator[Array]]:
-        return map(_standardised, traverses, moments)
-
-    components, kept = _principal_axes(lambda: chain.from_iterable(standardised()), dimensions)
-    model = DescriptorModel(
-        kind, standardise, *shared, components, variance_kept=kept, network=network
-    )
-    return model, [
-        np.concatenate([model.reduce(block) for block in traverse]) for traverse in standardised()
-    ]
-
-
-def _fit_plain(
-    traverses: Sequence[Array],
-    kind: FeatureKind,
-    dimensions: int,
-    standardise: bool,
-    network: Network | None,
-    routes: int,
-) -> tuple[DescriptorModel, list[Array]]:
-    """Fit plain PCA, scaled so that no descriptor of the traverses is longer than 1/4."""
-    means = [traverse.mean(axis=0, dtype=np.float64) for traverse in traverses[:routes]]
-    mean = np.mean(means, axis=0).astype(np.float32)
-    units = np.ones_like(mean)
-
-    def centred() -> Iterator[Array]:
-        return (raws[rows] - mean for raws in traverses for rows in blocks(len(raws), _BLOCK))
-
-    components, kept = _principal_axes(centred, dimensions)
-    longest = max(np.linalg.norm(block @ components.T, axis=1).max() for block in centred())
-    unit = units * np.float32(_FARTHEST * longest or 1)
-    model = DescriptorModel(
-        kind, standardise, mean, unit, components, variance_kept=kept, plain=True, network=network
-    )
-    return model, [
-        np.concatenate([model.of_reference(raws[rows]) for rows in blocks(len(raws), _BLOCK)])
-        for raws in traverses
-    ]
-
-
-def _standardised(raws: Array, moments: tuple[Array, Array]) -> Iterator[Array]:
+def standardised(raws: Array, moments: tuple[Array, Array]) -> Iterator[Array]:
     """Yield a traverse's raw features (K, D) standardised, in blocks (B, D)."""
-    for block in blocks(len(raws), _BLOCK):
-        yield _standardise(unit_length(raws[block]), *moments)
+    for block in blocks(len(raws), BLOCK):
+        yield standardise(unit_length(raws[block]), *moments)
 
 
-def _moments(raws: Array) -> tuple[Array, Array]:
+def moments_of_raws(raws: Array) -> tuple[Array, Array]:
     """Return mean and deviation of raw features (K, D) at unit length."""
     total = square_total = np.zeros(raws.shape[1])
-    for block in blocks(len(raws), _BLOCK):
+    for block in blocks(len(raws), BLOCK):
         units = unit_length(raws[block]).astype(np.float64)
         total = total + units.sum(axis=0)
         square_total = square_total + (units**2).sum(axis=0)
@@ -238,43 +199,9 @@ def _moments(raws: Array) -> tuple[Array, Array]:
     return mean.astype(np.float32), deviation.astype(np.float32)
 
 
-def _mean_moments(moments: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Return the mean of means, and the deviation whose square is the mean of the squares."""
-    means, deviations = (np.array(each, np.float64) for each in zip(*moments, strict=True))
-    deviation = np.sqrt(np.mean(deviations**2, axis=0))
-    return np.mean(means, axis=0).astype(np.float32), deviation.astype(np.float32)
-
-
-def _standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
+def standardise(vectors: Array, mean: Array, deviation: Array) -> Array:
+    """Subtract a mean (D,) from vectors (..., D) and divide them by a deviation (D,)."""
     return (vectors - mean) / deviation
-
-
-def _principal_axes(
-    in_blocks: Callable[[], Iterator[Array]], dimensions: int
-) -> tuple[Array, float]:
-    """Return the principal axes (N, D) of vectors, and the fraction of the variance along them.
-
-    The vectors come in blocks (B, D), so that few are in memory at once. The axes are computed
-    from the covariance, or by SVD of the vectors if these are fewer than their dimensions.
-    """
-    count, total = 0, np.zeros(1)
-    for block in in_blocks():
-        count, total = count + len(block), total + block.sum(axis=0, dtype=np.float64)
-    mean = total / count
-    if count <= len(mean):
-        vectors = np.concatenate(list(in_blocks())) - mean.astype(np.float32)
-        _, lengths, axes = np.linalg.svd(vectors, full_matrices=False)
-        variances = lengths.astype(np.float64) ** 2
-    else:
-        covariance = np.zeros((len(mean), len(mean)))
-        for block in in_blocks():
-            centred = block - mean
-            covariance += centred.T @ centred
-        ascending, columns = np.linalg.eigh(covariance)
-        variances, axes = ascending[::-1], columns.T[::-1]
-    rank = min(dimensions, count - 1, len(mean))
-    kept = float(variances[:rank].sum() / (variances.sum() or 1))
-    return np.ascontiguousarray(axes[:rank], np.float32), min(max(kept, 0.0), 1.0)
 
 
 @dataclass(frozen=True)
@@ -313,7 +240,7 @@ class DescriptorStream:
             FrameError: the feature has another shape, is not finite or, with plain PCA, is more
                 than 4 times as far from the reference's mean as any place; the stream is unchanged.
         """
-        self._check(raw)
+        check_raw(raw, self._model.raw_dimensions)
         if is_blank(raw):
             return None
         if not self._model.follows_query:
@@ -326,14 +253,6 @@ class DescriptorStream:
         variance = np.maximum(square_mean - mean**2, _LEAST_DEVIATION**2)
         standardised = (unit - mean) / np.sqrt(variance)
         return self._model.reduce(standardised.astype(np.float32))
-
-    def _check(self, raw: Array) -> None:
-        """Refuse a wrong shape or a value that is not finite, which would spoil all later sums."""
-        expected = self._model.mean.shape
-        if raw.shape != expected:
-            raise FrameError(f"feature of shape {raw.shape}, not {expected}")
-        if not np.isfinite(raw).all():
-            raise FrameError("the feature is not finite")
 
 
 def _moments_of_reference(model: DescriptorModel) -> Moments:

@@ -1,20 +1,29 @@
 """Raw features of frames, by the kind of feature."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import DESCRIPTOR, ONNX, FeatureKind, InferenceConfig
+from placefield.config import (
+    DESCRIPTOR,
+    ONNX,
+    FeatureKind,
+    InferenceConfig,
+    kind_of,
+    kinds_of,
+)
 from placefield.errors import FrameError
-from placefield.features.descriptors import DescriptorModel
+from placefield.features.descriptors import unit_length
 from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
 from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
+from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
@@ -24,6 +33,7 @@ from placefield.plugins import load_plugin
 GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
 
 _DEFAULTS = InferenceConfig()
+_ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -33,19 +43,50 @@ Describe = Callable[[Sequence[Pixels]], Array]
 
 
 @dataclass(frozen=True)
-class Feature:
-    """A feature, which describes frames; threads may share it.
+class DescribingPart:
+    """What describes images by one part of a feature.
 
     Attributes:
-        kind: of the feature.
+        kind: of the part.
         network: the network that it runs; None if it needs none.
-        mask: hides a part of each image first; None: nothing is hidden.
+        describe: B images to their raw features (B, D).
     """
 
     kind: FeatureKind
     network: Network | None
-    _describe: Describe
+    describe: Describe
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature, which describes frames; threads may share it.
+
+    The raw feature of several parts has those of all parts, one after the other, each divided by
+    its length.
+
+    Attributes:
+        describing: its parts, one or more.
+        mask: hides a part of each image first; None: nothing is hidden.
+    """
+
+    describing: tuple[DescribingPart, ...]
     mask: Mask | None = None
+
+    @property
+    def kind(self) -> FeatureKind:
+        """The kind of the feature."""
+        return kind_of(part.kind for part in self.describing)
+
+    @cached_property
+    def parts(self) -> tuple[FeaturePart, ...]:
+        """Its parts; those of several describe an image to learn how wide they are."""
+        if len(self.describing) == 1:
+            (only,) = self.describing
+            return (FeaturePart(only.kind, only.network, None),)
+        return tuple(
+            FeaturePart(part.kind, part.network, part.describe([_ANY_IMAGE]).shape[1])
+            for part in self.describing
+        )
 
     @property
     def describes_images(self) -> bool:
@@ -58,8 +99,9 @@ class Feature:
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        row: Array = self._describe([self.used(pixels_of(image))])[0]
-        return row
+        used = [self.used(pixels_of(image))]
+        rows = [part.describe(used)[0] for part in self.describing]
+        return rows[0] if len(rows) == 1 else np.concatenate(list(map(unit_length, rows)))
 
     def used(self, pixels: Pixels) -> Pixels:
         """Return an image without what the mask hides.
@@ -94,25 +136,29 @@ class Feature:
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
     """Return the feature of a kind; for ``onnx:FILE``, the network and its TOML are read.
 
+    A kind may have several parts, as ``gist+onnx:FILE``.
+
     Raises:
         ConfigError: a file of the network is missing or malformed, onnxruntime cannot run the
             network (see ``try_network``), or no installed package has a feature of this name.
     """
-    return _feature(kind, network_of(kind), inference)
+    parts = kinds_of(kind)
+    return Feature(tuple(_part(part, network_of(part), inference) for part in parts))
 
 
-def feature_of_model(model: DescriptorModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
+def feature_of_model(model: AnyModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
     """Return the feature that a descriptor model was fitted on, with the model's network and mask.
 
     Raises:
         ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
             the feature is not installed.
     """
-    return replace(_feature(model.kind, model.network, inference), mask=model.mask)
+    parts = tuple(_part(part.kind, part.network, inference) for part in model.parts)
+    return Feature(parts, model.mask)
 
 
 def network_of(kind: FeatureKind) -> Network | None:
-    """Read the network of a kind of feature; None for a kind without a network.
+    """Read the network of a kind of one part; None for a kind without a network.
 
     Raises:
         ConfigError: a file of the network is missing or malformed.
@@ -120,14 +166,13 @@ def network_of(kind: FeatureKind) -> Network | None:
     return read_network(Path(kind.removeprefix(ONNX))) if kind.startswith(ONNX) else None
 
 
-def _feature(kind: FeatureKind, network: Network | None, inference: InferenceConfig) -> Feature:
+def _part(kind: FeatureKind, network: Network | None, inference: InferenceConfig) -> DescribingPart:
     if network is not None:
         try_network(kind, network)
-        return Feature(
-            kind, network, _one_by_one(NetworkFeature(kind, network, inference).describe)
-        )
+        run = NetworkFeature(kind, network, inference).describe
+        return DescribingPart(kind, network, _one_by_one(run))
     built_in = {"grayscale": grayscale, "gist": _gist, DESCRIPTOR: _no_image}.get(kind)
-    return Feature(kind, None, _one_by_one(built_in) if built_in else _of_plugin(kind))
+    return DescribingPart(kind, None, _one_by_one(built_in) if built_in else _of_plugin(kind))
 
 
 def _one_by_one(describe: Callable[[Pixels], Array]) -> Describe:
@@ -163,5 +208,5 @@ def _gist(pixels: Pixels) -> Array:
 
 
 def default_dimensions(kind: FeatureKind) -> int:
-    """Return the default number of dimensions that PCA keeps of a kind of feature."""
+    """Return the default number of dimensions that PCA keeps of a kind of one part."""
     return 500 if kind == "grayscale" else 300

@@ -5,7 +5,8 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, InferenceConfig
+from placefield.config import FeatureKind, InferenceConfig, kinds_of
+from placefield.errors import ConfigError
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of, network_of
@@ -21,11 +22,24 @@ def raw_fingerprint(kind: FeatureKind) -> str:
     That of a network depends on its content; the network is read, but not loaded.
 
     Raises:
-        ConfigError: a file of the network is missing or malformed.
+        ConfigError: the kind has several parts, or a file of the network is missing or malformed.
     """
+    check_one_part(kind)
     network = network_of(kind)
     named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
     return hashlib.sha256(named).hexdigest()[:16]
+
+
+def check_one_part(kind: FeatureKind) -> None:
+    """Refuse a feature of several parts.
+
+    Raises:
+        ConfigError: it has several.
+    """
+    if len(kinds_of(kind)) > 1:
+        raise ConfigError(
+            f"setting features.kind: {kind}: without a map frames have one feature: give one"
+        )
 
 
 class RawStage:
@@ -41,8 +55,9 @@ class RawStage:
         """Load the feature of a kind.
 
         Raises:
-            ConfigError: see ``feature_of``.
+            ConfigError: the kind has several parts, or see ``feature_of``.
         """
+        check_one_part(kind)
         self.feature = feature_of(kind, inference)
         """Describes frames by their raw features."""
 

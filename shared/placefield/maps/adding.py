@@ -21,7 +21,7 @@ from placefield.maps.pruning import looks_that_add
 from placefield.maps.route_distances import RouteDistances
 from placefield.maps.same_route import align_to_map, poses_in_map
 from placefield.maps.stretches import LEAST_FRAMES, Stretch, new_stretches, unknown_runs
-from placefield.maps.traverse import NO_PLACE, Alignment, Traverse
+from placefield.maps.traverse import NO_PLACE, Alignment, Traverse, content_of
 from placefield.matching.comparing import MetricPlaces
 from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
 
@@ -75,6 +75,25 @@ def check_name(opened: Map, name: str) -> None:
             f"{name}: the map has a drive of this name; drop that one first, or give this one "
             "another name with --name"
         )
+
+
+def check_content(opened: Map, name: str, content: str) -> None:
+    """Refuse a drive whose frames the map has, also under another name.
+
+    Args:
+        opened: the map.
+        name: of the drive.
+        content: of the drive, see ``content_of``.
+
+    Raises:
+        MapError: a drive of the map has the same content.
+    """
+    for record in opened.traverses:
+        if record.content == content:
+            raise MapError(
+                f"{name}: the map has this drive, as {record.name}: the frames are the same; give "
+                "another drive"
+            )
 
 
 def add_traverse(opened: Map, traverse: Traverse) -> Addition:
@@ -173,6 +192,7 @@ def _recorded(
         frames=len(places),
         aligned=int(np.count_nonzero(places != NO_PLACE)),
         by=alignment.by,
+        content=content_of(traverse.raw),
     )
     change = ChangeRecord(change="added", drive=traverse.name, before=opened.digest)
     return replace(

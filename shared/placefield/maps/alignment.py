@@ -14,12 +14,11 @@ from scipy.spatial import KDTree
 
 from placefield.config import MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
-from placefield.maps.map import MapMetric
+from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.topology import Topology
 from placefield.maps.traverse import NO_PLACE, Alignment
 from placefield.matching.comparing import MetricPlaces
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.matching.revisits import channel_without_segments
 from placefield.matching.sharding import ChannelShard
 
 NEAR_M = 5.0
@@ -82,3 +81,10 @@ def _with_heading(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return poses (n, 3) as points (n, 4) whose distance includes the turn: 60° count as 5 m."""
     x, y, yaw = poses.T
     return np.column_stack([x, y, NEAR_M * np.cos(yaw), NEAR_M * np.sin(yaw)])
+
+
+def channel_without_segments(metric: MapMetric) -> MapChannel:
+    """Return a channel without segments."""
+    count = len(metric.places)
+    labels, segments = np.zeros(count, np.int32), np.zeros((0, 2), np.int32)
+    return MapChannel(1, 1, metric, labels, segments, np.ones(1, np.int32), 1, np.zeros((0, 2)))

@@ -65,6 +65,11 @@ CHANNEL_FILES: Layout = {
 MASK_FOLDER = "features/mask"
 
 
+def part_folders(parts: int) -> list[str]:
+    """Return the folders of the descriptor models of so many parts of a feature."""
+    return ["features"] if parts == 1 else [f"features/{number}" for number in range(parts)]
+
+
 def look_files(coarse: object | None) -> Layout:
     """Return the files of a metric's looks; ``coarse`` is None without a coarse search."""
     return LOOK_FILES if coarse is None else {**LOOK_FILES, **LOOK_CODE_FILES}
@@ -72,12 +77,12 @@ def look_files(coarse: object | None) -> Layout:
 
 def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     """Return the arrays of a map by their files."""
-    parts: list[tuple[str, Any, Layout]] = [
-        ("features", built.model, MODEL_FILES),
-        ("places", built.places, PLACE_FILES),
-    ]
-    if built.model.network is not None:
-        parts.append(("features", built.model.network, NETWORK_FILES))
+    parts: list[tuple[str, Any, Layout]] = [("places", built.places, PLACE_FILES)]
+    models = built.model.parts
+    for folder, model in zip(part_folders(len(models)), models, strict=True):
+        parts.append((folder, model, MODEL_FILES))
+        if model.network is not None:
+            parts.append((folder, model.network, NETWORK_FILES))
     if built.model.mask is not None:
         parts.append((MASK_FOLDER, built.model.mask, MASK_FILES))
     if len(built.graph.links):

@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config, FeatureConfig, MetricConfig
+from placefield.config import Config, FeatureConfig, MetricConfig, kinds_of
 from placefield.errors import MapError
-from placefield.features.descriptors import DescriptorModel, fit_descriptors
 from placefield.features.extract import default_dimensions
-from placefield.features.network import Network
+from placefield.features.joined_model import AnyModel, FeaturePart, fit_parts
 from placefield.maps.gathering import (
     alignment_of,
     centred,
@@ -110,7 +109,7 @@ def build_map(
     config: Config,
     progress: Progress = lambda number, what, share: None,
     cut: Cut = adaptive_channels,
-    network: Network | None = None,
+    parts: Sequence[FeaturePart] = (),
     run: Run = map,
 ) -> Map:
     """Build a map from one or more traverses of one route, or of a network of routes.
@@ -125,7 +124,7 @@ def build_map(
         config: its features, scales, metric and seed describe the map.
         progress: called with the progress of each channel.
         cut: cuts the reference into segments.
-        network: the network that gave the raw features, if one did; the map keeps it.
+        parts: of the feature, see ``Feature.parts``; none: one part that needs no network.
         run: maps a function over the channels, as ``map`` does. Channels are independent, so the
             number of cores does not change the result.
 
@@ -139,7 +138,8 @@ def build_map(
         alignment.places[frames] for alignment, frames in zip(alignments, shown, strict=True)
     ]
     first = traverses[0]
-    model, descriptors = _described(traverses, shown, config.features, network)
+    parts = parts or (FeaturePart(config.features.kind, None, None),)
+    model, descriptors = _described(traverses, shown, config.features, parts)
     places = descriptors[0]
     held_back = held_back_places(len(places), config.seed)
     probes = probes_of(descriptors, place_of, held_back)
@@ -179,7 +179,9 @@ def build_map(
     built = Map(
         preset=config.preset,
         seed=config.seed,
-        features=config.features.model_copy(update={"dimensions": _dimensions(config.features)}),
+        features=config.features.model_copy(
+            update={"dimensions": _most_dimensions(config.features)}
+        ),
         scales=config.scales,
         metric=metric_config,
         traverses=records_of(traverses, alignments),
@@ -202,27 +204,29 @@ def _described(
     traverses: Sequence[Traverse],
     shown: Sequence[NDArray[np.intp]],
     features: FeatureConfig,
-    network: Network | None,
-) -> tuple[DescriptorModel, list[Array]]:
+    parts: Sequence[FeaturePart],
+) -> tuple[AnyModel, list[Array]]:
     """Fit the descriptor model, and describe those frames of each traverse that show a place."""
     first = traverses[0]
     routes = np.split(first.raw, first.routes.first[1:])
     others = zip(traverses[1:], shown[1:], strict=True)
-    model, described = fit_descriptors(
+    model, described = fit_parts(
         [*routes, *(chosen_rows(traverse.raw, frames) for traverse, frames in others)],
-        features.kind,
-        dimensions=_dimensions(features),
+        parts,
+        dimensions=[features.dimensions or default_dimensions(part.kind) for part in parts],
         standardise=features.standardise,
         plain=features.plain_pca,
-        network=network,
         routes=len(routes),
     )
     places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
     return model, [places, *described[len(routes) :]]
 
 
-def _dimensions(features: FeatureConfig) -> int:
-    return features.dimensions or default_dimensions(features.kind)
+def _most_dimensions(features: FeatureConfig) -> int | None:
+    """Return the most dimensions of each part; None if several parts have their own defaults."""
+    if features.dimensions is None and len(kinds_of(features.kind)) == 1:
+        return default_dimensions(features.kind)
+    return features.dimensions
 
 
 def _map_channel(

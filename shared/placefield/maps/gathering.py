@@ -10,7 +10,7 @@ from placefield.maps.alignment import align_by_number
 from placefield.maps.look_rows import LookRows, merged
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
-from placefield.maps.traverse import Alignment, Traverse
+from placefield.maps.traverse import Alignment, Traverse, content_of
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
 from placefield.verification.learning import features_of_places
@@ -51,13 +51,21 @@ def records_of(
     The first traverse has no alignment.
     """
     first, graph = traverses[0], traverses[0].routes
-    counts = np.diff(graph.first, append=len(first.raw)).tolist()
-    routes = zip(graph.names, counts, strict=True)
+    routes = zip(graph.names, np.split(first.raw, graph.first[1:]), strict=True)
     others = zip(traverses[1:], alignments[1:], strict=True)
     return (
-        *(TraverseRecord(name=name, frames=count) for name, count in routes),
         *(
-            TraverseRecord(name=each.name, frames=len(each.raw), aligned=to.aligned, by=to.by)
+            TraverseRecord(name=name, frames=len(raw), content=content_of(raw))
+            for name, raw in routes
+        ),
+        *(
+            TraverseRecord(
+                name=each.name,
+                frames=len(each.raw),
+                aligned=to.aligned,
+                by=to.by,
+                content=content_of(each.raw),
+            )
             for each, to in others
         ),
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from placefield.config import BuildConfig, Config
 from placefield.errors import MapError
+from placefield.features.descriptors import DescriptorModel
 from placefield.maps.joining_routes import GivenLink, join_routes
 from placefield.maps.look_rows import identity_of, look_rows
 from placefield.maps.map import Array, Map, MapAlignment, MapMetric
@@ -158,9 +159,12 @@ def _identity_of(opened: Map) -> MapMetric:
 def _feature_of(opened: Map) -> tuple[object, ...]:
     """Return what must be equal in maps that are joined."""
     model = opened.model
+    return model.standardise, model.plain, *map(_part, model.parts)
+
+
+def _part(model: DescriptorModel) -> tuple[str, bytes | None, int]:
     network = None if model.network is None else model.network.digest
-    kind = model.kind if network is None else "network"
-    return kind, network, model.standardise, model.plain, len(model.mean)
+    return model.kind if network is None else "network", network, model.raw_dimensions
 
 
 def _words(opened: Map) -> str:

@@ -60,12 +60,14 @@ class TraverseRecord(_Record):
         frames: the number of its frames.
         aligned: the number of frames that show a place of the map; None if each frame is a place.
         by: the method of the alignment; None likewise.
+        content: checksum of the raw features of its frames; None in a map of an earlier version.
     """
 
     name: Name
     frames: int = Field(ge=0)
     aligned: int | None = Field(None, ge=0)
     by: AlignedBy | None = None
+    content: Sha256 | None = None
 
     def is_named(self, name: str) -> bool:
         """Return whether this is its name, with or without a slash at the end."""
@@ -96,6 +98,18 @@ class RouteRecord(_Record):
 
     name: Name
     places: int = Field(ge=1, le=MOST_PLACES)
+
+
+class PartRecord(_Record):
+    """One part of a feature of several.
+
+    Attributes:
+        variance_kept: fraction of the part's variance that its descriptors keep.
+        network: input of the network that gives the part; none if no network does.
+    """
+
+    variance_kept: float = Field(ge=0, le=1)
+    network: NetworkInput | None = None
 
 
 class MetricRecord(_Record):
@@ -141,6 +155,7 @@ class Manifest(_Record):
         model: fingerprint of the descriptor model.
         variance_kept: fraction of the features' variance that the descriptors keep.
         network: input of the network that gives the features; none if no network does.
+        parts: the parts of a feature of several, in their order; none if there is one.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
         history: the changes since the map was built, in their order.
@@ -160,6 +175,7 @@ class Manifest(_Record):
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
+    parts: tuple[PartRecord, ...] = ()
     places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None

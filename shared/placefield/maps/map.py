@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
-from placefield.features.descriptors import DescriptorModel
+from placefield.features.joined_model import AnyModel
 from placefield.maps.digest import NO_DIGEST, lineage_of
 from placefield.maps.manifest import ChangeRecord, TraverseRecord
 from placefield.maps.route_graph import RouteGraph
@@ -180,7 +180,7 @@ class Map:
     metric: MetricConfig
     traverses: tuple[TraverseRecord, ...]
     pose_frame: str | None
-    model: DescriptorModel
+    model: AnyModel
     places: Places
     channels: Sequence[MapChannel]
     graph: RouteGraph = field(default_factory=lambda: RouteGraph.line(""))
@@ -221,14 +221,16 @@ class Map:
         return tuple(dict.fromkeys((*own, *(channel.metric for channel in self.channels))))
 
 
-def fingerprint(model: DescriptorModel) -> str:
+def fingerprint(model: AnyModel) -> str:
     """Return the fingerprint that identifies a descriptor model, 16 hexadecimal digits."""
-    digest = hashlib.sha256(f"{model.kind} {model.standardise} {model.plain}".encode())
-    for array in (model.mean, model.deviation, model.components):
-        digest.update(repr(array.shape).encode())
-        digest.update(np.ascontiguousarray(array).data)
-    if model.network is not None:
-        digest.update(model.network.digest)
+    digest = hashlib.sha256()
+    for part in model.parts:
+        digest.update(f"{part.kind} {part.standardise} {part.plain}".encode())
+        for array in (part.mean, part.deviation, part.components):
+            digest.update(repr(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).data)
+        if part.network is not None:
+            digest.update(part.network.digest)
     if model.mask is not None:
         digest.update(f"mask {model.mask.used.shape}".encode())
         digest.update(np.ascontiguousarray(model.mask.used).data)

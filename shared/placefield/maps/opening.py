@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.config import kinds_of
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
-from placefield.features.network import Network
+from placefield.features.joined_model import AnyModel, JoinedModel
+from placefield.features.network import Network, NetworkInput
 from placefield.maps.array_layout import (
     GRAPH_FILES,
     LOCAL_FEATURE_FILES,
@@ -21,8 +24,9 @@ from placefield.maps.array_layout import (
     NETWORK_FILES,
     PLACE_FILES,
     TRAVERSE_FILES,
+    part_folders,
 )
-from placefield.maps.manifest import REBUILD, read_identified
+from placefield.maps.manifest import REBUILD, PartRecord, read_identified
 from placefield.maps.map import STEPS, Map, MapAlignment, Places, fingerprint
 from placefield.maps.map_channels import MapChannels
 from placefield.maps.map_files import MapFiles
@@ -54,18 +58,7 @@ def open_map(
     files = MapFiles(path, manifest)
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
-    mean, deviation, components = files.load("features", MODEL_FILES, sizes)
-    model = DescriptorModel(
-        manifest.features.kind,
-        manifest.features.standardise,
-        mean,
-        deviation,
-        components,
-        manifest.variance_kept,
-        manifest.features.plain_pca,
-        _open_network(files),
-        _open_mask(files),
-    )
+    model = _open_model(files)
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
     places = Places(*files.load("places", PLACE_FILES, sizes))
@@ -155,10 +148,36 @@ def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
     return found
 
 
-def _open_network(files: MapFiles) -> Network | None:
-    if files.manifest.network is None:
-        return None
-    return Network(files.manifest.network, *files.load("features", NETWORK_FILES, {}))
+def _open_model(files: MapFiles) -> AnyModel:
+    features, kept = files.manifest.features, files.manifest.variance_kept
+    kinds = kinds_of(features.kind)
+    records = files.manifest.parts or (
+        PartRecord(variance_kept=kept, network=files.manifest.network),
+    )
+    if len(kinds) != len(records):
+        raise MapError(f"{files.path}: its feature has other parts than its manifest; {REBUILD}")
+    folders = part_folders(len(kinds))
+    parts = []
+    for kind, folder, record in zip(kinds, folders, records, strict=True):
+        mean, deviation, components = files.load(folder, MODEL_FILES, {})
+        parts.append(
+            DescriptorModel(
+                kind,
+                features.standardise,
+                mean,
+                deviation,
+                components,
+                record.variance_kept,
+                features.plain_pca,
+                _open_network(files, folder, record.network),
+            )
+        )
+    model = parts[0] if len(parts) == 1 else JoinedModel(tuple(parts))
+    return replace(model, mask=_open_mask(files))
+
+
+def _open_network(files: MapFiles, folder: str, given: NetworkInput | None) -> Network | None:
+    return None if given is None else Network(given, *files.load(folder, NETWORK_FILES, {}))
 
 
 def _open_mask(files: MapFiles) -> Mask | None:

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from placefield.errors import MapError
+from placefield.features.joined_model import AnyModel
+from placefield.features.network import Network, NetworkInput
 from placefield.files import exchange, sync, write_whole
 from placefield.locking import has_locks, take_lock
 from placefield.maps.array_layout import arrays_of
@@ -27,6 +29,7 @@ from placefield.maps.manifest import (
     ChannelRecord,
     Manifest,
     MetricRecord,
+    PartRecord,
     RouteRecord,
     check_map_path,
     seal_of,
@@ -106,6 +109,7 @@ def _write(built: Map, folder: Path) -> None:
         np.save(file, array, allow_pickle=False)
         sync(file)
         files[name] = checksum_of(file)
+    parts = _parts_of(built.model)
     manifest = Manifest(
         placefield=version("placefield"),
         preset=built.preset,
@@ -115,7 +119,8 @@ def _write(built: Map, folder: Path) -> None:
         metric=built.metric,
         model=fingerprint(built.model),
         variance_kept=built.model.variance_kept,
-        network=built.model.network.input if built.model.network else None,
+        network=None if parts else _input_of(built.model.parts[0].network),
+        parts=parts,
         places=built.places.count,
         smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,
@@ -152,6 +157,20 @@ def _write(built: Map, folder: Path) -> None:
         )
     write_whole(folder / MANIFEST, written)
     write_whole(folder / SEAL, seal_of(written))
+
+
+def _parts_of(model: AnyModel) -> tuple[PartRecord, ...]:
+    """Return the records of the parts of a feature of several."""
+    if len(model.parts) == 1:
+        return ()
+    return tuple(
+        PartRecord(variance_kept=part.variance_kept, network=_input_of(part.network))
+        for part in model.parts
+    )
+
+
+def _input_of(network: Network | None) -> NetworkInput | None:
+    return None if network is None else network.input
 
 
 def _routes(built: Map) -> tuple[RouteRecord, ...]:

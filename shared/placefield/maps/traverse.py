@@ -1,5 +1,6 @@
 """Reference traverses, which maps are built from: raw features, stamps, poses, thumbnails."""
 
+import hashlib
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -117,6 +118,17 @@ class Traverse:
     def __repr__(self) -> str:
         frames, dimensions = self.raw.shape
         return f"Traverse({self.name!r}, {frames} frames, features of {dimensions} dimensions)"
+
+
+def content_of(raw: Iterable[NDArray[np.float32]]) -> str:
+    """Return the SHA-256 of raw features (D,) of frames, as hexadecimal digits.
+
+    Two drives with the same checksum are the same frames.
+    """
+    checksum = hashlib.sha256()
+    for row in raw:
+        checksum.update(np.ascontiguousarray(row, "<f4").data)
+    return checksum.hexdigest()
 
 
 def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> DescribedFrame:

@@ -18,12 +18,11 @@ from placefield.config import MatchingConfig
 from placefield.features.local_descriptors import SPAN, LocalDescriptor, LocalDescriptors
 from placefield.matching.best_window import Vicinity, best_window
 from placefield.matching.candidate import TOO_FAST, UNANSWERED, Candidate
-from placefield.matching.filter_matcher import FilterMatcher, WholeMap
+from placefield.matching.filter_matcher import UNMAPPED, FilterMatcher, WholeMap
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
 from placefield.matching.matcher import SmoothedCandidate
 from placefield.matching.smoother import Smoother
 
-_UNMAPPED = 0.02  # places that were not passed yet, as a fraction of those that were
 _CERTAIN = 0.999  # at this probability, a place is taken for the same as an earlier one
 
 Array = NDArray[np.float32]
@@ -164,7 +163,7 @@ class Explorer:
         lengths, vicinity = lengths_of(self._metric), self._vicinity()
         if self._matcher is None:
             smoother = Smoother(lengths, self._config.lag, vicinity)
-            whole = WholeMap(lengths, None, None, unmapped=_UNMAPPED)
+            whole = WholeMap(lengths, None, None, unmapped=UNMAPPED)
             self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
         else:
             self._matcher.grow(lengths, vicinity)

@@ -45,6 +45,9 @@ HALO = 1
 SAMPLED = 1000
 """Size of the sample of places for the likelihood of a frame at an average place."""
 
+UNMAPPED = 0.02
+"""Unmapped places while a drive is compared with its own earlier places, see ``WholeMap``."""
+
 _NOTHING = np.empty(0)
 _TEMPERATURE = 0.8  # temperature: deviations of a frame's distances, per nat
 _RANDOM_PAIRS = 250  # how many random pairs are sampled

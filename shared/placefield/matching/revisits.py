@@ -2,10 +2,10 @@
 
 A stretch may be driven twice, in one route or in several. The reference is recognised as if it were
 a query, by the rule ``filter`` and smoothed, but each of its frames only among clearly earlier
-places: those of earlier routes, and of its own route long before. Different places that look alike
-must never be joined, so the requirements are high: long runs of frames that are all
-but certain, most of which are nearest to their twin. A stretch that is driven in reverse is another
-stretch, because the camera faces the other way.
+places: those of earlier routes, and of its own route long before. Or the vehicle is at none of
+them, as behind a fork. Different places that look alike must never be joined, so the requirements
+are high: long runs of frames that are all but certain, most of which are nearest to their twin. A
+stretch that is driven in reverse is another stretch, because the camera faces the other way.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,15 +15,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import MatchingConfig
-from placefield.maps.map import STEPS, MapChannel, MapMetric
+from placefield.maps.map import STEPS
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.route_graph import ONE_ROUTE, Firsts, bounds_of, routes_of
 from placefield.matching.best_window import Vicinity, best_window, twins_in
 from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
+from placefield.matching.filter_matcher import UNMAPPED, FilterMatcher, WholeMap
+from placefield.matching.growing_places import lengths_of
 from placefield.matching.matcher import WHOLE_DRIVE
-from placefield.matching.sharding import ChannelShard
+from placefield.matching.smoother import Smoother
 
 MOST = 4000
 """Most places that are searched; a longer reference is sampled evenly."""
@@ -85,13 +86,16 @@ def same_places(descriptors: Array, first: Firsts = ONE_ROUTE) -> Same:
 def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
     """Recognise frames part by part, to limit the memory for frames that are not smoothed yet."""
     metric = identity_metric(descriptors)
-    shard = ChannelShard(channel_without_segments(metric), MatchingConfig(tolerance=_TOLERANCE))
+    lengths, vicinity = lengths_of(metric), Vicinity(_TOLERANCE)
+    whole, all_places = WholeMap(lengths, None, None, UNMAPPED), slice(0, len(descriptors))
     places = MetricPlaces(metric, exact=True)
     nearest: list[int] = []
     posteriors: list[tuple[Same, Array]] = []
     for route, end in bounds_of(starts, len(descriptors)):
         for start in range(route, end, _PART):
-            matcher, first = shard.new_matcher(WHOLE_DRIVE), max(start - _AROUND, route)
+            smoother = Smoother(lengths, WHOLE_DRIVE, vicinity)
+            matcher = FilterMatcher(whole, all_places, 0, smoother)
+            first = max(start - _AROUND, route)
             stop = min(start + _PART + _AROUND, end)
             resembled: list[int] = []
             for frame in _among_earlier(places, descriptors, (first, stop), route):
@@ -108,13 +112,6 @@ def _posterior(candidate: Candidate) -> tuple[Same, Array]:
     if not len(candidate.places):
         return np.zeros(1, np.int32), np.zeros(1, np.float32)
     return candidate.places, candidate.evidence
-
-
-def channel_without_segments(metric: MapMetric) -> MapChannel:
-    """Return a channel without segments."""
-    count = len(metric.places)
-    labels, segments = np.zeros(count, np.int32), np.zeros((0, 2), np.int32)
-    return MapChannel(1, 1, metric, labels, segments, np.ones(1, np.int32), 1, np.zeros((0, 2)))
 
 
 def _among_earlier(

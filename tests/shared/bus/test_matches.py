@@ -78,7 +78,7 @@ def test_smoothed_matches_come_in_order_too_and_the_end_behind_them(buses: tuple
 
 def test_matches_of_another_map_than_the_given_one_are_refused(buses: tuple[Bus, Bus]) -> None:
     fuser, listener = buses
-    both = MatchQueue(listener, KEYS, smoothed=True, digest="a" * 16)
+    both = MatchQueue(listener, KEYS, smoothed=True, digests={"a" * 16})
     time.sleep(0.2)
     matches, smoothed = fuser.publisher(KEYS.match), fuser.publisher(KEYS.smoothed)
     own, other = {"map": "a" * 16, "score": 0.0}, {"map": "b" * 16, "score": 0.0}

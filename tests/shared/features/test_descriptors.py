@@ -11,9 +11,9 @@ from placefield.features.descriptors import (
     PRIOR_FRAMES,
     DescriptorModel,
     DescriptorStream,
-    fit_descriptors,
     unit_length,
 )
+from placefield.features.fitting import fit_descriptors
 
 Array = NDArray[np.float32]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import feature_of
+from placefield.features.fitting import fit_descriptors
 from placefield.maps.alignment import align_by_number, align_by_poses, align_by_smoother
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.topology import Topology

@@ -9,7 +9,7 @@ from placefield.errors import MapError
 from placefield.locking import take_lock
 from placefield.maps.manifest import MANIFEST
 from placefield.maps.map import Map
-from placefield.maps.map_lock import open_locked
+from placefield.maps.map_lock import open_locked, replacing
 from placefield.maps.store import save_map
 
 
@@ -31,6 +31,19 @@ def test_a_version_that_was_replaced_while_the_lock_was_awaited_is_not_changed(
     monkeypatch.setattr("placefield.maps.map_lock.take_lock", replaced)
     with pytest.raises(MapError, match="another process has just changed it"), open_locked(saved):
         pass
+
+
+def test_a_map_that_is_being_replaced_is_not_changed_and_a_new_or_damaged_one_needs_no_lock(
+    saved: Path, tmp_path: Path
+) -> None:
+    with replacing(saved), pytest.raises(MapError, match="is changing it"), open_locked(saved):
+        pass
+    with open_locked(saved), pytest.raises(MapError, match="is changing it"), replacing(saved):
+        pass
+    (tmp_path / "damaged.pfmap").mkdir()
+    for free in (tmp_path / "new.pfmap", tmp_path / "damaged.pfmap"):
+        with replacing(free), replacing(free):
+            pass
 
 
 def test_no_map_and_a_map_that_cannot_grow_are_named(saved: Path, tmp_path: Path) -> None:

@@ -14,13 +14,13 @@ from placefield.config import Config, MatchingConfig
 from placefield.errors import ConfigError
 from placefield.fusion.match import Match
 from placefield.fusion.rules import fuse
+from placefield.maps.alignment import channel_without_segments
 from placefield.maps.map import Map
 from placefield.maps.map_metrics import identity_metric, steps_along, with_graph
 from placefield.maps.topology import Topology
 from placefield.matching.best_window import vicinity_of
 from placefield.matching.channel_stage import ChannelStage
 from placefield.matching.matcher import Matcher
-from placefield.matching.revisits import channel_without_segments
 from placefield.recognizer import Recognizer
 
 Array = NDArray[np.float32]

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from route_networks import network
 
 from placefield.config import MatchingConfig
-from placefield.features.descriptors import DescriptorStream, fit_descriptors
+from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of
+from placefield.features.fitting import fit_descriptors
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match
+from placefield.maps.alignment import channel_without_segments
 from placefield.maps.map_metrics import identity_metric, steps_along
 from placefield.maps.topology import Topology
 from placefield.matching.channel_stage import ChannelStage
-from placefield.matching.revisits import channel_without_segments
 
 pytestmark = pytest.mark.slow
 

@@ -23,6 +23,11 @@ main()
 """
 
 
+ADD = ["add", "{route}", "{drive}"]
+DROP = ["drop", "{route}", "1"]
+BUILD = ["build", "{drive}", "-o", "{route}", "--overwrite", "--channels", "1"]
+
+
 def run(*arguments: str | Path, **options: Callable[[], None]) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "placefield_tools", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
@@ -43,9 +48,13 @@ def route(map_path: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def writing(route: Path, query_dir: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that adds a drive, and is in the middle of writing the new version."""
-    command = [sys.executable, "-c", SLOWLY, "add", str(route), str(query_dir)]
+def writing(
+    request: pytest.FixtureRequest, route: Path, query_dir: Path
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that is in the middle of writing a new version; by default it adds a drive."""
+    words = getattr(request, "param", ADD)
+    given = (word.format(route=route, drive=query_dir) for word in words)
+    command = [sys.executable, "-c", SLOWLY, *given]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             patience = time.monotonic() + 120
@@ -95,11 +104,15 @@ def test_a_killed_command_leaves_the_map_and_nothing_that_blocks_the_next(
     assert os.listdir(route.parent) == [route.name]
 
 
+@pytest.mark.parametrize(
+    ("writing", "others"), [(ADD, [BUILD, DROP]), (BUILD, [ADD, BUILD])], indirect=["writing"]
+)
 def test_of_two_at_once_the_second_is_refused_in_one_line(
-    route: Path, query_dir: Path, writing: subprocess.Popen[bytes]
+    route: Path, query_dir: Path, writing: subprocess.Popen[bytes], others: list[list[str]]
 ) -> None:
     before = files_of(route)
-    for refused in (run("add", route, query_dir), run("drop", route, "1")):
+    for command in others:
+        refused = run(*(word.format(route=route, drive=query_dir) for word in command))
         assert refused.returncode == 1
         line = f"placefield: {route}: another process is changing it; try again when it is done"
         assert refused.stderr.splitlines() == [line]

@@ -13,7 +13,7 @@ from placefield.errors import MessageError
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.comparing import distance_matrix
-from placefield_tools.dashboard.state import KEPT, LiveState
+from placefield_tools.dashboard.state import KEPT, LiveState, ShownMap
 
 
 def header(sequence: int, stream: str = "s", *, live: bool = False, end: bool = False) -> Header:
@@ -195,6 +195,29 @@ def test_no_garbage_does_more_than_raise_message_error(route_map: Map, garbage: 
         with pytest.raises(MessageError):
             add(header(0), garbage)
     assert not state.answers
+
+
+def test_a_new_version_of_the_map_is_shown_from_its_first_match_on(
+    state: LiveState, route_map: Map
+) -> None:
+    state.add_match(header(0), match())
+    state.add_smoothed(header(0), SmoothedMessage(map=NO_DIGEST, place=3, score=1, lag=1).encode())
+    version = ShownMap.of(replace(route_map, digest="f" * 16))
+    state.offer(version)
+    new = {"map": version.placemap.digest}
+    early = CandidatesMessage(**new, rule="filter", candidates=(candidate(0, 7),)).encode()
+    state.add_candidates(header(1), early)
+    state.add_match(header(1), match())
+    assert numbers(state) == [0, 1]
+    assert state.placemap.digest == NO_DIGEST
+    state.add_match(header(2), MatchMessage(**new, place=7, score=1.0).encode())
+    assert numbers(state) == [2]
+    assert state.answers[0].number == 2
+    assert (state.placemap, state.columns) == version
+    assert state.smoothed is None
+    assert not state.counts["foreign"]
+    state.add_match(header(3), match())
+    assert state.counts["foreign"] == 1
 
 
 def test_what_is_of_another_map_is_counted_and_not_shown(state: LiveState) -> None:

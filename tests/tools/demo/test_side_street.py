@@ -11,6 +11,7 @@ from side_street import JUNCTION, make_junction
 from placefield.config import Config
 from placefield.evaluation.protocols import kidnap
 from placefield.features.descriptor_stage import DescriptorStage
+from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame
 from placefield.maps.build import build_map
@@ -18,6 +19,7 @@ from placefield.maps.joining_routes import join_routes
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
 from placefield.matching.channel_stage import ChannelStage
+from placefield.matching.revisits import same_places
 from placefield.recognizer import Recognizer
 from placefield_tools.demo.light import Image
 
@@ -118,6 +120,17 @@ def test_routes_that_part_at_a_junction_are_linked_by_their_pictures(network: Ma
     links = [[JOINS - 1, FRAMES], [JUNCTION - 1, off], [off - 1, JUNCTION]]
     assert network.graph.links.shape == (3, 2)
     assert np.abs(network.graph.links - links).max() <= 1
+
+
+@pytest.mark.parametrize("first", [0, 8, 14])
+def test_a_shared_stretch_ends_where_the_streets_part_however_short_it_is(
+    drives: Drives, first: int
+) -> None:
+    raws = [drives.street.raw, drives.side_street.raw[first:]]
+    _, described = fit_descriptors(raws, "gist", dimensions=300, standardise=True, routes=2)
+    same = same_places(np.concatenate(described), np.array([0, FRAMES], np.int32))
+    twins, numbers = np.split(same, [FRAMES])[1], np.arange(len(same))[FRAMES:]
+    assert np.flatnonzero(twins != numbers).tolist() == [*range(JUNCTION - JOINS - first)]
 
 
 @pytest.mark.parametrize(("drive", "way"), [("passes", 0), ("turns_off", 1)])

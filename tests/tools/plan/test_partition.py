@@ -3,7 +3,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from placefield_tools.cli.up import partition
+from placefield_tools.up.service_commands import partition
 
 
 def test_channels_of_one_metric_go_to_one_worker() -> None:

@@ -157,14 +157,14 @@ def test_counts_are_shown_by_name_and_those_that_are_too_fast_in_words() -> None
 def test_a_service_with_another_map_than_the_fuser_or_the_one_that_is_shown_is_missing(
     digest: str | None,
 ) -> None:
-    record = RunRecord(digest)
+    record = RunRecord()
     maps = {"featurizer/f1": "a", "fuser/u1": "a", "channel/c1": "b", "channel/old": "c"}
     for name, of in maps.items():
         service, process = name.split("/")
         own = stats(service, 1, channels=2).model_copy(update={"map": of * 16})
         record.update(service, process, own, 5.0)
     own = digest or "a" * 16
-    absent = record.status(tokens(*WHOLE), 6.0).missing
+    absent = record.status(tokens(*WHOLE), 6.0, digest).missing
     assert sorted(absent) == sorted(
         f"{name.replace('/', ' ')} on map {own}: it has {of * 16}"
         for name, of in maps.items()

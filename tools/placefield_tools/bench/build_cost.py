@@ -140,7 +140,7 @@ def _learn(raws: Sequence[Array], channels: int, *, clusters: int) -> int:
     scales = {"channels": channels, "clusters": clusters}
     config = {"scales": scales, "metric": {"gate": len(raws) > 1, "steps": 2}}
     placemap = build_map(traverses, Config.model_validate(config), run=map_in_order)
-    return len(placemap.model.components)
+    return placemap.model.dimensions
 
 
 def _peak_mb(process: int) -> float:

@@ -97,7 +97,7 @@ def _start_s(tokens: _ChannelTokens, path: Path, endpoint: str) -> float:
 def _memory_after_a_frame(bus: Bus, path: Path, workers: Sequence[int]) -> list[Any]:
     """Return the memory of workers that have read all places, by their process numbers."""
     model = open_map(path, channels=()).model
-    frame = FeatureMessage(model=fingerprint(model), descriptor=model.components[0])
+    frame = FeatureMessage(model=fingerprint(model), descriptor=model.parts[0].components[0])
     bus.publisher(_KEYS.feature).put(Header(stream="start", sequence=0, stamp_ns=0), frame)
     size = sum(file.stat().st_size for file in path.glob("metrics/*/places.npy"))
     end = time.perf_counter() + _PATIENCE_S

@@ -2,7 +2,7 @@
 
 from placefield.errors import SourceError
 from placefield.features.extract import feature_of_model
-from placefield.maps.adding import Addition, add_traverse, check_name
+from placefield.maps.adding import Addition, add_traverse, check_content, check_name
 from placefield.maps.map import Map
 from placefield_tools.build.references import describe_reference
 from placefield_tools.sources import Parts, open_source
@@ -32,7 +32,7 @@ def add_drive(
     Raises:
         SourceError: the source or one of its frames cannot be read, it is a camera, or its frames
             are not what the map takes.
-        MapError: see ``add_traverse``.
+        MapError: the map has this drive; or see ``add_traverse``.
     """
     check_name(opened, name)
     known = opened.local_features
@@ -48,4 +48,5 @@ def add_drive(
             leave_out_bad=leave_out_bad,
             local_features=0 if known is None else known.most,
         )
+    check_content(opened, name, described.content)
     return add_traverse(opened, described.traverse())

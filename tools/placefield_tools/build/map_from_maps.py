@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from placefield.errors import MapError
+from placefield.features.joined_model import parts_of
 from placefield.maps.joining_maps import check_joinable, config_of, traverses_of, with_records
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -32,4 +33,4 @@ def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
         except MapError as error:
             raise MapError(f"{path}: {error}") from None
     traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
-    return with_records(built_of(traverses, config_of(maps), maps[0].model.network), maps)
+    return with_records(built_of(traverses, config_of(maps), parts_of(maps[0].model)), maps)

@@ -7,12 +7,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from placefield.config import Config
+from placefield.config import Config, kinds_of
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
+from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.features.mask import Mask
-from placefield.features.network import Network
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
@@ -21,11 +21,16 @@ from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
 from placefield_tools.build.mask_from_source import mask_of
-from placefield_tools.build.references import Reference, describe_reference, without_bad
+from placefield_tools.build.references import (
+    Reference,
+    check_distinct,
+    describe_reference,
+    without_bad,
+)
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
-from placefield_tools.sources.drives import Drive, drives_of
+from placefield_tools.sources.drives import Drive, check_given_once, drives_of
 from placefield_tools.sources.frame_content import check_frames, check_images, with_feature_of
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source_factory import name_of
@@ -71,7 +76,7 @@ def build_from(
     traverses = align_traverses(
         [each.traverse() for each in without_bad(described)], config.features.kind
     )
-    built = built_of(traverses, config, feature.network)
+    built = built_of(traverses, config, feature.parts)
     return replace(built, model=replace(built.model, mask=feature.mask))
 
 
@@ -96,10 +101,11 @@ def describe_drives(
         The drives, the configuration with the kind of their feature, and the feature.
 
     Raises:
-        SourceError: see ``build_from``.
+        SourceError: see ``build_from``; or a drive is given twice.
         ConfigError: the feature cannot be computed, or local features are asked for and the frames
             are descriptors.
     """
+    check_given_once([drive for drive, _ in drives])
     (first, parts), *others = drives
     describe = partial(
         describe_reference,
@@ -118,14 +124,15 @@ def describe_drives(
         with open_reference(drive, spacing_m, own) as other:
             check_frames(other, name, source.dimensions, first_name)
             described.append(describe(other, name, feature))
+    check_distinct(described)
     return described, config, feature
 
 
-def built_of(traverses: Sequence[Traverse], config: Config, network: Network | None) -> Map:
+def built_of(traverses: Sequence[Traverse], config: Config, parts: Sequence[FeaturePart]) -> Map:
     """Build a map of aligned traverses on all cores, showing progress; see ``build_map``."""
     with channel_progress(config.scales.channels) as progress:
         cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(traverses, config, progress, cut, network=network, run=map_in_order)
+        return build_map(traverses, config, progress, cut, parts, run=map_in_order)
 
 
 def open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:
@@ -188,7 +195,12 @@ def _check_feature(path: Path, kind: str) -> None:
         )
 
 
-def _is_of(model: DescriptorModel, kind: str) -> bool:
+def _is_of(model: AnyModel, kind: str) -> bool:
+    kinds = kinds_of(kind)
+    return len(kinds) == len(model.parts) and all(map(_is_of_part, model.parts, kinds))
+
+
+def _is_of_part(model: DescriptorModel, kind: str) -> bool:
     asked = network_of(kind)
     if asked is None or model.network is None:
         return kind == model.kind

@@ -8,7 +8,14 @@ from pathlib import Path
 from placefield.errors import FrameError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame
-from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
+from placefield.maps.traverse import (
+    ROUTE,
+    DescribedFrame,
+    Traverse,
+    content_of,
+    describe_frame,
+    traverse_of,
+)
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
@@ -33,6 +40,11 @@ class Reference:
     frames: Sequence[DescribedFrame | None]
     pose_frame: str = ROUTE
     stamped: bool = True
+
+    @property
+    def content(self) -> str:
+        """The checksum of its frames, see ``content_of``; bad frames are not in it."""
+        return content_of(frame.raw for frame in self.frames if frame is not None)
 
     def traverse(self) -> Traverse:
         """Return the traverse without its bad frames; see ``traverse_of`` for the errors."""
@@ -90,6 +102,23 @@ def describe_reference(
         raise SourceError(f"{name}: {missing} frames are missing; {_REMEDY} them")
     pose_frame = source.origin.frame if source.origin else ROUTE
     return Reference(name, described, pose_frame, source.stamped)
+
+
+def check_distinct(references: Sequence[Reference]) -> None:
+    """Refuse a drive that is given twice, whatever its names.
+
+    Raises:
+        SourceError: two references have the same frames.
+    """
+    names: dict[str, str] = {}
+    for reference in references:
+        content = reference.content
+        if content in names:
+            raise SourceError(
+                f"{reference.name}: is the same drive as {names[content]}: the frames are the "
+                "same; give each drive once"
+            )
+        names[content] = reference.name
 
 
 def without_bad(references: Sequence[Reference]) -> list[Reference]:

@@ -78,4 +78,4 @@ def build_routes(
     )
     routes = [each.traverse() for each in described]
     network = join_routes(routes, options.links, same_frame=options.same_frame)
-    return built_of([network], config, feature.network)
+    return built_of([network], config, feature.parts)

@@ -39,6 +39,8 @@ def _add(
     becomes a route of its own, with links to the places before and after it. The drive must show
     the route: 30% of its frames, or of the places. 'placefield drop' takes it out again.
 
+    The frames are described as those of the map are, so its settings hold, and none is given here.
+
     The new version of the map replaces the old one in an instant, or is written to --output.
 
     Examples:

@@ -69,6 +69,10 @@ def _scale(
     ] = None,
 ) -> None:
     """Maps of a thousand to a million places: time of a frame, and memory."""
+    from placefield_tools.common.outputs import check_folder_of
+
+    if picture is not None:
+        check_folder_of(picture)
     figures = _measure("scale", as_json)
     if picture is not None:
         from placefield_tools.bench.figure import as_object

@@ -1,5 +1,6 @@
 """``placefield build``: reference traverses to a map."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +81,6 @@ def _build(
       placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
-    from placefield.maps.store import save_map
     from placefield_tools.build.map_from_sources import build_from
     from placefield_tools.build.routes_from_sources import build_routes
     from placefield_tools.inspect.map_facts import traverse_line
@@ -100,11 +100,11 @@ def _build(
         metric__kind=metric,
         seed=seed,
     )
-    options_map.check_new_map(output, overwrite=overwrite)
     parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
     if routes:
         _refuse_with_routes(one_drive, poses, mask)
-        built = build_routes(
+        make = partial(
+            build_routes,
             references,
             effective,
             parts,
@@ -114,7 +114,8 @@ def _build(
         )
     else:
         options_routes.refuse_without_routes(links, same_frame=same_frame)
-        built = build_from(
+        make = partial(
+            build_from,
             references,
             effective,
             spacing_m=spacing,
@@ -123,7 +124,7 @@ def _build(
             leave_out_bad=leave_out_bad,
             mask=mask,
         )
-    save_map(built, output)
+    built = options_map.saved_new(make, output, overwrite=overwrite)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     for record in built.traverses:
         if record.aligned is not None:
@@ -134,7 +135,7 @@ def _build(
         print("no part of the image stays the same along the drive: nothing is hidden")
     for line in route_lines(built):
         print(line)
-    warn_of_unlinked(built.graph)
+    warn_of_unlinked(built)
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
 
 

@@ -57,10 +57,10 @@ def _chaos(
     from placefield_tools.chaos.clock import RealClock
     from placefield_tools.chaos.disturbed_run import disturbed_replay
     from placefield_tools.chaos.schedule import APART, schedule
-    from placefield_tools.cli.up import partition
     from placefield_tools.common.parallel import cores
     from placefield_tools.sources import open_source
     from placefield_tools.sources.secrets import without_secrets
+    from placefield_tools.up.service_commands import partition
 
     logging.getLogger("placefield").setLevel(
         logging.ERROR

@@ -35,7 +35,8 @@ def _dashboard(
     """Show a run in the browser: its frames and matches, its services, and its map.
 
     The dashboard only listens. If it is too slow, it leaves frames out and does not block the
-    pipeline. Start on the page runs 'placefield replay' on this host. No internet is needed.
+    pipeline. A new version that replaces MAP is shown from its first match on. Start on the page
+    runs 'placefield replay' on this host. No internet is needed.
 
     Examples:
       placefield dashboard route.pfmap
@@ -44,11 +45,11 @@ def _dashboard(
     from placefield.bus.keys import Keys
     from placefield.bus.session import open_bus
     from placefield.errors import ConfigError
-    from placefield.maps.opening import open_map
+    from placefield_services.map_versions import MapVersions, PreparedVersions
     from placefield_services.process import stop_event
     from placefield_tools.dashboard.feed import Feed
     from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
-    from placefield_tools.dashboard.state import LiveState
+    from placefield_tools.dashboard.state import LiveState, ShownMap
     from placefield_tools.listen.match_queue import warn_of_other_runs
 
     try:
@@ -62,8 +63,8 @@ def _dashboard(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
     run_name = effective.run
-    placemap = open_map(map_path)
-    state = LiveState(placemap)
+    versions = MapVersions(map_path, channels=None)
+    state = LiveState(versions.open())
     replay = ReplayChild(replay_flags(run_name, effective.bus))
     stop = stop_event()
 
@@ -72,8 +73,9 @@ def _dashboard(
 
     with open_bus(effective.bus, stop, viewer=True) as bus:
         warn_of_other_runs(bus, run_name)
-        feed = Feed(bus, Keys(run_name), state)
-        site = Site(run_name, map_path.stem, placemap, state, feed, replay)
+        prepared = PreparedVersions(versions, ShownMap.of)
+        feed = Feed(bus, Keys(run_name), state, prepared.pop_all)
+        site = Site(run_name, map_path.stem, state, feed, replay)
         try:
             serve(site, host, port, name or (), ready)
         finally:

@@ -42,9 +42,12 @@ def _demo(
       placefield demo
       placefield demo day/ dusk/
     """
+    from placefield_tools.common.outputs import make_folder
+
     if (reference is None) != (query is None):
         raise typer.BadParameter("give both REF and QUERY, or neither")
     effective = options.effective_config(config, settings)
+    make_folder(output)
     if reference is None or query is None:
         reference, query = _render(output, "day"), _render(output, "dusk")
     _run(reference, query, output, effective)

@@ -73,6 +73,7 @@ def _evaluate(
       placefield evaluate day/ dusk/ --protocol kidnap --seed 1
     """
     from placefield_tools.build.map_from_sources import map_of
+    from placefield_tools.common.outputs import make_folder
     from placefield_tools.common.progress import CONSOLE
     from placefield_tools.evaluate.evaluation import evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
@@ -102,6 +103,7 @@ def _evaluate(
     options_truth.check_other(protocol, other)
     options_truth.check_every(protocol, every)
     _refuse_to_thin(protocol)
+    make_folder(output)
     if Path(reference).suffix == SUFFIX:
         options_map.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)

@@ -54,6 +54,7 @@ def _explore(
         run_exploring_fuser,
     )
     from placefield_services.mapper import run_mapper
+    from placefield_tools.common.outputs import check_folder_of
 
     effective = options.effective_config(
         config,
@@ -69,6 +70,7 @@ def _explore(
     if service == "mapper":
         if output is None:
             raise ConfigError("--output: say which map the mapper keeps the frames for")
+        check_folder_of(output)
         run_mapper(output, effective, stop)
     elif service == "featurizer":
         run_exploring_featurizer(effective, stop)

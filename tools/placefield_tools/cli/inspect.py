@@ -34,6 +34,7 @@ def _inspect(
       placefield inspect route.pfmap -o segments.png
     """
     from placefield.maps.opening import open_map
+    from placefield_tools.common.outputs import check_folder_of
     from placefield_tools.inspect.map_summary import (
         draw_alignment,
         draw_network,
@@ -41,9 +42,10 @@ def _inspect(
         print_map,
     )
 
+    path = picture or map_path.with_name(f"{map_path.stem}-segments.png")
+    check_folder_of(path)
     opened = open_map(map_path)
     print_map(opened, map_path)
-    path = picture or map_path.with_name(f"{map_path.stem}-segments.png")
     draw_segments(opened, path)
     print(path)
     stem = path.stem.removesuffix("-segments")

@@ -1,5 +1,6 @@
 """``placefield join``: maps to one map of all their routes."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -33,16 +34,14 @@ def _join(
       placefield join north.pfmap south.pfmap -o town.pfmap
       placefield join north.pfmap south.pfmap --link north:120,south:0 -o town.pfmap
     """
-    from placefield.maps.store import save_map
     from placefield_tools.build.map_from_maps import join_maps
     from placefield_tools.inspect.route_facts import route_lines, warn_of_unlinked
 
     if len(maps) < 2:
         raise ConfigError("join: give two maps or more")
-    options_map.check_new_map(output, overwrite=overwrite)
-    joined = join_maps(maps, options_routes.route_options(links, same_frame=same_frame))
-    save_map(joined, output)
+    known = options_routes.route_options(links, same_frame=same_frame)
+    joined = options_map.saved_new(partial(join_maps, maps, known), output, overwrite=overwrite)
     print(f"{output}: {joined.places.count} places, {len(joined.channels)} channels")
     for line in route_lines(joined):
         print(line)
-    warn_of_unlinked(joined.graph)
+    warn_of_unlinked(joined)

@@ -1,7 +1,8 @@
 """Options about building a map and matching on it."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +11,10 @@ from placefield.errors import ConfigError
 from placefield.maps.manifest import check_map_path, read_manifest
 from placefield.presets import Preset
 from placefield_tools.cli.options import METRES
+from placefield_tools.common.outputs import make_folder
+
+if TYPE_CHECKING:
+    from placefield.maps.map import Map
 
 _DEFAULTS = Config()
 
@@ -56,7 +61,7 @@ Feature = Annotated[
     typer.Option(
         metavar="KIND",
         help="grayscale, gist, onnx:FILE for a network, or its name if it was fetched by "
-        "'placefield models get'; descriptors need none",
+        "'placefield models get'; several as gist+NAME; descriptors need none",
         callback=_feature_named,
         show_default=_DEFAULTS.features.kind,
     ),
@@ -124,11 +129,32 @@ ChangedMap = Annotated[
 ]
 
 
-def check_new_map(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path for a new map where there is one, unless it may be replaced.
+def saved_new(make: Callable[[], "Map"], path: Path, *, overwrite: bool) -> "Map":
+    """Make a map and save it at a path for a new map, which is refused before the work.
+
+    Until it is saved, no other process can change the map that it replaces.
 
     Raises:
-        ConfigError: the path is taken.
+        ConfigError: see ``_check_new_map``.
+        MapError: another process is changing the map at the path; or see ``save_map``.
+        PlacefieldError: whatever ``make`` raises.
+    """
+    from placefield.maps.map_lock import replacing
+    from placefield.maps.store import save_map
+
+    _check_new_map(path, overwrite=overwrite)
+    with replacing(path):
+        made = make()
+        _check_new_map(path, overwrite=overwrite)  # another process may have made one meanwhile
+        save_map(made, path)
+    return made
+
+
+def _check_new_map(path: Path, *, overwrite: bool) -> None:
+    """Refuse a path for a new map where there is one, unless it may be replaced; make its folder.
+
+    Raises:
+        ConfigError: the path is taken, or its folder cannot be made.
         MapError: the path is no map's, see ``check_map_path``.
     """
     check_map_path(path)
@@ -137,13 +163,14 @@ def check_new_map(path: Path, *, overwrite: bool) -> None:
             f"{path}: is there already, and services may be using it; choose another name, or "
             "give --overwrite"
         )
+    make_folder(path.parent)
 
 
 def changed_map(map_path: Path, output: Path | None) -> Path:
-    """Return where a changed map is written to: the map's own path, or a new one.
+    """Return where a changed map is written to: the map's own path, or a new one in its folder.
 
     Raises:
-        ConfigError: the other path is taken.
+        ConfigError: the other path is taken, or its folder cannot be made.
         MapError: the other path is no map's, see ``check_map_path``.
     """
     if output is None:
@@ -151,6 +178,7 @@ def changed_map(map_path: Path, output: Path | None) -> Path:
     check_map_path(output)
     if output.exists():
         raise ConfigError(f"{output}: is there already; choose another name, or leave out --output")
+    make_folder(output.parent)
     return output
 
 

@@ -46,13 +46,14 @@ def _record(
 
     .jsonl has the output of 'placefield listen --json', .csv has a row per match. Both are written
     line by line, so that a killed recorder loses no line, and 'placefield export' reads them. .mcap
-    opens in Foxglove and .rrd in Rerun, at the stamps of the frames.
+    opens in Foxglove and .rrd in Rerun, at the stamps of the frames. With --map, matches of another
+    map are left out, but not those of a new version that replaces MAP.
 
     Examples:
       placefield record drive.jsonl
       placefield record drive.mcap --frames
     """
-    from placefield.maps.manifest import read_identified
+    from placefield.maps.version_digests import VersionDigests
     from placefield_services.process import stop_event
     from placefield_tools.record.georeference import origin_of
     from placefield_tools.record.record_run import record
@@ -61,17 +62,17 @@ def _record(
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, bus__credentials=credentials
     )
-    origin = digest = None
+    origin = versions = None
     if map_path:
-        manifest, digest = read_identified(map_path)
-        origin = origin_of(manifest.pose_frame, map_path, "leave --map out")
+        versions = VersionDigests(map_path)
+        origin = origin_of(versions.manifest.pose_frame, map_path, "leave --map out")
     into = recorder_of(file, origin=origin, frames=frames)
     counts = record(
         effective,
         into,
         stop_event(),
         frames=frames,
-        digest=digest,
+        digests=versions,
         ready=lambda: print(f"recording run {effective.run!r} into {file}", flush=True),
     )
     _report(file, counts, frames=frames)

@@ -1,5 +1,6 @@
 """``placefield ros``: the gateway to ROS 2."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,10 +14,17 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _ros(
-    map_path: options.MapPath,
     topic: Annotated[
         str, typer.Option(metavar="TOPIC", help="topic of images: CompressedImage or Image")
     ],
+    map_path: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MAP",
+            help="a map: NAME.pfmap; without, no poses are published",
+            show_default=False,
+        ),
+    ] = None,
     odometry: Annotated[
         str | None,
         typer.Option(metavar="TOPIC", help="topic of nav_msgs/Odometry", show_default="none"),
@@ -40,10 +48,10 @@ def _ros(
     the services are too slow. Odometry gives the metres travelled between images. If the map was
     built with --spacing, give the same --spacing here.
 
-    Output, if the map has poses: known matches of the rule filter on /placefield/RUN/pose, and
-    known smoothed matches on /placefield/RUN/smoothed_pose
-    (geometry_msgs/PoseWithCovarianceStamped, in the frame "map"). Once a second, the
-    status of the services on /diagnostics (diagnostic_msgs/DiagnosticArray).
+    Output, if MAP has poses: known matches of the rule filter on /placefield/RUN/pose, and known
+    smoothed matches on /placefield/RUN/smoothed_pose (geometry_msgs/PoseWithCovarianceStamped, in
+    the frame "map"). Once a second, the status of the services on /diagnostics
+    (diagnostic_msgs/DiagnosticArray).
 
     Examples:
       placefield ros day.pfmap --topic /camera/image_raw/compressed --odometry /odom --spacing 0.5
@@ -58,6 +66,6 @@ def _ros(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
     topics = Topics(domain, topic, odometry, spacing)
-    versions = MapVersions(map_path, lineage=lineage)
+    versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())
     leave()

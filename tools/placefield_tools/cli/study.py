@@ -60,6 +60,7 @@ def _study(
       placefield study day/ dusk/ --protocol kidnap
       placefield study day/ dusk/ --preset paper
     """
+    from placefield_tools.common.outputs import make_folder
     from placefield_tools.evaluate.query import Query
     from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
@@ -94,7 +95,7 @@ def _study(
         raise ConfigError(
             f"{reference}: a map has no frames, and other methods need them; give the frames"
         )
-    output.mkdir(parents=True, exist_ok=True)  # fails now, not after the study
+    make_folder(output)
     asked_query = Query(
         query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every
     )

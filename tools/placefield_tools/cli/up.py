@@ -3,26 +3,16 @@
 import signal
 import tempfile
 import threading
-from collections.abc import Hashable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from placefield_tools.cli import options, options_map
-from placefield_tools.common.own_command import PLACEFIELD
 
 if TYPE_CHECKING:
     from placefield.config import Config
-
-_ROLES = {
-    "featurizer": "featurizer",
-    "channel": "channel",
-    "fuser": "fuser",
-    "serve": "mapserver",
-}
-"""The role whose credentials a command needs."""
+    from placefield_tools.up.service_commands import ServiceFlags
 
 
 def add_to(app: typer.Typer) -> None:
@@ -99,8 +89,8 @@ def _up(
 
     With --explore there is no map yet. Each frame is matched with the earlier ones of its stream:
     it shows the place of one of them, or a new place. At the end of the stream, or at Ctrl-C, the
-    map is built of the frames and saved; further streams are matched with it. --feature is for
-    --explore.
+    map is built of the frames and saved; further streams are matched with it. With --ros, too, the
+    images of ROS are explored until Ctrl-C. --feature is for --explore.
 
     Examples:
       placefield up route.pfmap --precision 0.99
@@ -108,11 +98,8 @@ def _up(
       placefield up street.pfmap --ros /camera/image_raw/compressed --connect tcp/127.0.0.1:7447
     """
     from placefield.errors import ConfigError
-    from placefield.maps.manifest import read_manifest
-    from placefield.maps.route_graph import check_rule
-    from placefield_services.host import run_host
     from placefield_services.process import stop_event
-    from placefield_tools.common.parallel import cores
+    from placefield_tools.up.service_commands import ServiceFlags, common_flags
 
     stop = stop_event()
     effective = options.effective_config(
@@ -129,85 +116,57 @@ def _up(
         matching__precision=precision,
         matching__exact=exact,
     )
-    if ros_odometry is not None and ros is None:
-        raise ConfigError("--ros-odometry: needs images; give --ros, too")
-    if ros_spacing is not None and ros_odometry is None:
-        raise ConfigError("--ros-spacing: needs odometry; give --ros-odometry, too")
-    if (map_path is None) == (explore is None):
-        raise ConfigError("give a MAP, or --explore NAME.pfmap")
+    gateway = _gateway_flags(ros, ros_odometry, ros_spacing, ros_domain)
     if explore is None and feature is not None:
         raise ConfigError("--feature: is for --explore; a map has its own feature")
-    if explore is not None and ros is not None:
-        raise ConfigError("--ros: needs a map; explore without it, then start again with the map")
     if explore is not None and (verifiers or effective.build.local_features):
         flag = "--verifiers" if verifiers else "setting build.local_features"
         raise ConfigError(
             f"{flag}: an explored drive keeps no images, so its map has no local features; build a "
             "map of the frames with 'placefield build'"
         )
-    if explore is not None:
-        if not _explored(explore, effective, workers or 1, stop, log_json=log_json):
-            return
-        map_path = explore
-    assert map_path is not None
-    options_map.check_preset(effective, map_path)
-    manifest = read_manifest(map_path)
-    manifest.features.check_rule(effective.matching.rule)
-    check_rule(effective.matching.rule, len(manifest.routes))
-    channels = manifest.channels
-    runs = ", ".join(map(repr, effective.runs))
-    replaying = "" if ros else "'placefield replay SOURCE' and "
-
-    def ready() -> None:
-        print(
-            f"ready: {'run' if len(effective.runs) == 1 else 'runs'} {runs} at "
-            f"{effective.bus.endpoint}, {len(channels)} channels; "
-            f"now {replaying}'placefield listen'",
-            flush=True,
-        )
-
-    roles = _ROLES | ({"verifier": "verifier"} if verifiers else {})
-    others = [*(["replay"] if ros else []), *(["verifier"] if verifiers else [])]
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
-        common = [str(map_path), *_common_flags(effective, Path(folder), log_json=log_json)]
-        commands = _commands(
-            common,
-            partition([channel.metric for channel in channels], workers or cores()),
-            [[effective.runs[run] for run in own] for own in partition(effective.runs, cores())],
-            _credentials_beside(effective.bus.credentials, roles),
-            manifest.lineage,
-            verifiers,
-        )
-        if ros is not None:
-            commands["gateway to ROS 2"] = _ros_command(
-                common, ros, ros_odometry, ros_spacing, ros_domain, manifest.lineage
-            )
-        run_host(
-            commands,
-            len(channels),
-            effective,
-            stop,
-            ready,
-            others=others,
-        )
+        common = common_flags(effective, Path(folder), log_json=log_json)
+        flags = ServiceFlags(common, gateway, workers, verifiers)
+        if explore is not None and map_path is None:
+            if not _explored(explore, effective, flags, stop):
+                return
+            map_path = explore
+        elif map_path is None or explore is not None:
+            raise ConfigError("give a MAP, or --explore NAME.pfmap")
+        _serve(map_path, effective, flags, stop)
+
+
+def _gateway_flags(
+    topic: str | None, odometry: str | None, spacing_m: float | None, domain: int
+) -> list[str] | None:
+    """Return the flags of the gateway to ROS 2; None if there is no topic of images."""
+    from placefield.errors import ConfigError
+
+    if odometry is not None and topic is None:
+        raise ConfigError("--ros-odometry: needs images; give --ros, too")
+    if spacing_m is not None and odometry is None:
+        raise ConfigError("--ros-spacing: needs odometry; give --ros-odometry, too")
+    if topic is None:
+        return None
+    flags = ["--topic", topic, "--domain", str(domain)]
+    if odometry is not None:
+        flags += ["--odometry", odometry]
+    if spacing_m is not None:
+        flags += ["--spacing", str(spacing_m)]
+    return flags
 
 
 def _explored(
-    path: Path, effective: "Config", workers: int, stop: threading.Event, *, log_json: bool
+    path: Path, effective: "Config", flags: "ServiceFlags", stop: threading.Event
 ) -> bool:
     """Explore a drive; return whether its map is there, and is to be served."""
-    from placefield_tools.explore.exploring_host import check_explored, commands_of, explore
+    from placefield_tools.explore.exploring_host import check_explored, explore
+    from placefield_tools.up.service_commands import exploring_commands
 
     check_explored(path, effective)
-    with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
-        common = _common_flags(effective, Path(folder), log_json=log_json)
-        services = ("featurizer", "channel", "fuser", "mapper")
-        credentials = _credentials_beside(
-            effective.bus.credentials, {service: service for service in services}
-        )
-        commands = commands_of(path, workers, common, credentials)
-        is_there = explore(path, effective, commands, stop, _end_at_next_signal)
-        return is_there and not stop.is_set()
+    commands = exploring_commands(path, effective, flags)
+    return explore(path, effective, commands, stop, _end_at_next_signal) and not stop.is_set()
 
 
 def _end_at_next_signal() -> None:
@@ -215,101 +174,30 @@ def _end_at_next_signal() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _common_flags(effective: "Config", folder: Path, *, log_json: bool) -> list[str]:
-    """Return the flags of all services; their configuration is written to a file in a folder."""
-    from placefield.config import MonitoringConfig
+def _serve(
+    map_path: Path, effective: "Config", flags: "ServiceFlags", stop: threading.Event
+) -> None:
+    """Serve a map until ``stop`` is set."""
+    from placefield.maps.manifest import read_manifest
+    from placefield.maps.route_graph import check_rule
+    from placefield_services.host import run_host
+    from placefield_tools.up.service_commands import commands_on_map
 
-    file = folder / "config.toml"
-    # The host reports the metrics of all services at one port.
-    of_services = effective.model_copy(update={"monitoring": MonitoringConfig()})
-    file.write_text(of_services.to_toml())
-    return ["--config", str(file), *(["--log-json"] if log_json else [])]
+    options_map.check_preset(effective, map_path)
+    manifest = read_manifest(map_path)
+    manifest.features.check_rule(effective.matching.rule)
+    check_rule(effective.matching.rule, len(manifest.routes))
+    runs = ", ".join(map(repr, effective.runs))
+    replaying = "" if flags.sources else "'placefield replay SOURCE' and "
 
+    def ready() -> None:
+        print(
+            f"ready: {'run' if len(effective.runs) == 1 else 'runs'} {runs} at "
+            f"{effective.bus.endpoint}, {len(manifest.channels)} channels; "
+            f"now {replaying}'placefield listen'",
+            flush=True,
+        )
 
-def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
-    """Partition items evenly among processes, and return the item numbers of each process.
-
-    Items of one kind stay together if possible: a frame is compared only once for all channels of
-    one metric.
-
-    Args:
-        kinds: kind of each item.
-        processes: number of processes; there are at most as many as items.
-    """
-    first_of_kind = {kind: first for first, kind in reversed(list(enumerate(kinds)))}
-    in_order = sorted(range(len(kinds)), key=lambda number: first_of_kind[kinds[number]])
-    processes = min(processes, len(kinds))
-    ends = [len(kinds) * process // processes for process in range(processes + 1)]
-    return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
-
-
-def _credentials_beside(routers: str | None, roles: Mapping[str, str]) -> dict[str, Path]:
-    """Return the folders of the services' credentials, which are beside the router's.
-
-    Args:
-        routers: the folder of the router's; None: there are no credentials.
-        roles: the role of each command.
-
-    Raises:
-        BusError: credentials are missing or not valid. Each service would fail for the same reason.
-    """
-    from placefield.bus.credentials import tls_settings
-
-    if routers is None:
-        return {}
-    beside = Path(routers).resolve().parent
-    credentials = {command: beside / role for command, role in roles.items()}
-    for folder in credentials.values():
-        tls_settings(folder)
-    return credentials
-
-
-def _commands(
-    common: Sequence[str],
-    channels: Sequence[Sequence[int]],
-    runs: Sequence[Sequence[str]],
-    credentials: Mapping[str, Path],
-    lineage: str,
-    verifiers: int = 0,
-) -> dict[str, list[str]]:
-    """Return the command line of each service, by its name.
-
-    There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, one map server, and so many verifiers. ``credentials`` has folders by command. A restarted
-    service opens the version of the map that is there then, and refuses a map of another lineage.
-    """
-
-    def command(service: str, flag: str, own: Sequence[object]) -> list[str]:
-        flags = [part for value in own for part in (flag, str(value))]
-        if service != "serve":  # the map server sends any map
-            flags += ["--lineage", lineage]
-        if service in credentials:
-            flags += ["--credentials", str(credentials[service])]
-        return [*PLACEFIELD, service, *common, *flags]
-
-    commands = {}
-    for number, own_runs in enumerate(runs):
-        commands[f"featurizer {number}"] = command("featurizer", "--run", own_runs)
-        commands[f"fuser {number}"] = command("fuser", "--run", own_runs)
-    for number, own_channels in enumerate(channels):
-        commands[f"channel worker {number}"] = command("channel", "--channel", own_channels)
-    for number in range(verifiers):
-        commands[f"verifier {number}"] = command("verifier", "--run", [])
-    commands["map server"] = command("serve", "--run", [])
-    return commands
-
-
-def _ros_command(
-    common: Sequence[str],
-    topic: str,
-    odometry: str | None,
-    spacing_m: float | None,
-    domain: int,
-    lineage: str,
-) -> list[str]:
-    flags = ["--topic", topic, "--domain", str(domain), "--lineage", lineage]
-    if odometry is not None:
-        flags += ["--odometry", odometry]
-    if spacing_m is not None:
-        flags += ["--spacing", str(spacing_m)]
-    return [*PLACEFIELD, "ros", *common, *flags]
+    commands = commands_on_map(map_path, manifest, effective, flags)
+    channels = len(manifest.channels)
+    run_host(commands, channels, effective, stop, ready, others=flags.others)

@@ -6,14 +6,14 @@ counted.
 
 import threading
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
-from placefield_tools.dashboard.state import LiveState
+from placefield_tools.dashboard.state import LiveState, ShownMap
 from placefield_tools.status.service_status import RunStatus
 from placefield_tools.status.statistics import RunListener
 
@@ -54,13 +54,21 @@ class Newest:
 class Feed:
     """Listens to a run, and updates the state when asked to."""
 
-    def __init__(self, bus: Bus, keys: Keys, state: LiveState) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        state: LiveState,
+        new_versions: Callable[[], Iterable[ShownMap]] = tuple,
+    ) -> None:
+        """Listen to a run; ``new_versions`` returns those of the map since the last call."""
+        self._new_versions = new_versions
         self.counts: Counter[str] = Counter()
         self._bus = bus
         self._state = state
         self._newest = Newest()
         self._matches: list[Received] = []
-        self._listener = RunListener(bus, keys, self._count_malformed, state.digest)
+        self._listener = RunListener(bus, keys, self._count_malformed)
         self._match_key = keys.match
         self._adders = {
             keys.frame: state.add_frame,
@@ -83,6 +91,8 @@ class Feed:
         Matches are added one call later: each key has its own thread, so that a match may arrive
         before the candidates that it was made of.
         """
+        for version in self._new_versions():
+            self._state.offer(version)
         matches, self._matches = self._matches, []
         for received in self._newest.get_batch():
             if received.key == self._match_key:
@@ -105,7 +115,7 @@ class Feed:
 
     def status(self) -> RunStatus:
         """Return the status of the run's services."""
-        return self._listener.status()
+        return self._listener.status(self._state.placemap.digest)
 
     def _receive_feature(self, received: Received) -> None:
         self._listener.announce(received)

@@ -37,6 +37,7 @@ class LivePage:
     def __init__(self, site: Site, board: ui.element) -> None:
         """Fill the page's main part; it is ``stale`` while no match can come."""
         self._state, self._feed, self._board = site.state, site.feed, board
+        self._placemap = site.placemap
         self._paused_at: Answer | None = None
         self._shown: Answer | None = None
         self._lay_out_controls()
@@ -107,7 +108,7 @@ class LivePage:
     def _draw(self) -> None:
         """Draw the changes."""
         answers = self._state.answers
-        if not answers:
+        if not answers or self._state.placemap is not self._placemap:  # the page is loaded again
             return
         answer = self._paused_at or answers[-1]
         if answer is not self._shown:

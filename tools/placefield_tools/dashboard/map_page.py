@@ -100,7 +100,7 @@ class _Places:
 
     def __init__(self, site: Site, on_turn: Callable[[int], None]) -> None:
         """Show the first page; ``on_turn`` is called with the first place of each further page."""
-        self._places = site.placemap.places
+        self._places, self._digest = site.placemap.places, site.placemap.digest
         self._on_turn = on_turn
         pages = -(-self._places.count // _PER_PAGE)
         with card("Places", ""):
@@ -124,5 +124,5 @@ class _Places:
         with ui.element("figure"):
             if self._places.has_thumbnails:
                 image = ui.element("img").props(f'loading=lazy alt="Place {place}"')
-                image.props["src"] = f"/place/{place}.jpg"
+                image.props["src"] = f"/place/{place}.jpg?{self._digest}"
             ui.html(f"{place}{where}", sanitize=False, tag="figcaption")

@@ -55,7 +55,7 @@ class FramesPanel:
         there = 0 <= place < self._site.placemap.places.count
         _set_image(
             self._reference,
-            f"/place/{place}.jpg?{_STARTED}" if there and has_images else None,
+            f"/place/{place}.jpg?{self._site.placemap.digest}" if there and has_images else None,
             f"Reference frame of {place_words(place, self._site.placemap.graph)}",
         )
         named = place_words(place, self._site.placemap.graph)

@@ -112,7 +112,7 @@ def _check_free(host: str, port: int) -> None:
 
 def _add_pictures(web: FastAPI, site: Site) -> None:
     """Add the pictures' routes. Pictures are drawn in other threads, which use no state."""
-    state, places = site.state, site.placemap.places
+    state = site.state
 
     @web.get("/frame/{number}.jpg")
     async def frame(number: int) -> Response:
@@ -141,6 +141,7 @@ def _add_pictures(web: FastAPI, site: Site) -> None:
 
     @web.get("/place/{place}.jpg")
     async def place(place: int) -> Response:
+        places = site.placemap.places
         if not (places.has_thumbnails and 0 <= place < places.count):
             return Response(status_code=404)
         return Response(places.thumbnail(place), media_type="image/jpeg")

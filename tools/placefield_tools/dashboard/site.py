@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from nicegui import app, ui
@@ -14,6 +15,7 @@ from placefield_tools.dashboard.replay_process import ReplayChild
 from placefield_tools.dashboard.state import LiveState
 
 _STYLE = Path(__file__).with_name("style.css").read_text()
+_LOOK_EVERY_S = 0.5
 _PAGES = {"Live": "/", "Map": "/map"}
 _COLOURS: dict[bool | None, tuple[str, str, bool | None]] = {
     None: ("brightness_auto", "Colours as the system has them: change to dark", True),
@@ -30,23 +32,30 @@ class Site:
     Attributes:
         run: name of the run.
         map_name: name of its map.
-        placemap: the map.
-        state: the newest answers of the run.
+        state: the newest answers of the run, and the version of the map that they are of.
         feed: the run's messages, which update the state.
         replay: the replay that the page starts and stops.
     """
 
     run: str
     map_name: str
-    placemap: Map
     state: LiveState
     feed: Feed
     replay: ReplayChild
 
+    @property
+    def placemap(self) -> Map:
+        """The shown version of the map."""
+        return self.state.placemap
+
 
 @contextmanager
 def page(site: Site, current: str) -> Iterator[ui.element]:
-    """Lay out a page: a header, and a main part for the block to fill."""
+    """Lay out a page: a header, and a main part for the block to fill.
+
+    A page is of one version of the map, and is loaded again when another one is shown.
+    """
+    ui.timer(_LOOK_EVERY_S, partial(_reload_if_replaced, site, site.placemap))
     ui.add_css(_STYLE)
     with ui.header(fixed=False).classes("top"):
         ui.html("Placefield", sanitize=False, tag="h1")
@@ -61,6 +70,11 @@ def page(site: Site, current: str) -> Iterator[ui.element]:
     ui.skip_link(target=board)
     with board:
         yield board
+
+
+def _reload_if_replaced(site: Site, shown: Map) -> None:
+    if site.placemap is not shown:
+        ui.navigate.reload()
 
 
 def _colour_button() -> None:

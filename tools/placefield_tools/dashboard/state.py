@@ -6,6 +6,7 @@ This module has no bus and draws nothing: callers pass the messages.
 from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from placefield.bus.candidate_messages import CandidatesMessage, ChannelCandidate
 from placefield.bus.message import Header
@@ -68,29 +69,61 @@ class _UnderWay:
 _Key = tuple[str, int]  # stream and sequence
 
 
+class ShownMap(NamedTuple):
+    """A version of the map, and its columns of distances."""
+
+    placemap: Map
+    columns: DistanceColumns
+
+    @classmethod
+    def of(cls, placemap: Map) -> "ShownMap":
+        """Make the columns of a map, which takes a moment."""
+        return cls(placemap, DistanceColumns(placemap))
+
+
 class LiveState:
-    """The newest answers of a run, at most ``KEPT``.
+    """The newest answers of a run, at most ``KEPT``, all of one version of the map.
 
     Counts ``missed`` answers between two answers of a lossless stream, and ``foreign`` messages,
     which belong to another map. Foreign messages are not shown.
     """
 
     def __init__(self, placemap: Map) -> None:
+        self._shown = ShownMap.of(placemap)
+        self._next: ShownMap | None = None
+        self._answered = 0
         self.answers: deque[Answer] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
         self.ended: Header | None = None
         """The end of the last answered stream, if that stream has ended."""
         self.smoothed: tuple[Header, SmoothedMessage] | None = None
         """The newest smoothed match of the last smoothed stream."""
-        self.columns = DistanceColumns(placemap)
-        self.digest = placemap.digest
-        """Digest of the shown map."""
+        # All versions of a map have one model.
         self._model = fingerprint(placemap.model)
         self._descriptors = placemap.model
-        self._places = placemap.places.count
         self._under_way: OrderedDict[_Key, _UnderWay] = OrderedDict()
         self._frames: OrderedDict[_Key, bytes] = OrderedDict()
         self._frame_bytes = 0
+
+    @property
+    def placemap(self) -> Map:
+        """The shown version of the map."""
+        return self._shown.placemap
+
+    @property
+    def columns(self) -> DistanceColumns:
+        """The columns of the distances of its answers."""
+        return self._shown.columns
+
+    def offer(self, version: ShownMap) -> None:
+        """Take a new version of the map, to be shown from its first match on."""
+        self._next = version
+
+    def _show(self, version: ShownMap) -> None:
+        """Show a new version; the answers of the old one have other places, and are left out."""
+        self._shown, self._next, self.smoothed = version, None, None
+        self.answers.clear()
+        self._under_way.clear()
 
     def add_frame(self, header: Header, payload: bytes) -> None:
         """Add a frame; it is decoded only when it is shown."""
@@ -151,15 +184,16 @@ class LiveState:
                 under_way.candidates[candidate.channel] = thinned(joined, message.rule)
 
     def _is_foreign(self, digest: str) -> bool:
-        if digest == self.digest:
+        if digest == self.placemap.digest:
             return False
-        self.counts["foreign"] += 1
+        # Before a new version answers, its candidates come, too.
+        self.counts["foreign"] += self._next is None or digest != self._next.placemap.digest
         return True
 
     def _check(self, candidate: ChannelCandidate, rule: Rule) -> None:
         if rule == "filter" and len(candidate.places) != len(candidate.evidence):
             raise MessageError(f"channel {candidate.channel}: needs one evidence for each place")
-        if candidate.place >= self._places:
+        if candidate.place >= self.placemap.places.count:
             self.counts["foreign"] += 1
 
     def add_match(self, header: Header, payload: bytes) -> None:
@@ -172,6 +206,8 @@ class LiveState:
             self.ended = header
             return
         match = MatchMessage.decode(payload)
+        if self._next is not None and match.map == self._next.placemap.digest:
+            self._show(self._next)
         if self._is_foreign(match.map):
             return
         last = self.answers[-1] if self.answers else None
@@ -182,8 +218,10 @@ class LiveState:
             if not header.live:
                 self.counts["missed"] += gap
         of = self._under_way.pop(_key(header), _UnderWay())
-        number = 0 if last is None else last.number + 1
-        self.answers.append(Answer(number, header, match, of.rule, of.candidates, of.distances))
+        self.answers.append(
+            Answer(self._answered, header, match, of.rule, of.candidates, of.distances)
+        )
+        self._answered += 1
         self.ended = None
 
     def add_smoothed(self, header: Header, payload: bytes) -> None:

@@ -12,7 +12,6 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.protocols import Resampling, aligned
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptors import DescriptorStream
 from placefield.features.frames import Frame, Pose
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -130,7 +129,7 @@ def match_here(
     lags: Collection[int] = (),
 ) -> Matches:
     """Match a query's frames in this process, see ``match_drive``."""
-    stream = DescriptorStream(placemap.model)
+    stream = placemap.model.new_stream()
     descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     metres = Metres(placemap, readings)
     return match_drive(placemap.channels, descriptors, metres, config, lags)

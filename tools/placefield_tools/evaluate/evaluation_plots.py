@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.features.descriptors import DescriptorStream
 from placefield.features.images import decode
 from placefield.maps.map import Map
 from placefield.matching.comparing import distance_matrix
@@ -63,7 +62,7 @@ def _draw_matrix(
 
 def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
     """Return distances under the first channel's metric, (Q, K); infinite without observation."""
-    stream = DescriptorStream(placemap.model)
+    stream = placemap.model.new_stream()
     descriptors = [None if raw is None else stream.update(raw) for raw in raws]
     return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.config import Config
 from placefield.errors import MapError
-from placefield.features.extract import network_of
+from placefield.features.extract import feature_of
 from placefield.features.local_descriptors import LocalDescriptors
 from placefield.maps.drive_file import DriveFrame, read_drive
 from placefield.maps.map import Map
@@ -37,7 +37,7 @@ def build_explored(drive: Path, name: str, config: Config) -> Map:
     if not places:
         raise MapError(f"{drive}: the views of {len(frames)} frames change too little for a map")
     traverse = _traverse(name, [frames[number] for number in places])
-    return built_of([traverse], config, network_of(config.features.kind))
+    return built_of([traverse], config, feature_of(config.features.kind).parts)
 
 
 def places_of(frames: Sequence[DriveFrame]) -> list[int]:

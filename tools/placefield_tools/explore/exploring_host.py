@@ -18,8 +18,9 @@ from placefield_services.exploring_services import check_exploring
 from placefield_services.host import run_host
 from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
-from placefield_tools.common.own_command import PLACEFIELD
+from placefield_tools.common.outputs import make_folder
 from placefield_tools.explore.explored_map import build_explored
+from placefield_tools.up.service_commands import GATEWAY
 
 log = logging.getLogger(__name__)
 
@@ -30,13 +31,14 @@ def check_explored(path: Path, config: Config) -> None:
     """Refuse a map that exists, and settings that cannot explore.
 
     Raises:
-        ConfigError: the map exists, the rule or the feature cannot explore, or there are several
-            runs.
+        ConfigError: the map exists, or its folder cannot be made; the rule or the feature cannot
+            explore; or there are several runs.
         MapError: the path does not end in ``.pfmap``.
     """
     check_map_path(path)
     if path.exists():
         raise ConfigError(f"{path}: exists already; name another map, or leave --explore out")
+    make_folder(path.parent)
     check_exploring(config.matching)
     _ = config.run
     feature_of(config.features.kind, config.inference)
@@ -77,6 +79,8 @@ def explore(
     builder = _Builder(path, config, stop)
     builder.start()
     run = Keys(config.run)
+    sources = ("replay",) if GATEWAY in commands else ()
+    replaying = "" if sources else "'placefield replay SOURCE' and "
 
     def is_over(bus: Bus) -> bool:
         return builder.is_done and not bus.alive(run.all_alive("replay"))
@@ -84,11 +88,11 @@ def explore(
     def ready() -> None:
         print(
             f"ready: run {config.run!r} at {config.bus.endpoint}, exploring; "
-            "now 'placefield replay SOURCE' and 'placefield listen'",
+            f"now {replaying}'placefield listen'",
             flush=True,
         )
 
-    run_host(commands, 1, config, stop, ready, others=("mapper",), is_over=is_over)
+    run_host(commands, 1, config, stop, ready, others=("mapper", *sources), is_over=is_over)
     if stop.is_set():
         on_stop()
     builder.join()
@@ -162,21 +166,3 @@ class _Builder(threading.Thread):
             self.has_failed = True
             kept = ended_path(self._path)
             log.error("%s; the drive is kept as %s: start again with --explore", error, kept)
-
-
-def commands_of(
-    path: Path, workers: int, common: Sequence[str], credentials: Mapping[str, Path]
-) -> dict[str, list[str]]:
-    """Return the command line of each exploring service, by its name."""
-
-    def command(service: str, *flags: str) -> list[str]:
-        if service in credentials:
-            flags = (*flags, "--credentials", str(credentials[service]))
-        return [*PLACEFIELD, "explore", service, *common, *flags]
-
-    return {
-        "featurizer": command("featurizer"),
-        **{f"channel worker {number}": command("channel") for number in range(workers)},
-        "fuser": command("fuser"),
-        "mapper": command("mapper", "--output", str(path)),
-    }

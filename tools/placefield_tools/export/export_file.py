@@ -4,6 +4,7 @@ from pathlib import Path
 
 from placefield.errors import ConfigError
 from placefield.files import write_whole
+from placefield_tools.common.outputs import check_folder_of
 from placefield_tools.export.g2o import to_g2o
 from placefield_tools.export.geojson import to_geojson
 from placefield_tools.export.matched_traverse import QueryTraverse
@@ -12,16 +13,17 @@ from placefield_tools.record.records import RecordingError
 
 
 def check_target(path: Path) -> None:
-    """Check that the format of a file is known, and that the file does not exist.
+    """Check that the format of a file is known, and that it is a new file in a folder that exists.
 
     Raises:
-        ConfigError: there is no such format.
+        ConfigError: there is no such format, or no such folder.
         RecordingError: the file exists already.
     """
     if path.suffix not in _FORMATS:
         raise ConfigError(f"{path}: unknown suffix; use one of {', '.join(_FORMATS)}")
     if path.exists():
         raise RecordingError(f"{path}: exists already; remove it, or name another file")
+    check_folder_of(path)
 
 
 def export(traverse: QueryTraverse, path: Path) -> None:

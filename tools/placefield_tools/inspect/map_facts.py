@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from placefield.features.descriptors import DescriptorModel
+from placefield.features.joined_model import AnyModel
 from placefield.maps.geography import Origin
 from placefield.maps.manifest import TraverseRecord
 from placefield.maps.map import Map, Places
@@ -21,7 +21,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "travelled": _travelled(opened.places),
         "revisited": _revisited(opened.places),
         "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
-        "descriptor": f"{model.kind}, {made}, {len(model.components)} dimensions that keep "
+        "descriptor": f"{model.kind}, {made}, {model.dimensions} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
         "mask": _mask(model),
         "smallest scale": f"{opened.channels[0].smallest} frames",
@@ -35,7 +35,7 @@ def map_facts(opened: Map) -> dict[str, str]:
     }
 
 
-def _mask(model: DescriptorModel) -> str:
+def _mask(model: AnyModel) -> str:
     return f"hides {model.mask.hidden:.0%} of each image" if model.mask else "none"
 
 

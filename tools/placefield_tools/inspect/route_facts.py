@@ -37,16 +37,42 @@ def unlinked(graph: RouteGraph) -> list[str]:
     return [name for number, name in enumerate(graph.names) if number not in joined]
 
 
-def warn_of_unlinked(graph: RouteGraph) -> None:
+def warn_of_unlinked(placemap: Map) -> None:
     """Warn of the routes of a network that nothing links to another route."""
+    graph = placemap.graph
     if len(graph.names) == 1:
         return
+    twins = _twins(placemap)
     for name in unlinked(graph):
-        log.warning(
-            "%s: is linked to no other route: no stretch of it is surely one of theirs; give "
-            "--link, if a vehicle can pass from one to the other",
-            name,
+        if name in twins:
+            log.warning(
+                "%s: is the same stretch as %s from start to end, so no link joins them; build "
+                "both as traverses of one route, without --routes",
+                name,
+                twins[name],
+            )
+        else:
+            log.warning(
+                "%s: is linked to no other route: no stretch of it is surely one of theirs; give "
+                "--link, if a vehicle can pass from one to the other",
+                name,
+            )
+
+
+def _twins(placemap: Map) -> dict[str, str]:
+    """Return by name another route that each route shares a stretch with, if there is one.
+
+    Links begin and end at the ends of a shared stretch. Only if these are the ends of both routes,
+    there is none.
+    """
+    graph, twins = placemap.graph, {}
+    for overlap in overlaps(placemap.places.same, graph.first):
+        later, earlier = (
+            graph.names[graph.route_of(place)] for place in (overlap.first, overlap.twin_of_first)
         )
+        if later != earlier:
+            twins[later], twins[earlier] = earlier, later
+    return twins
 
 
 def _stretch(graph: RouteGraph, first: int, last: int) -> str:

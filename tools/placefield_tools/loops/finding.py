@@ -12,6 +12,7 @@ from placefield.config import Config
 from placefield.errors import FrameError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
+from placefield.features.raw_stage import check_one_part
 from placefield.matching.exploring import Answer, Explorer
 from placefield.verification.extracting import extract
 from placefield.verification.local_features import LocalFeatures
@@ -82,12 +83,13 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
 
     Raises:
         SourceError: the source fails, is a live camera, or none of its frames can be read.
-        ConfigError: the feature cannot be computed, or the focal length is given and the frames are
-            descriptors.
+        ConfigError: the feature has several parts or cannot be computed, or the focal length is
+            given and the frames are descriptors.
     """
     if source.live:
         raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
     config = with_feature_of(source, name, config)
+    check_one_part(config.features.kind)
     feature = feature_of(config.features.kind, config.inference)
     focal = config.verification.focal
     if focal is not None:

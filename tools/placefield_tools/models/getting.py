@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tomli_w
 
-from placefield.config import ONNX
+from placefield.config import ONNX, kind_of, kinds_of
 from placefield.errors import ConfigError, SourceError
 from placefield.files import write_whole
 from placefield_tools.datasets.downloading import Progress, download
@@ -68,11 +68,15 @@ def toml_of(model: Model) -> str:
 
 
 def feature_named(kind: str) -> str:
-    """Return the kind of feature of ``--feature``: the name of a network becomes its file.
+    """Return the kind of feature of ``--feature``: the names of networks become their files.
 
     Raises:
         ConfigError: the network has not been fetched.
     """
+    return kind_of(map(_part_named, kinds_of(kind)))
+
+
+def _part_named(kind: str) -> str:
     if kind not in models():
         return kind
     file = models_folder() / f"{kind}.onnx"

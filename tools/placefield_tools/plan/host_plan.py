@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-from placefield.config import DESCRIPTOR
+from placefield.config import DESCRIPTOR, kinds_of
 from placefield.errors import MapError
 from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES, look_files
 from placefield.maps.manifest import REBUILD, Manifest
@@ -165,7 +165,8 @@ def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
 
 def services_of(manifest: Manifest) -> list[Process]:
     """Return the services that a run has once: featurizer and fuser."""
-    featurizer_s = _FEATURIZER_S.get(manifest.features.kind, _NETWORK_S)
+    kinds = kinds_of(manifest.features.kind)
+    featurizer_s = sum(_FEATURIZER_S.get(kind, _NETWORK_S) for kind in kinds)
     return [Process("featurizer", featurizer_s), Process("fuser", _FUSER_S)]
 
 

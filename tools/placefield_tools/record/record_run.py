@@ -2,7 +2,7 @@
 
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from contextlib import AbstractContextManager, ExitStack
 
 from placefield.bus.inbox import Inbox, Received
@@ -29,7 +29,7 @@ def record(
     stop: threading.Event,
     *,
     frames: bool = False,
-    digest: str | None = None,
+    digests: Container[str] | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> Counter[str]:
     """Record the matches of all streams of a run, from now until ``stop`` is set.
@@ -41,7 +41,7 @@ def record(
         into: the recorder; it is entered when the bus is open.
         stop: ends the recording.
         frames: whether to record the query frames, too.
-        digest: digest of the map of the matches; None: that of the first match of each stream.
+        digests: of the maps that matches may be of; None: any map.
         ready: called when the recording has begun.
 
     Returns:
@@ -55,7 +55,9 @@ def record(
         with open_bus(config.bus, stop, viewer=True) as bus:
             warn_of_other_runs(bus, config.run)
             recorder = stack.enter_context(into)
-            recording = RecordSession(bus, Keys(config.run), recorder, frames=frames, digest=digest)
+            recording = RecordSession(
+                bus, Keys(config.run), recorder, frames=frames, digests=digests
+            )
             ready()
             while not stop.is_set():
                 recording.write_received(_POLL_S)
@@ -77,7 +79,7 @@ class RecordSession:
         recorder: Recorder,
         *,
         frames: bool,
-        digest: str | None = None,
+        digests: Container[str] | None = None,
     ) -> None:
         self._bus, self._keys, self._recorder = bus, keys, recorder
         self._written: Counter[str] = Counter()
@@ -86,7 +88,7 @@ class RecordSession:
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
         if frames:  # subscribed first, so that each match has its frame
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
-        self._matches = MatchQueue(bus, keys, smoothed=True, verified=True, digest=digest)
+        self._matches = MatchQueue(bus, keys, smoothed=True, verified=True, digests=digests)
 
     @property
     def counts(self) -> Counter[str]:

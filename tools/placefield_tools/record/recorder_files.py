@@ -8,6 +8,7 @@ from placefield.errors import ConfigError
 from placefield.files import sync
 from placefield.maps.geography import Origin
 from placefield.plugins import Group, has_plugin, load_plugin
+from placefield_tools.common.outputs import check_folder_of
 from placefield_tools.record.recorder import Recorder
 from placefield_tools.record.records import RecordingError
 from placefield_tools.record.text import record_csv, record_json_lines
@@ -29,14 +30,15 @@ def recorder_of(
 
     Raises:
         RecordingError: the file exists already, or (inside the block) cannot be written.
-        ConfigError: there is no such kind of recording, it cannot hold images or positions, or a
-            library is missing.
+        ConfigError: there is no such kind of recording, or it cannot hold images or positions; or
+            there is no such folder, or a library is missing.
     """
     is_ours = path.suffix in (*_TEXT, *_RICH)
     if not is_ours and not has_plugin(_RECORDERS, path.suffix[1:]):
         raise ConfigError(f"{path}: unknown suffix; use .jsonl, .csv, .mcap or .rrd")
     if path.exists():
         raise RecordingError(f"{path}: exists already; remove it, or name another file")
+    check_folder_of(path)
     if not is_ours:
         plugin = load_plugin(_RECORDERS, path.suffix[1:])
         return _with_known_errors(path, _with_pictures(path, plugin(path, origin), frames))

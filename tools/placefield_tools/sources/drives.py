@@ -5,12 +5,15 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from placefield.errors import SourceError
 from placefield_tools.sources.one_drive import goes_on
+from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.source_factory import (
     Parts,
     holds_recordings,
     is_descriptor_source,
+    name_of,
     open_source,
 )
 
@@ -60,6 +63,21 @@ def drives_of(references: Sequence[str], parts: Parts, one_drive: bool | None) -
                 ", ".join(Path(references[number]).name for number in drive),
             )
     return [tuple(references[number] for number in drive) for drive in drives]
+
+
+def check_given_once(drives: Sequence[Drive]) -> None:
+    """Refuse a drive that is given twice, also by another path to the same file or folder.
+
+    Raises:
+        SourceError: two drives have the same sources.
+    """
+    seen: dict[tuple[Path, ...], Drive] = {}
+    for drive in drives:
+        place = tuple(Path(source).resolve() for source in drive)
+        if place in seen:
+            one, other = (without_secrets(name_of(each)) for each in (drive, seen[place]))
+            raise SourceError(f"{one}: is the same drive as {other}; give each drive once")
+        seen[place] = drive
 
 
 def _goes_on(

@@ -2,7 +2,7 @@
 
 from placefield.config import DESCRIPTOR, Config
 from placefield.errors import ConfigError, SourceError
-from placefield.features.descriptors import DescriptorModel
+from placefield.features.joined_model import AnyModel
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
 
@@ -31,9 +31,9 @@ def with_feature_of(source: Source, where: str, config: Config) -> Config:
     return config.model_copy(update={"features": features})
 
 
-def dimensions_of(model: DescriptorModel) -> int | None:
+def dimensions_of(model: AnyModel) -> int | None:
     """Return the dimension of the descriptors that a map takes; None if it takes images."""
-    return len(model.mean) if model.kind == DESCRIPTOR else None
+    return model.raw_dimensions if model.kind == DESCRIPTOR else None
 
 
 def check_frames(source: Source, where: str, dimensions: int | None, other: str) -> None:

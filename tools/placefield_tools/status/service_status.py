@@ -83,9 +83,7 @@ class _Report:
 class RunRecord:
     """The reports of a run's services. Times are in seconds of any monotonic clock."""
 
-    def __init__(self, digest: str | None = None) -> None:
-        """Expect services to have the map of this digest; None: the map of the fuser."""
-        self._digest = digest
+    def __init__(self) -> None:
         self._announced: Header | None = None
         self._reports: dict[tuple[str, str], _Report] = {}
 
@@ -105,8 +103,14 @@ class RunRecord:
         """Remove the reports of a process that has ended."""
         self._reports.pop((service, process), None)
 
-    def status(self, tokens: Iterable[str], now: float) -> RunStatus:
-        """Return the status of the services that have these liveliness tokens."""
+    def status(self, tokens: Iterable[str], now: float, digest: str | None = None) -> RunStatus:
+        """Return the status of the services that have these liveliness tokens.
+
+        Args:
+            tokens: of the services that are alive.
+            now: the time.
+            digest: of the map that the services should have; None: the map of the fuser.
+        """
         alive = sorted(map(service_and_identity, tokens))
         reports = {
             key: self._reports[key]
@@ -119,19 +123,8 @@ class RunRecord:
         )
         expected = [of.stats.channels for of in reports.values() if of.stats.channels is not None]
         channels = max(expected, default=None)
-        absent = [*missing(alive, channels), *self._on_other_maps(reports)]
+        absent = [*missing(alive, channels), *_on_other_maps(reports, digest)]
         return RunStatus(stream, newest, channels, services, tuple(absent))
-
-    def _on_other_maps(self, reports: Mapping[tuple[str, str], _Report]) -> list[str]:
-        """Name the services that have another map than expected."""
-        maps = {key: of.stats.map for key, of in reports.items() if of.stats.map is not None}
-        of_fusers = (digest for (service, _), digest in maps.items() if service == "fuser")
-        own = self._digest or next(of_fusers, None)
-        return [
-            f"{service} {process} on map {own}: it has {digest}"
-            for (service, process), digest in maps.items()
-            if own not in (None, digest)
-        ]
 
     def _newest(self, reports: dict[tuple[str, str], _Report]) -> tuple[str | None, int | None]:
         """Return the current stream and the number of its newest frame."""
@@ -248,3 +241,15 @@ def _rate(before: _Report, stats: StatsMessage, now: float) -> float | None:
         return None
     elapsed = now - before.at
     return max(stats.sequence - old.sequence, 0) / elapsed if elapsed > 0 else None
+
+
+def _on_other_maps(reports: Mapping[tuple[str, str], _Report], digest: str | None) -> list[str]:
+    """Name the services that have another map than expected."""
+    maps = {key: of.stats.map for key, of in reports.items() if of.stats.map is not None}
+    of_fusers = (found for (service, _), found in maps.items() if service == "fuser")
+    own = digest or next(of_fusers, None)
+    return [
+        f"{service} {process} on map {own}: it has {found}"
+        for (service, process), found in maps.items()
+        if own not in (None, found)
+    ]

@@ -39,11 +39,7 @@ class RunListener:
     """
 
     def __init__(
-        self,
-        bus: Bus,
-        keys: Keys,
-        on_malformed: Callable[[str, MessageError], None],
-        digest: str | None = None,
+        self, bus: Bus, keys: Keys, on_malformed: Callable[[str, MessageError], None]
     ) -> None:
         """Start to listen.
 
@@ -52,10 +48,9 @@ class RunListener:
             keys: keys of the run.
             on_malformed: called with the key of each message that does not parse, on the bus's
                 thread.
-            digest: digest of the map that the services should have; None: the map of the fuser.
         """
         self._on_malformed = on_malformed
-        self._record = RunRecord(digest)
+        self._record = RunRecord()
         self._tokens: set[str] = set()
         self._processes: Counter[tuple[str, str]] = Counter()
         """The number of tokens of each process."""
@@ -70,10 +65,10 @@ class RunListener:
         with self._lock:
             self._record.announce(received.header)
 
-    def status(self) -> RunStatus:
-        """Return the status of the services."""
+    def status(self, digest: str | None = None) -> RunStatus:
+        """Return the status of the services; see ``RunRecord.status`` for the digest."""
         with self._lock:
-            return self._record.status(tuple(self._tokens), time.monotonic())
+            return self._record.status(tuple(self._tokens), time.monotonic(), digest)
 
     @property
     def left_out(self) -> int:

@@ -1,6 +1,6 @@
 """Runs a study of a reference and a query."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from placefield.errors import MapError, SourceError, TruthError
 from placefield.evaluation.protocols import TAKES_EVERY, THINS_REFERENCE, default_every
 from placefield.evaluation.truth import Truth
 from placefield.features.extract import feature_of
-from placefield.features.network import Network
+from placefield.features.joined_model import FeaturePart
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield_tools.common.progress import CONSOLE
@@ -117,7 +117,7 @@ def prepare(
     if drive.odometry is not None:  # which assumes one metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
-    placemap, fitting = _fitting_map(traverse, config, feature.network, thinned=drive.every > 1)
+    placemap, fitting = _fitting_map(traverse, config, feature.parts, thinned=drive.every > 1)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
     ground = find_truth(
         TruthSides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
@@ -129,7 +129,7 @@ def prepare(
     return Trial(
         config=fitting.model_copy(update={"matching": query.matching(config.matching)}),
         traverse=traverse,
-        network=feature.network,
+        parts=feature.parts,
         placemap=placemap,
         plain=plain_channel(placemap, traverse),
         reference=described_reference,
@@ -157,7 +157,7 @@ def _agreed(query: Query, reference: Source) -> tuple[Query, Source]:
 
 
 def _fitting_map(
-    traverse: Traverse, config: Config, network: Network | None, *, thinned: bool
+    traverse: Traverse, config: Config, parts: Sequence[FeaturePart], *, thinned: bool
 ) -> tuple[Map, Config]:
     """Build our map; if thinning left too few places, use shorter segments and log it.
 
@@ -167,7 +167,7 @@ def _fitting_map(
     tried = config
     while True:
         try:
-            return build_reference(traverse, tried, network), tried
+            return build_reference(traverse, tried, parts), tried
         except MapError:
             shorter = tried.scales.min_scale - 1
             if not thinned or shorter < SHORTEST_MIN_SCALE or tried.scales.min_scale_metres:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.evaluation.truth import Truth
-from placefield.features.descriptors import DescriptorModel, DescriptorStream
-from placefield.features.network import Network
+from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.map_metrics import identity_metric
@@ -34,7 +33,7 @@ class Trial:
     Attributes:
         config: whose matching says which way the route is driven.
         traverse: the reference.
-        network: that its raw features are the output of, if so.
+        parts: of its feature, see ``Feature.parts``.
         placemap: our map of it.
         plain: a channel of our map under the identity metric.
         reference: its frames.
@@ -51,7 +50,7 @@ class Trial:
 
     config: Config
     traverse: Traverse
-    network: Network | None
+    parts: Sequence[FeaturePart]
     placemap: Map
     plain: MapChannel
     reference: Described
@@ -110,7 +109,7 @@ class Trial:
 
     def build(self, config: Config, cut: Cut = adaptive_channels) -> Map:
         """Build another map of the reference; see ``build_map``."""
-        return build_reference(self.traverse, config, self.network, cut)
+        return build_reference(self.traverse, config, self.parts, cut)
 
     def matching(self, rule: Rule) -> MatchingConfig:
         """Return how to match by a rule."""
@@ -118,14 +117,14 @@ class Trial:
 
 
 def build_reference(
-    traverse: Traverse, config: Config, network: Network | None, cut: Cut = adaptive_channels
+    traverse: Traverse, config: Config, parts: Sequence[FeaturePart], cut: Cut = adaptive_channels
 ) -> Map:
     """Build a map of one traverse.
 
     Raises:
         MapError: see ``build_map``.
     """
-    return build_map([traverse], config, cut=cut, network=network)
+    return build_map([traverse], config, cut=cut, parts=parts)
 
 
 def as_published(config: Config) -> Config:
@@ -151,7 +150,7 @@ def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tup
     return fixed_scale_channels(places, fitting or SCALES)
 
 
-def descriptors_of(model: DescriptorModel, raws: Sequence[RawFeature]) -> list[Array | None]:
+def descriptors_of(model: AnyModel, raws: Sequence[RawFeature]) -> list[Array | None]:
     """Return the descriptors (N,) of a stream of frames, None for a missing observation."""
-    stream = DescriptorStream(model)
+    stream = model.new_stream()
     return [None if raw is None else stream.update(raw) for raw in raws]

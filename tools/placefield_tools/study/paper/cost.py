@@ -42,7 +42,7 @@ def measure_cost(trial: Trial) -> Cost:
     seconds = (time.perf_counter() - begun) / len(trial.descriptors)
     return Cost(
         places=trial.places,
-        dimensions=len(trial.placemap.model.components),
+        dimensions=trial.placemap.model.dimensions,
         channels=len(channels),
         longest=max(int(channel.scales.max()) for channel in channels),
         seconds=seconds,

@@ -1,0 +1,1 @@
+"""Starting all services of a host."""
