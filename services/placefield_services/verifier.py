@@ -56,6 +56,7 @@ def run_verifier(versions: MapVersions, config: Config, stop: threading.Event) -
                 bus.subscribe(key, inbox.offer, counts)
 
         def after_batch(run: str) -> None:
+            runs[run].ask_if_quiet()
             end = time.monotonic() + _IN_TURN_S
             while not (stop.is_set() or inbox.is_waiting) and time.monotonic() < end:
                 if not runs[run].verify_next():

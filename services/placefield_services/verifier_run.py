@@ -19,7 +19,7 @@ from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, Fetched
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MessageError
-from placefield_services.background_query import BackgroundQuery
+from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.kept_frames import FrameName, KeptFrame, KeptFrames
 from placefield_services.live_verifiers import LiveVerifiers
 from placefield_services.process import counting_failure
@@ -31,6 +31,7 @@ MOST_WAITING = 2**15
 
 _MOST_DONE = 4096  # verified matches that are remembered
 _LATE_S = 1.0  # how much later than its match a frame may come
+_QUIET_S = 2.0
 _OVERDUE_S = 5.0  # after that, another verifier that has nothing else to do verifies a match
 
 
@@ -84,6 +85,9 @@ class VerifierRun:
         self._frames = KeptFrames()
         self._waiting: dict[FrameName, _Waiting] = {}
         self._done: dict[FrameName, None] = {}
+        self._newest: Header | None = None
+        """The header of the newest match, or of the stream's end."""
+        self._ask_at = 0.0  # monotonic seconds
         self._is_joining = False
         """Whether the stream began earlier, and its matches have not been fetched yet."""
 
@@ -115,10 +119,36 @@ class VerifierRun:
         turn = self._follower.follow(header)
         if turn is Turn.AFTER_GAP:
             self._catch_up(header)
-        if waiting is not None and turn in (Turn.NEXT, Turn.AFTER_GAP):
-            self._wait(waiting)
+        if turn in (Turn.NEXT, Turn.AFTER_GAP):
+            self._newest, self._ask_at = header, time.monotonic() + _QUIET_S
+            if waiting is not None:
+                self._wait(waiting)
         if turn is Turn.AFTER_GAP or header.end:  # some frames have no match
             self._frames.drop_before(_name(header), self._waiting)
+
+    def ask_if_quiet(self) -> None:
+        """Fetch the next matches of an open stream after some silence: they may have been lost."""
+        newest, first = self._newest, self._follower.next
+        if newest is None or newest.end or time.monotonic() < self._ask_at:
+            return
+        try:
+            smoothed, verified = self._query(newest.stream, first, first + LENGTH)
+        except NotYet:
+            return
+        self._ask_at = time.monotonic() + _QUIET_S
+        self._accept_all(verified, self._accept_verified)
+        self._accept_all(smoothed, self._accept_fetched)
+
+    def _accept_fetched(self, header: Header, payload: bytes) -> None:
+        if header.sequence > self._follower.next:  # nobody has the matches before it
+            gaps = header.sequence - self._follower.next
+            self._follower.skip_to(header.sequence - 1, gaps=gaps)
+        self._accept_smoothed(header, payload)
+
+    def _accept_all(self, fetched: Fetched, accept: Callable[[Header, bytes], None]) -> None:
+        for about, payload in fetched.values():
+            with counting_refused(self._counts):
+                accept(about, payload)
 
     def _decode(self, header: Header, payload: bytes) -> _Waiting:
         smoothed = SmoothedMessage.decode(payload)
@@ -158,12 +188,8 @@ class VerifierRun:
             self._follower.skip_to(header.sequence)
             return
         smoothed, verified = self._query(header.stream, first, header.sequence)
-        for about, payload in verified.values():
-            with counting_refused(self._counts):
-                self._accept_verified(about, payload)
-        for about, payload in smoothed.values():
-            with counting_refused(self._counts):
-                self._wait(self._decode(about, payload))
+        self._accept_all(verified, self._accept_verified)
+        self._accept_all(smoothed, lambda about, missed: self._wait(self._decode(about, missed)))
         self._counts["fetched"] += len(smoothed)
         missing = 0 if self._is_joining else header.sequence - first - len(smoothed)
         self._follower.skip_to(header.sequence, gaps=missing)
