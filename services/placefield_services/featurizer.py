@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
@@ -29,6 +28,7 @@ from placefield.features.descriptor_stage import DescriptorStage, FrameStage, Fr
 from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
+from placefield_services.bus_frames import frame_of
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.served import Served
@@ -257,16 +257,11 @@ class Featurizer:
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _raw(self, frame: FrameMessage) -> NDArray[np.float32]:
-        if frame.descriptor is not None:
-            return self._stage.feature.accept(frame.descriptor)
-        assert frame.image is not None  # a frame has one of both
-        return self._stage.feature.describe(frame.image)
-
     def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
         descriptor = None
         try:
-            descriptor = run.images.update_raw(self._raw(frame))
+            raw = self._stage.feature.of_frame(frame_of(header, frame))
+            descriptor = run.images.update_raw(raw)
             if descriptor is None:
                 run.counts["blank"] += 1
                 run.outputs.unobserved.put(header, MissingObservationMessage(reason="blank"))

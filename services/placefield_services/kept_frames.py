@@ -3,8 +3,7 @@
 from collections.abc import Container
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from placefield.features.frames import Frame
 
 FrameName = tuple[str, int]
 """The stream of a frame, and its number."""
@@ -20,20 +19,19 @@ class KeptFrame:
     """A frame that waits for its match.
 
     Attributes:
-        image: encoded, as bytes, or pixels; None: the frame is a descriptor.
+        frame: an image or a descriptor.
         verifiers: identities of the verifiers that were alive when it came, and so have it, too.
     """
 
-    image: bytes | NDArray[np.uint8] | None
+    frame: Frame
     verifiers: frozenset[str]
 
     @property
     def size(self) -> int:
         """How much of the bound it takes, bytes."""
-        image = self.image
-        if image is None:
-            return _OWN_BYTES
-        return _OWN_BYTES + (len(image) if isinstance(image, bytes) else image.nbytes)
+        image, descriptor = self.frame.image, self.frame.descriptor
+        held = len(image) if isinstance(image, bytes) else image.nbytes
+        return _OWN_BYTES + held + (0 if descriptor is None else descriptor.nbytes)
 
 
 class KeptFrames:

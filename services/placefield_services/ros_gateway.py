@@ -13,7 +13,9 @@ from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
+from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler, check_spacing
+from placefield.features.rectification import check_calibrated
 from placefield.maps.map import Map
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
 from placefield.ros.topic_keys import check_name, check_topic
@@ -41,19 +43,21 @@ _OTHER = Header(stream="ros", sequence=0, stamp_ns=0)
 
 @dataclass(frozen=True)
 class Topics:
-    """The ROS topics that the gateway subscribes to.
+    """The ROS topics that the gateway subscribes to, and the camera of the images.
 
     Attributes:
         domain: the ROS domain.
         image: the topic of images.
         odometry: the topic of odometry; None: no odometry.
         spacing_m: use an image every so many metres by odometry; None: use every image.
+        calibration: of the camera; None: it is not known.
     """
 
     domain: int
     image: str
     odometry: str | None = None
     spacing_m: float | None = None
+    calibration: Calibration | None = None
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ def run_ros(
         ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
             the bus has credentials, or rosbags is missing.
         SourceError: the spacing is not a distance.
+        FrameError: the camera does not fit the map's view, or there is no map.
     """
     if config.bus.credentials:
         raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
@@ -93,7 +98,9 @@ def run_ros(
     def prepare(placemap: Map) -> MapPoses:
         return MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
 
-    first = None if versions is None else prepare(versions.open())
+    opened = None if versions is None else versions.open()
+    check_calibrated(topics.calibration, None if opened is None else opened.model.view)
+    first = None if opened is None else prepare(opened)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         serve_metrics(config.monitoring, process.report)
@@ -103,7 +110,8 @@ def run_ros(
 
         frames = CachedPublisher(bus.publisher(keys.frame), ReplayCache(1))
         process.answers[run] = frames.cache
-        source = RosSource(frames, partial(bus.put, keys.odometry), counts, spacing)
+        put_odometry = partial(bus.put, keys.odometry)
+        source = RosSource(frames, put_odometry, counts, spacing, topics.calibration)
         # As image_transport names topics. Each message says its own kind.
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
         images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)

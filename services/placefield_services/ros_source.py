@@ -12,6 +12,7 @@ from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
+from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler
 from placefield.ros.ros_messages import read_image, read_position
 
@@ -33,11 +34,13 @@ class RosSource:
         put_odometry: Callable[[OdometryMessage], None],
         counts: Counter[str],
         spacing: DistanceSampler | None = None,
+        calibration: Calibration | None = None,
     ) -> None:
         self._frames = frames
         self._put_odometry = put_odometry
         self._counts = counts
         self._spacing = spacing
+        self._calibration = calibration
         self._stream = uuid.uuid4().hex
         self._sent = 0
         self._stamp_ns = 0
@@ -61,7 +64,8 @@ class RosSource:
             return
         self._stamp_ns = stamp_ns
         odometry_m = None if self._is_published else self._metres
-        self._frames.put(self._header(), FrameMessage(image=image, odometry_m=odometry_m))
+        message = FrameMessage(image=image, odometry_m=odometry_m, calibration=self._calibration)
+        self._frames.put(self._header(), message)
         self._is_published = True
         self._sent += 1
         self._counts["frames"] += 1

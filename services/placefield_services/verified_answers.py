@@ -3,13 +3,12 @@
 from placefield.bus.messages import SmoothedMessage
 from placefield.bus.verified_messages import RelativePoseMessage, Unverified, VerifiedMessage
 from placefield.errors import FrameError
-from placefield.features.images import pixels_of
+from placefield.features.frames import Frame
 from placefield.verification.verification_stage import ScaledPose, VerificationStage
-from placefield_services.kept_frames import KeptFrame
 
 
 def verified_answer(
-    smoothed: SmoothedMessage, frame: KeptFrame | None, stage: VerificationStage
+    smoothed: SmoothedMessage, frame: Frame | None, stage: VerificationStage
 ) -> VerifiedMessage:
     """Return a smoothed match after its verification, or as it was with the reason why.
 
@@ -23,10 +22,10 @@ def verified_answer(
         return unverified_answer(smoothed, obstacle)
     if frame is None:
         return unverified_answer(smoothed, "no_frame")
-    if frame.image is None:
+    if frame.descriptor is not None:
         return unverified_answer(smoothed, "no_image")
     try:
-        query = stage.extract(pixels_of(frame.image))
+        query = stage.extract(frame)
     except FrameError:
         return unverified_answer(smoothed, "unreadable")
     match, found = stage.verify(smoothed.match, query)

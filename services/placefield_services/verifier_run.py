@@ -20,6 +20,7 @@ from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MessageError
 from placefield_services.background_query import BackgroundQuery, NotYet
+from placefield_services.bus_frames import frame_of
 from placefield_services.kept_frames import FrameName, KeptFrame, KeptFrames
 from placefield_services.live_verifiers import LiveVerifiers
 from placefield_services.process import counting_failure
@@ -104,8 +105,8 @@ class VerifierRun:
         elif header.end or _name(header) in self._done:
             return
         elif received.key == self._keys.frame:
-            image = FrameMessage.decode(received.payload).image
-            self._frames.keep(_name(header), KeptFrame(image, self._verifiers.alive))
+            frame = frame_of(header, FrameMessage.decode(received.payload))
+            self._frames.keep(_name(header), KeptFrame(frame, self._verifiers.alive))
         else:
             self._accept_verified(header, received.payload)
 
@@ -239,7 +240,8 @@ class VerifierRun:
 
     def _answer(self, waiting: _Waiting, frame: KeptFrame | None) -> VerifiedMessage:
         with counting_failure([self._counts]):
-            answer = verified_answer(waiting.smoothed, frame, waiting.version.stage)
+            shown = None if frame is None else frame.frame
+            answer = verified_answer(waiting.smoothed, shown, waiting.version.stage)
             self._counts[answer.reason or "verified"] += 1
             return answer
         return unverified_answer(waiting.smoothed, "failed")

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     )
     from placefield.evaluation.curves import PrecisionRecall, precision_recall
     from placefield.evaluation.truth import Truth, read_truth
+    from placefield.features.calibration import Calibration
+    from placefield.features.camera_file import read_camera
     from placefield.features.describer import Describer
     from placefield.features.feature_check import check_feature
     from placefield.features.frames import Frame
@@ -56,6 +58,7 @@ __version__ = version("placefield")
 __all__ = (
     "UNANSWERED",
     "BusError",
+    "Calibration",
     "Client",
     "Config",
     "ConfigError",
@@ -82,6 +85,7 @@ __all__ = (
     "load_config",
     "open_map",
     "precision_recall",
+    "read_camera",
     "read_truth",
     "save_map",
 )
@@ -93,6 +97,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "64000000")
 _HOMES = {
     "UNANSWERED": "placefield.matching.candidate",
     "BusError": "placefield.errors",
+    "Calibration": "placefield.features.calibration",
     "Client": "placefield.bus.client",
     "Config": "placefield.config",
     "ConfigError": "placefield.errors",
@@ -119,6 +124,7 @@ _HOMES = {
     "load_config": "placefield.loading",
     "open_map": "placefield.maps.opening",
     "precision_recall": "placefield.evaluation.curves",
+    "read_camera": "placefield.features.camera_file",
     "read_truth": "placefield.evaluation.truth",
     "save_map": "placefield.maps.store",
 }

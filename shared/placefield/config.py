@@ -302,8 +302,8 @@ class VerificationConfig(_Section):
     focal: float | None = Field(
         None,
         gt=0,
-        description="focal length of the camera, as a fraction of the image's longest side; "
-        "without it there are no relative poses",
+        description="focal length of the camera, as a fraction of the image's longest side, if "
+        "there is no --camera; without both there are no relative poses",
     )
 
 

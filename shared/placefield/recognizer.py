@@ -63,11 +63,16 @@ class Recognizer:
         Raises:
             SourceError: the file cannot be read, or this is no image at all; nothing was matched.
             FrameError: pixels are of another shape or dtype, the odometry is below 0 or not
-                finite, or the map is of descriptors; nothing was matched.
+                finite, or the map is of descriptors or of a camera's view; nothing was matched.
         """
         _check_odometry(odometry_m)
         if not self._stage.feature.describes_images:
             raise FrameError("an image, but the map is of descriptors: give them to update_raw()")
+        if self._model.view is not None:
+            raise FrameError(
+                "an image of an unknown camera, but the map is of a camera's view: give a Frame "
+                "with its calibration to update_frame()"
+            )
         loaded = load(image)
         if not isinstance(loaded, bytes):
             check_pixels(loaded)

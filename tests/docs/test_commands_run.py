@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from doc_commands import PROJECT, Sandbox, blocks
+from lenses import pinhole
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -22,7 +23,7 @@ PAGES = (
 
 @pytest.fixture
 def sandbox_dir(tmp_path: Path, reference_dir: Path, query_dir: Path) -> Path:
-    """What a reader has: two drives of a route, as folders, recordings and videos."""
+    """What a reader has: drives of a route, as folders, recordings and videos, and cameras."""
     folder = tmp_path / "sandbox"
     folder.mkdir()
     shutil.copytree(reference_dir, folder / "day")
@@ -32,6 +33,8 @@ def sandbox_dir(tmp_path: Path, reference_dir: Path, query_dir: Path) -> Path:
         frames = [file.read_bytes() for file in sorted((folder / drive).iterdir())]
         write_video(folder / f"{drive}.mp4", frames)
         write_recording(folder / f"{drive}.mcap", frames)
+    for camera, focal in (("front", 420), ("phone", 460)):
+        pinhole(640, 480, focal).write(folder / f"{camera}.yaml")
     return folder
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from bus_doubles import PeerCache, RecordingPublisher, at_last, header, received
+from lenses import Lens
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -18,9 +19,12 @@ from placefield.bus.messages import (
 )
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
+from placefield.features.calibration import Calibration
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of, feature_of_model
+from placefield.features.frames import Frame
+from placefield.features.rectification import view_of
 from placefield.maps.map import Map, fingerprint
 from placefield_services import featurizer as featurizer_module
 from placefield_services.featurizer import Featurizer, FeaturizerOutputs
@@ -37,6 +41,13 @@ def ask_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def images(query_dir: Path) -> list[bytes]:
     return [file.read_bytes() for file in sorted(query_dir.iterdir())[:6]]
+
+
+def calibrated(placemap: Map) -> tuple[Map, Calibration]:
+    """Return a map with the view of a camera with distortion, and the calibration."""
+    lens = Lens("fisheye", (0.02, 0.0, 0.0, 0.0), 96, 72, (78.0, 78.0), (47.5, 35.5))
+    model = replace(placemap.model, view=view_of(lens.calibration))
+    return replace(placemap, model=model), lens.calibration
 
 
 class Stage:
@@ -130,6 +141,26 @@ def test_a_given_descriptor_is_standardised_and_reduced_like_the_feature_of_an_i
         assert expected is not None
         assert stage.descriptors[-1] == expected.tobytes()
     assert not stage.unobserved.sent
+
+
+def test_a_frame_of_a_calibrated_camera_has_the_descriptor_that_the_library_gives(
+    route_map: Map, images: list[bytes]
+) -> None:
+    of_view, calibration = calibrated(route_map)
+    stage, plain = Stage(of_view), Stage(route_map)
+    offline = DescriptorStage(of_view.model).new_stream()
+    for sequence, image in enumerate(images):
+        message = FrameMessage(image=image, calibration=calibration)
+        stage.handle(received(KEY, header(sequence), message))
+        plain.send(header(sequence), image)
+        frame = Frame(sequence, 0, "", image, calibration=calibration)
+        expected = offline.update_frame(frame)
+        assert expected is not None
+        assert stage.descriptors[-1] == expected.tobytes()
+    assert stage.descriptors != plain.descriptors
+    stage.send(header(len(images)), images[0])
+    plain.handle(received(KEY, header(len(images)), message))
+    assert (stage.counts["unreadable"], plain.counts["unreadable"]) == (1, 1)
 
 
 def test_a_frame_that_the_map_does_not_take_is_a_missing_observation(

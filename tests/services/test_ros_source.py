@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher
 from cdr_by_hand import compressed_image, image, odometry
+from lenses import pinhole
 
 from placefield.bus.messages import FrameMessage, OdometryMessage
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
+from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
 from placefield_services.ros_source import RosSource
@@ -18,12 +20,15 @@ PIXELS = np.random.default_rng(5).integers(0, 256, (8, 9)).astype(np.uint8)
 class Stage:
     """A source with its published messages and its counts."""
 
-    def __init__(self, spacing: DistanceSampler | None = None) -> None:
+    def __init__(
+        self, spacing: DistanceSampler | None = None, calibration: Calibration | None = None
+    ) -> None:
         self.frames = RecordingPublisher(FrameMessage)
         self.odometry: list[OdometryMessage] = []
         self.counts: Counter[str] = Counter()
         frames = CachedPublisher(self.frames, ReplayCache(1))
-        self.source = RosSource(frames, self.odometry.append, self.counts, spacing)
+        put = self.odometry.append
+        self.source = RosSource(frames, put, self.counts, spacing, calibration)
 
 
 @pytest.fixture
@@ -45,6 +50,13 @@ def test_images_are_the_frames_of_one_live_stream(stage: Stage) -> None:
     assert images[0] == b"first"
     assert np.array_equal(images[1], PIXELS)
     assert stage.counts == {"frames": 2}
+
+
+def test_each_image_has_the_calibration_of_the_camera() -> None:
+    calibration = pinhole(9, 8, 7).calibration
+    stage = Stage(calibration=calibration)
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
+    assert [message.calibration for _, message in stage.frames.sent if message] == [calibration]
 
 
 def test_an_image_that_cannot_be_read_leaves_no_gap(stage: Stage) -> None:

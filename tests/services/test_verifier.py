@@ -346,12 +346,12 @@ def test_matches_of_a_new_version_of_the_map_are_verified_by_it_and_late_ones_by
 def test_the_oldest_frames_are_dropped_when_there_are_too_many_bytes() -> None:
     frames = KeptFrames(5000)
     for number in range(3):
-        frames.keep(("s", number), KeptFrame(bytes(1000), frozenset()))
-    frames.keep(("s", 2), KeptFrame(bytes(4000), frozenset()))  # sent again
+        frames.keep(("s", number), KeptFrame(Frame(number, 0, "", bytes(1000)), frozenset()))
+    frames.keep(("s", 2), KeptFrame(Frame(2, 0, "", bytes(4000)), frozenset()))  # sent again
     assert [frames.find(("s", number)) is not None for number in range(3)] == [False, True, True]
     frames.drop_before(("s", 2), [])
     assert frames.find(("s", 1)) is None
-    frames.keep(("s", 3), KeptFrame(None, frozenset()))
+    frames.keep(("s", 3), KeptFrame(Frame(3, 0, ""), frozenset()))
     assert frames.find(("s", 2)) is not None
 
 

@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from placefield.bus.message import Channel, Digest, Message, Metres, OfMap
 from placefield.bus.wire import Descriptor, FloatVector, Image, Sums
+from placefield.features.calibration import Calibration
 from placefield.fusion.match import Match
 from placefield.pose import Pose as PlacePose
 
@@ -21,11 +22,13 @@ class FrameMessage(Message):
         image: encoded, as bytes, or pixels; None: there is a descriptor.
         descriptor: (D,) float16 or float32, finite; None: there is an image.
         odometry_m: the odometry reading, metres.
+        calibration: of the camera that took the image; None if it is not known.
     """
 
     image: Image | None = None
     descriptor: Descriptor | None = None
     odometry_m: Metres | None = None
+    calibration: Calibration | None = None
 
     @model_validator(mode="after")
     def _check_content(self) -> Self:

@@ -232,7 +232,9 @@ class FrameStream:
 
 def _message(frame: Frame) -> FrameMessage:
     if frame.descriptor is None:
-        return FrameMessage(image=frame.image, odometry_m=frame.odometry_m)
+        return FrameMessage(
+            image=frame.image, odometry_m=frame.odometry_m, calibration=frame.calibration
+        )
     return FrameMessage(descriptor=frame.descriptor, odometry_m=frame.odometry_m)
 
 

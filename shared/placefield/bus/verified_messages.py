@@ -70,8 +70,8 @@ class VerifiedMessage(SmoothedMessage):
         reason: why it was not verified; None if it was.
         inliers: how many correspondences of frame and place fit one epipolar geometry.
         ratio: how much likelier that number is at the place than elsewhere.
-        relative: the pose of the frame relative to the place; None if no focal length is
-            configured, or if the images do not determine it.
+        relative: the pose of the frame relative to the place; None if no focal length is known,
+            or if the images do not determine it.
     """
 
     reason: Unverified | None = None

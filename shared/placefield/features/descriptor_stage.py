@@ -100,7 +100,8 @@ class ImageStream:
     def update(self, image: bytes | NDArray[np.uint8]) -> Array | None:
         """Return the descriptor (N,) float32 of the next frame: an encoded image, or pixels.
 
-        A blank image gives None, see ``DescriptorStream``.
+        If the map has a view, the image is of this view. A blank image gives None, see
+        ``DescriptorStream``.
 
         Raises:
             FrameError: the image cannot be read; the stream is unchanged.

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from placefield.blocks import blocks
 from placefield.config import FeatureKind
 from placefield.errors import FrameError
+from placefield.features.calibration import View
 from placefield.features.network import Network
 
 if TYPE_CHECKING:  # a router has no OpenCV
@@ -56,6 +57,7 @@ class DescriptorModel:
             whatever ``standardise`` says.
         network: the network that gives the raw features, if one does.
         mask: hides a part of each image first; None: nothing is hidden.
+        view: that each image is rectified to before; None: images are used as they are.
     """
 
     kind: FeatureKind
@@ -67,6 +69,7 @@ class DescriptorModel:
     plain: bool = False
     network: Network | None = None
     mask: Mask | None = None
+    view: View | None = None
 
     def __repr__(self) -> str:
         reduced, raw = self.components.shape

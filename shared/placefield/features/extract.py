@@ -17,6 +17,7 @@ from placefield.config import (
     kinds_of,
 )
 from placefield.errors import FrameError
+from placefield.features.calibration import View
 from placefield.features.descriptors import unit_length
 from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
@@ -27,6 +28,7 @@ from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
+from placefield.features.rectification import image_of
 from placefield.features.shrink import small_grey
 from placefield.plugins import load_plugin
 
@@ -67,10 +69,12 @@ class Feature:
     Attributes:
         describing: its parts, one or more.
         mask: hides a part of each image first; None: nothing is hidden.
+        view: that each frame is rectified to before; None: images are used as they are.
     """
 
     describing: tuple[DescribingPart, ...]
     mask: Mask | None = None
+    view: View | None = None
 
     @property
     def kind(self) -> FeatureKind:
@@ -95,6 +99,8 @@ class Feature:
 
     def describe(self, image: bytes | Pixels) -> Array:
         """Return the raw feature of an encoded image or of pixels, (D,) float32.
+
+        If the feature has a view, the image is of this view.
 
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
@@ -121,16 +127,27 @@ class Feature:
             raise FrameError(f"a descriptor, but {self.kind} describes images: give an image")
         return np.asarray(descriptor, np.float32)
 
+    def observe(self, frame: Frame) -> tuple[Array, Pixels | None]:
+        """Return the raw feature of a frame, (D,) float32, and its image, see ``image_of``.
+
+        A frame that is a given descriptor has no image.
+
+        Raises:
+            FrameError: see ``of_frame``.
+        """
+        if frame.descriptor is None or frame.fault:
+            image = image_of(frame, self.view)
+            return self.describe(image), image
+        return self.accept(frame.descriptor), None
+
     def of_frame(self, frame: Frame) -> Array:
         """Return the raw feature of a frame, (D,) float32.
 
         Raises:
-            FrameError: the frame cannot be read, or it is a descriptor where the feature describes
-                images, or the reverse.
+            FrameError: see ``image_of``; or it is a descriptor where the feature describes images,
+                or the reverse.
         """
-        if frame.descriptor is None or frame.fault:
-            return self.describe(frame.pixels())
-        return self.accept(frame.descriptor)
+        return self.observe(frame)[0]
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
@@ -147,14 +164,14 @@ def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Fea
 
 
 def feature_of_model(model: AnyModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
-    """Return the feature that a descriptor model was fitted on, with the model's network and mask.
+    """Return the feature that a descriptor model was fitted on, with its network, mask and view.
 
     Raises:
         ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
             the feature is not installed.
     """
     parts = tuple(_part(part.kind, part.network, inference) for part in model.parts)
-    return Feature(parts, model.mask)
+    return Feature(parts, model.mask, model.view)
 
 
 def network_of(kind: FeatureKind) -> Network | None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import FrameError
+from placefield.features.calibration import Calibration
 from placefield.features.images import pixels_of
 from placefield.pose import Pose
 
@@ -31,6 +32,7 @@ class Frame:
         fault: why the source could not read the frame; ``image`` is then empty bytes, and the frame
             keeps its index.
         descriptor: (D,), given instead of an image; None: the frame has an image.
+        calibration: of the camera that took the image; None if unknown.
     """
 
     index: int
@@ -41,6 +43,7 @@ class Frame:
     odometry_m: float | None = None
     fault: str = ""
     descriptor: GivenDescriptor | None = None
+    calibration: Calibration | None = None
 
     def __repr__(self) -> str:
         image = self.image

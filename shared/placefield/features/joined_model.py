@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import FeatureKind, kind_of
+from placefield.features.calibration import View
 from placefield.features.descriptors import (
     Array,
     DescriptorModel,
@@ -55,10 +56,12 @@ class JoinedModel:
     Attributes:
         parts: the model of each part, two or more, which are alike but in their features.
         mask: hides a part of each image first; None: nothing is hidden.
+        view: that each image is rectified to before; None: images are used as they are.
     """
 
     parts: tuple[DescriptorModel, ...]
     mask: Mask | None = None
+    view: View | None = None
 
     def __repr__(self) -> str:
         return f"JoinedModel({', '.join(map(repr, self.parts))})"

@@ -26,18 +26,23 @@ def check_joinable(one: Map, other: Map) -> None:
     """Refuse two maps that cannot be joined.
 
     Raises:
-        MapError: one is of an earlier version, their descriptors are of different features,
-            or one has a mask.
+        MapError: one is of an earlier version, or their descriptors are of different features,
+            views or masks.
     """
     for each in (one, other):
         _identity_of(each)
-        if each.model.mask is not None:
-            raise MapError("has a mask, and such maps are not joined: build them without --mask")
     if _feature_of(one) != _feature_of(other):
         raise MapError(
             f"its features are {_words(other)}, and those of the first map {_words(one)}: build "
             "one map of all frames with 'placefield build --routes'"
         )
+    if one.model.view != other.model.view:
+        raise MapError(
+            "its view is not that of the first map: build both with the same --camera and "
+            "--query-camera"
+        )
+    if _mask_of(one) != _mask_of(other):
+        raise MapError("its mask is not that of the first map: build both with the same --mask")
 
 
 def traverses_of(
@@ -165,6 +170,11 @@ def _feature_of(opened: Map) -> tuple[object, ...]:
 def _part(model: DescriptorModel) -> tuple[str, bytes | None, int]:
     network = None if model.network is None else model.network.digest
     return model.kind if network is None else "network", network, model.raw_dimensions
+
+
+def _mask_of(opened: Map) -> tuple[tuple[int, ...], bytes] | None:
+    mask = opened.model.mask
+    return None if mask is None else (mask.used.shape, mask.used.tobytes())
 
 
 def _words(opened: Map) -> str:

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
+from placefield.features.calibration import View
 from placefield.features.network import NetworkInput
 from placefield.maps.array_files import open_inside
 from placefield.maps.digest import DIGEST_LENGTH, lineage_of, short_digest
@@ -156,6 +157,7 @@ class Manifest(_Record):
         variance_kept: fraction of the features' variance that the descriptors keep.
         network: input of the network that gives the features; none if no network does.
         parts: the parts of a feature of several, in their order; none if there is one.
+        view: that images are rectified to; none if they are used as they are.
         smallest_scale: smallest scale of all channels, frames.
         pose_frame: name of the coordinate frame of the poses; none if there are no poses.
         history: the changes since the map was built, in their order.
@@ -176,6 +178,7 @@ class Manifest(_Record):
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
     parts: tuple[PartRecord, ...] = ()
+    view: View | None = None
     places: int = Field(ge=1, le=MOST_PLACES)
     smallest_scale: int = Field(ge=1)
     pose_frame: str | None

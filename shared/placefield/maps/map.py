@@ -234,4 +234,6 @@ def fingerprint(model: AnyModel) -> str:
     if model.mask is not None:
         digest.update(f"mask {model.mask.used.shape}".encode())
         digest.update(np.ascontiguousarray(model.mask.used).data)
+    if model.view is not None:
+        digest.update(f"view {model.view.half_width!r} {model.view.half_height!r}".encode())
     return digest.hexdigest()[:16]

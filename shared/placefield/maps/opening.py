@@ -173,7 +173,7 @@ def _open_model(files: MapFiles) -> AnyModel:
             )
         )
     model = parts[0] if len(parts) == 1 else JoinedModel(tuple(parts))
-    return replace(model, mask=_open_mask(files))
+    return replace(model, mask=_open_mask(files), view=files.manifest.view)
 
 
 def _open_network(files: MapFiles, folder: str, given: NetworkInput | None) -> Network | None:

@@ -121,6 +121,7 @@ def _write(built: Map, folder: Path) -> None:
         variance_kept=built.model.variance_kept,
         network=None if parts else _input_of(built.model.parts[0].network),
         parts=parts,
+        view=built.model.view,
         places=built.places.count,
         smallest_scale=built.channels[0].smallest,
         pose_frame=built.pose_frame,

@@ -138,12 +138,13 @@ def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> D
         FrameError: the frame cannot be read; the error begins with its name.
     """
     try:
-        decoded = frame.decoded()
-        raw = feature.of_frame(decoded)
-        local = extract(feature.used(decoded.pixels()), local_features) if local_features else None
+        raw, image = feature.observe(frame)
+        local = None
+        if local_features and image is not None:
+            local = extract(feature.used(image), local_features)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
-    thumbnail = b"" if frame.descriptor is not None else small_jpeg(decoded.pixels(), THUMBNAIL)
+    thumbnail = b"" if image is None else small_jpeg(image, THUMBNAIL)
     return DescribedFrame(raw, frame.stamp_ns, frame.pose, frame.odometry_m, thumbnail, local)
 
 

@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.errors import ConfigError
+from placefield.features.calibration import View
 from placefield.verification.local_features import SIDE
 from placefield.verification.two_views import TOLERANCE, Correspondences, ransac_settings
 
@@ -34,6 +36,25 @@ class Camera(NamedTuple):
     """
 
     focal: float
+
+
+def camera_of(view: View | None, focal: float | None) -> Camera | None:
+    """Return the camera whose images relative poses are measured in; None if it is not known.
+
+    Args:
+        view: of the map, whose camera's calibration is known; None: it is not.
+        focal: the setting ``verification.focal``; None: it is not given.
+
+    Raises:
+        ConfigError: there are both.
+    """
+    if view is not None and focal is not None:
+        raise ConfigError(
+            "setting verification.focal: the camera's calibration gives it; leave it out"
+        )
+    if view is not None:
+        focal = view.focal
+    return None if focal is None else Camera(focal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import Config
+from placefield.features.frames import Frame
+from placefield.features.rectification import image_of
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.maps.route_graph import bounds_of
@@ -17,7 +19,7 @@ from placefield.verification.extracting import extract
 from placefield.verification.in_plane import Distance
 from placefield.verification.local_features import LocalFeatures
 from placefield.verification.plane_pose import Neighbour, related, scaled
-from placefield.verification.relative_pose import Camera, RelativePose
+from placefield.verification.relative_pose import RelativePose, camera_of
 from placefield.verification.two_views import LEAST
 from placefield.verification.verifying import Verification, verify, with_evidence
 
@@ -46,7 +48,7 @@ def local_features_of(placemap: Map, pixels: NDArray[np.uint8]) -> LocalFeatures
 
     Args:
         placemap: with local features.
-        pixels: (H, W) grey or (H, W, 3) BGR, uint8.
+        pixels: (H, W) grey or (H, W, 3) BGR, uint8; of the map's view, if it has one.
 
     Raises:
         FrameError: the image has another aspect ratio than the mask, or is no image.
@@ -65,17 +67,23 @@ class VerificationStage:
         Args:
             placemap: the map; without local features, no match can be verified.
             config: its verification, and the precision asked for.
+
+        Raises:
+            ConfigError: the focal length is given, and the map has a camera's view.
         """
         self._map = placemap
         self._places = placemap.local_features
         self._least = config.verification.least_probability
         self._precision = config.matching.precision
-        focal = config.verification.focal
-        self._camera = None if focal is None else Camera(focal)
+        self._camera = camera_of(placemap.model.view, config.verification.focal)
 
-    def extract(self, pixels: NDArray[np.uint8]) -> LocalFeatures:
-        """Return the local features of a frame, see ``local_features_of``."""
-        return local_features_of(self._map, pixels)
+    def extract(self, frame: Frame) -> LocalFeatures:
+        """Return the local features of a frame, see ``local_features_of``.
+
+        Raises:
+            FrameError: see ``image_of`` and ``local_features_of``.
+        """
+        return local_features_of(self._map, image_of(frame, self._map.model.view))
 
     def obstacle(self, match: Match) -> Obstacle | None:
         """Return why a match cannot be verified; None if it can."""
@@ -100,7 +108,7 @@ class VerificationStage:
     def pose(self, match: Match, query: LocalFeatures) -> ScaledPose | None:
         """Return the pose of a frame relative to the place of its match, which has no obstacle.
 
-        None if no focal length is configured, or if the images do not determine it.
+        None if no focal length is known, or if the images do not determine it.
         """
         if self._camera is None or self._places is None:
             return None

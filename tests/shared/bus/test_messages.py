@@ -20,6 +20,7 @@ from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, FrameMessage, MatchMessage, StatsMessage
 from placefield.config import Rule
 from placefield.errors import MessageError
+from placefield.features.calibration import Calibration
 from placefield.fusion.match import Match
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
@@ -57,10 +58,21 @@ channel_candidates = st.builds(
     evidence=vectors,
     too_fast=st.floats(0, 1),
 )
+numbers = st.floats(-1e6, 1e6)
+calibrations = st.builds(
+    Calibration,
+    model=st.just("fisheye"),
+    width=st.integers(8, 2**16 - 1),
+    height=st.integers(8, 2**16 - 1),
+    focal=st.tuples(*[st.floats(1e-9, 1e6)] * 2),
+    centre=st.tuples(numbers, numbers),
+    distortion=st.tuples(*[numbers] * 4),
+)
 all_messages: st.SearchStrategy[Message] = st.one_of(
     headers,
     st.builds(FrameMessage, image=st.binary(max_size=200) | pixels),
     st.builds(FrameMessage, descriptor=given_descriptors),
+    st.builds(FrameMessage, image=pixels, calibration=calibrations),
     st.builds(FeatureMessage, model=st.text(max_size=64), descriptor=st.none() | vectors),
     st.builds(
         CandidatesMessage,

@@ -24,6 +24,7 @@ from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield_tools.build.added_drive import add_drive
 from placefield_tools.build.map_from_sources import build_from, map_of
+from placefield_tools.build.used_part import AskedPart
 from placefield_tools.cli.options_truth import truth_of
 from placefield_tools.evaluate.evaluation import Evaluation, evaluate
 from placefield_tools.evaluate.evaluation_plots import draw
@@ -121,7 +122,7 @@ def test_what_needs_images_is_refused_with_descriptors(save: Save, reference_dir
     descriptors = save(reference_dir)
     for asked in ("auto", "mask.png"):
         with pytest.raises(ConfigError, match=r"^--mask: needs images, .*; leave it out$"):
-            build_from([descriptors], CONFIG, mask=asked)
+            build_from([descriptors], CONFIG, images=AskedPart(asked))
     local = Config.model_validate({"build": {"local_features": 100}})
     with pytest.raises(ConfigError, match=r"^setting build\.local_features: needs images"):
         build_from([descriptors], local)

@@ -14,6 +14,7 @@ from placefield.maps.map import fingerprint
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.build.used_part import AskedPart
 from placefield_tools.evaluate.observing import observer
 from placefield_tools.inspect.map_facts import map_facts
 
@@ -39,8 +40,12 @@ def mask_file(folder: Path, height: int, width: int) -> Path:
     return folder / "mask.png"
 
 
+def painted(folder: Path) -> AskedPart:
+    return AskedPart(str(mask_file(folder, 72, 96)))
+
+
 def test_a_learned_mask_travels_with_the_map(bonnet_dir: Path, tmp_path: Path) -> None:
-    built = build_from([str(bonnet_dir)], CONFIG, mask="auto")
+    built = build_from([str(bonnet_dir)], CONFIG, images=AskedPart("auto"))
     save_map(built, tmp_path / "route.pfmap")
     model = open_map(tmp_path / "route.pfmap").model
     assert model.mask is not None
@@ -56,18 +61,18 @@ def test_a_learned_mask_travels_with_the_map(bonnet_dir: Path, tmp_path: Path) -
 
 
 def test_a_painted_mask_is_taken_if_it_fits_the_frames(bonnet_dir: Path, tmp_path: Path) -> None:
-    built = build_from([str(bonnet_dir)], CONFIG, mask=str(mask_file(tmp_path, 72, 96)))
+    built = build_from([str(bonnet_dir)], CONFIG, images=painted(tmp_path))
     assert built.model.mask is not None
     assert built.model.mask.hidden == pytest.approx(1 / 3)
     file = mask_file(tmp_path, 90, 160)
     with pytest.raises(ConfigError, match=rf"^--mask {file}: the image is 96×72, .* 160×90"):
-        build_from([str(bonnet_dir)], CONFIG, mask=str(file))
+        build_from([str(bonnet_dir)], CONFIG, images=AskedPart(str(file)))
     with pytest.raises(ConfigError, match=r"no\.png: cannot be read: No such file"):
-        build_from([str(bonnet_dir)], CONFIG, mask=str(tmp_path / "no.png"))
+        build_from([str(bonnet_dir)], CONFIG, images=AskedPart(str(tmp_path / "no.png")))
 
 
 def test_a_drive_in_which_everything_changes_has_no_mask(reference_dir: Path) -> None:
-    assert build_from([str(reference_dir)], CONFIG, mask="auto").model.mask is None
+    assert build_from([str(reference_dir)], CONFIG, images=AskedPart("auto")).model.mask is None
 
 
 def test_local_features_of_a_map_are_not_those_of_what_its_mask_hides(
@@ -75,7 +80,7 @@ def test_local_features_of_a_map_are_not_those_of_what_its_mask_hides(
 ) -> None:
     file = str(mask_file(tmp_path, 72, 96))
     config = CONFIG.model_copy(update={"build": BuildConfig(local_features=100)})
-    built = build_from([str(bonnet_dir)], config, mask=file)
+    built = build_from([str(bonnet_dir)], config, images=AskedPart(file))
     assert built.local_features is not None
     pixels = cv2.imread(str(min(bonnet_dir.glob("*.jpg"))))
     assert pixels is not None
@@ -90,7 +95,7 @@ def test_local_features_of_a_map_are_not_those_of_what_its_mask_hides(
 
 
 def test_a_mask_of_other_values_refuses_the_map(bonnet_dir: Path, tmp_path: Path) -> None:
-    built = build_from([str(bonnet_dir)], CONFIG, mask=str(mask_file(tmp_path, 72, 96)))
+    built = build_from([str(bonnet_dir)], CONFIG, images=painted(tmp_path))
     mask = built.model.mask
     assert mask is not None
     for used in (0 * mask.used, 2 * mask.used):

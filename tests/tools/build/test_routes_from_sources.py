@@ -1,10 +1,14 @@
 from pathlib import Path
 from shutil import copy
 
+import cv2
+import numpy as np
 import pytest
+from lenses import pinhole
 from typer.testing import CliRunner
 
 from placefield.errors import ConfigError
+from placefield.features.rectification import view_of
 from placefield.maps.opening import open_map
 from placefield_tools.build.routes_from_sources import link_of
 from placefield_tools.cli.main import app
@@ -39,6 +43,23 @@ def test_routes_that_share_a_stretch_are_built_as_one_network(
     assert "south, place 0 to 24: the same stretch as north, place 15 to 39" in done.output
     assert "link: from north, place 39, to south, place 25" in done.output
     assert [39, 65] in graph.links.tolist()
+
+
+def test_all_routes_have_the_mask_and_the_camera_that_are_given(
+    roads: list[str], tmp_path: Path
+) -> None:
+    camera = pinhole(96, 72, 60).write(tmp_path / "camera.yaml")
+    used = np.full((72, 96), 255, np.uint8)
+    used[60:] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), used)
+    flags = ["--routes", "--mask", str(tmp_path / "mask.png"), "--camera", str(camera)]
+    path = tmp_path / "town.pfmap"
+    done = CliRunner().invoke(app, ["build", *roads, *flags, *QUICK, "-o", str(path)])
+    assert "the mask hides 17% of each image" in done.output
+    model = open_map(path).model
+    assert model.view == view_of(pinhole(96, 72, 60).calibration)
+    assert model.mask is not None
+    np.testing.assert_array_equal(model.mask.used, used > 0)
 
 
 def test_a_route_that_is_linked_to_nothing_is_warned_of_unless_a_link_is_given(

@@ -6,9 +6,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from lenses import pinhole
 from typer.testing import CliRunner
 
+from placefield.config import Config
+from placefield.errors import ConfigError
 from placefield_tools.cli.main import app
+from placefield_tools.loops.finding import DriveLoops, find_loops
+from placefield_tools.sources import Parts, open_source
 
 PLACES, FOCAL, YAW = 60, 0.9, 0.05  # radians, by which the camera is turned on the second lap
 WIDTH, HEIGHT = 160, 120
@@ -54,6 +59,22 @@ def test_a_loop_has_the_yaw_of_the_camera_against_the_first_lap(
     yaws, deviations = np.array([(edge[4], 1 / math.sqrt(edge[10])) for edge in edges]).T
     assert np.median(yaws) == pytest.approx(YAW, abs=0.003)
     assert (np.abs(yaws - YAW) < 4 * deviations).all()
+
+
+def test_the_focal_length_is_that_of_the_camera_file(turned_laps: Path, tmp_path: Path) -> None:
+    camera = pinhole(WIDTH, HEIGHT, FOCAL * WIDTH).write(tmp_path / "camera.yaml")
+
+    def found(config: Config) -> DriveLoops:
+        source = open_source(str(turned_laps), parts=Parts(stop=12, camera=camera))
+        return find_loops(source, "laps", config)
+
+    loops = found(Config())
+    assert loops.camera is not None
+    assert loops.camera.focal == pytest.approx(FOCAL)
+    assert loops.frames[0].local_features is not None
+    both = Config.model_validate({"verification": {"focal": 1.0}})
+    with pytest.raises(ConfigError, match=r"^setting verification\.focal: .*calibration gives it"):
+        found(both)
 
 
 def test_without_a_camera_a_loop_is_the_same_pose(turned_laps: Path, tmp_path: Path) -> None:

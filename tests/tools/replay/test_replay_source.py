@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frame_folders import uneven_drive
+from lenses import pinhole
 
 from placefield.bus import sending
 from placefield.bus.credits import WINDOW
@@ -20,6 +21,7 @@ from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError
+from placefield.features.calibration import Calibration
 from placefield.features.frames import Frame
 from placefield.maps.digest import NO_DIGEST
 from placefield_tools.replay import replay_source as replaying
@@ -48,6 +50,7 @@ class Services:
         self.answering = answering
         self.headers: list[Header] = []
         self.images: list[bytes] = []
+        self.calibrations: list[Calibration | None] = []
         self._odometry: dict[tuple[str, int], float | None] = {}
         self._matched: set[tuple[str, int]] = set()
         self._matches, self._acks = bus.publisher(KEYS.match), bus.publisher(KEYS.ack)
@@ -63,6 +66,7 @@ class Services:
             frame = received.header.stream, received.header.sequence
             assert self._odometry.setdefault(frame, message.odometry_m) == message.odometry_m
             self.images.append(image if isinstance(image, bytes) else image.tobytes())
+            self.calibrations.append(message.calibration)
         if self.answering:
             self.answer(received.header)
 
@@ -180,6 +184,16 @@ def test_an_uneven_drive_is_sent_as_the_even_one_when_it_is_spaced(
 def test_each_frame_carries_its_stamp(services: Services, bus: Bus, config: Config) -> None:
     replay(MadeUp(5), bus, config, threading.Event())
     assert [header.stamp_ns for header in services.headers[:5]] == list(range(1000, 1005))
+
+
+def test_each_frame_carries_the_calibration_of_its_camera(
+    services: Services, bus: Bus, config: Config, query_dir: Path, tmp_path: Path
+) -> None:
+    lens = pinhole(96, 72, 60)
+    camera = lens.write(tmp_path / "camera.yaml")
+    with open_source(str(query_dir), parts=Parts(stop=5, camera=camera)) as source:
+        replay(source, bus, config, threading.Event())
+    assert set(services.calibrations) == {lens.calibration}
 
 
 def test_each_frame_carries_its_odometry_where_it_is_known(

@@ -6,7 +6,7 @@ from placefield.maps.adding import Addition, add_traverse, check_content, check_
 from placefield.maps.map import Map
 from placefield_tools.build.references import describe_reference
 from placefield_tools.sources import Parts, open_source
-from placefield_tools.sources.frame_content import check_frames, dimensions_of
+from placefield_tools.sources.frame_content import check_frames, check_view, dimensions_of
 from placefield_tools.sources.secrets import without_secrets
 
 
@@ -41,6 +41,7 @@ def add_drive(
             shown = without_secrets(drive)
             raise SourceError(f"{shown}: no live camera is added; record a drive and add that")
         check_frames(source, drive, dimensions_of(opened.model), "the map")
+        check_view(source, drive, opened.model.view)
         described = describe_reference(
             source,
             name,

@@ -10,6 +10,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import built_of
 from placefield_tools.build.routes_from_sources import RouteOptions
+from placefield_tools.build.used_part import UsedPart
 
 
 def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
@@ -33,4 +34,6 @@ def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
         except MapError as error:
             raise MapError(f"{path}: {error}") from None
     traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
-    return with_records(built_of(traverses, config_of(maps), parts_of(maps[0].model)), maps)
+    model = maps[0].model
+    built = built_of(traverses, config_of(maps), parts_of(model))
+    return with_records(UsedPart(model.view, model.mask).in_map(built), maps)

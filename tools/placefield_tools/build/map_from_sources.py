@@ -12,7 +12,6 @@ from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
 from placefield.features.joined_model import AnyModel, FeaturePart
-from placefield.features.mask import Mask
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
@@ -20,13 +19,13 @@ from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
-from placefield_tools.build.mask_from_source import mask_of
 from placefield_tools.build.references import (
     Reference,
     check_distinct,
     describe_reference,
     without_bad,
 )
+from placefield_tools.build.used_part import ALL_ASKED, WHOLE, AskedPart, UsedPart
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import channel_progress
 from placefield_tools.sources import NO_PARTS, Parts, Source, open_source
@@ -44,7 +43,7 @@ def build_from(
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
     one_drive: bool | None = None,
-    mask: str | None = None,
+    images: AskedPart = ALL_ASKED,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -57,27 +56,25 @@ def build_from(
         leave_out_bad: build without frames that are missing or cannot be read, in any source; their
             number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
-        mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
-            used.
+        images: what of the images is used.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, a source is a camera, or the
             sources differ in what their frames are.
-        ConfigError: the mask is refused, see ``mask_of``.
+        ConfigError: see ``AskedPart.found``.
         MapError: no map can be built of the traverses, see ``build_map``.
     """
     first, *others = drives_of(references, parts, one_drive)
-    hidden = None if mask is None else mask_of(mask, open_reference(first, spacing_m, parts))
+    used = images.found(parts.camera, partial(open_reference, first, spacing_m, parts))
     without_poses = replace(parts, poses=None, pose_axes=None)
     drives = [(first, parts), *((other, without_poses) for other in others)]
     described, config, feature = describe_drives(
-        drives, config, spacing_m=spacing_m, leave_out_bad=leave_out_bad, mask=hidden
+        drives, config, spacing_m=spacing_m, leave_out_bad=leave_out_bad, used=used
     )
     traverses = align_traverses(
         [each.traverse() for each in without_bad(described)], config.features.kind
     )
-    built = built_of(traverses, config, feature.parts)
-    return replace(built, model=replace(built.model, mask=feature.mask))
+    return used.in_map(built_of(traverses, config, feature.parts))
 
 
 def describe_drives(
@@ -86,7 +83,7 @@ def describe_drives(
     *,
     spacing_m: float | None,
     leave_out_bad: bool,
-    mask: Mask | None = None,
+    used: UsedPart = WHOLE,
 ) -> tuple[list[Reference], Config, Feature]:
     """Describe the frames of drives by one feature.
 
@@ -95,7 +92,7 @@ def describe_drives(
         config: its feature is that of images, and descriptors need none.
         spacing_m: see ``build_from``.
         leave_out_bad: see ``build_from``.
-        mask: of images; None: all is used.
+        used: what of the images is used.
 
     Returns:
         The drives, the configuration with the kind of their feature, and the feature.
@@ -117,7 +114,7 @@ def describe_drives(
         config = with_feature_of(source, first_name, config)
         if config.build.local_features:
             check_images(source, "setting build.local_features")
-        feature = replace(feature_of(config.features.kind, config.inference), mask=mask)
+        feature = used.of(feature_of(config.features.kind, config.inference))
         described = [describe(source, first_name, feature)]
     for drive, own in others:
         name = name_of(drive)

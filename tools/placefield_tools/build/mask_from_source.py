@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError
+from placefield.features.calibration import View
 from placefield.features.frames import Frame
 from placefield.features.mask import LEARNING_FRAMES, Mask, learn_mask, learning_image, read_mask
+from placefield.features.rectification import image_of
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
 from placefield_tools.sources.frame_content import check_images
@@ -17,12 +19,13 @@ AUTO = "auto"
 """Instead of a file: the mask is learned."""
 
 
-def mask_of(asked: str, source: Source) -> Mask | None:
+def mask_of(asked: str, source: Source, view: View | None = None) -> Mask | None:
     """Return the mask that ``--mask`` asks for; None if it is learned and nothing is still.
 
     Args:
         asked: an image file, or ``auto``.
         source: of the first traverse; it is closed at the end.
+        view: of the images; None: they are used as they are.
 
     Raises:
         ConfigError: the frames are descriptors, the image cannot be read or has another aspect
@@ -33,9 +36,9 @@ def mask_of(asked: str, source: Source) -> Mask | None:
         check_images(source, "--mask")
         if asked == AUTO:
             with tracked(source, "learning the mask", source.count) as frames:
-                return learn_mask(_learning_images(frames))
+                return learn_mask(_learning_images(frames, view))
         mask = _read(Path(asked))
-        _check_fits(mask, asked, source)
+        _check_fits(mask, asked, source, view)
         return mask
 
 
@@ -46,11 +49,11 @@ def _read(file: Path) -> Mask:
         raise ConfigError(f"--mask {file}: cannot be read: {error.strerror}") from None
 
 
-def _check_fits(mask: Mask, asked: str, frames: Iterable[Frame]) -> None:
+def _check_fits(mask: Mask, asked: str, frames: Iterable[Frame], view: View | None) -> None:
     """Refuse a mask that does not fit the first frame that can be read."""
     for frame in frames:
         try:
-            pixels = frame.pixels()
+            pixels = image_of(frame, view)
         except FrameError:
             continue
         try:
@@ -60,7 +63,7 @@ def _check_fits(mask: Mask, asked: str, frames: Iterable[Frame]) -> None:
         return
 
 
-def _learning_images(frames: Iterable[Frame]) -> list[NDArray[np.uint8]]:
+def _learning_images(frames: Iterable[Frame], view: View | None) -> list[NDArray[np.uint8]]:
     """Return small images, evenly from all of a drive, without those that cannot be read."""
     images: list[NDArray[np.uint8]] = []
     every = 1
@@ -68,7 +71,7 @@ def _learning_images(frames: Iterable[Frame]) -> list[NDArray[np.uint8]]:
         if number % every:
             continue
         try:
-            images.append(learning_image(frame.pixels()))
+            images.append(learning_image(image_of(frame, view)))
         except FrameError:
             continue
         if len(images) == 2 * LEARNING_FRAMES:

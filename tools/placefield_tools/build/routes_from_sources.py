@@ -3,12 +3,14 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.maps.joining_routes import GivenLink, join_routes
 from placefield.maps.map import Map
-from placefield_tools.build.map_from_sources import built_of, describe_drives
+from placefield_tools.build.map_from_sources import built_of, describe_drives, open_reference
+from placefield_tools.build.used_part import ALL_ASKED, AskedPart
 from placefield_tools.sources import Parts
 
 _LINK = re.compile(r"(.+):([0-9]{1,9}),(.+):([0-9]{1,9})")
@@ -47,6 +49,7 @@ def build_routes(
     *,
     spacing_m: float | None = None,
     leave_out_bad: bool = False,
+    images: AskedPart = ALL_ASKED,
 ) -> Map:
     """Build a map of several routes, each from a source of its own, showing progress.
 
@@ -59,9 +62,11 @@ def build_routes(
         options: about the routes.
         spacing_m: see ``build_from``.
         leave_out_bad: see ``build_from``.
+        images: what of the images is used, the same on all routes.
 
     Raises:
-        ConfigError: the descriptors are of plain PCA, which no rule serves on several routes.
+        ConfigError: the descriptors are of plain PCA, which no rule serves on several routes; or
+            see ``AskedPart.found``.
         SourceError: a source or one of its frames cannot be read, or a source is a camera.
         MapError: no map can be built of the routes, see ``join_routes`` and ``build_map``.
     """
@@ -70,12 +75,16 @@ def build_routes(
             "--routes: only --rule filter follows routes, and it does not serve descriptors of "
             "plain PCA: leave out --preset paper and features.plain_pca"
         )
+    drives = [((reference,), parts) for reference in references]
+    first, _ = drives[0]
+    used = images.found(parts.camera, partial(open_reference, first, spacing_m, parts))
     described, config, feature = describe_drives(
-        [((reference,), parts) for reference in references],
+        drives,
         config,
         spacing_m=spacing_m,
         leave_out_bad=leave_out_bad,
+        used=used,
     )
     routes = [each.traverse() for each in described]
     network = join_routes(routes, options.links, same_frame=options.same_frame)
-    return built_of([network], config, feature.parts)
+    return used.in_map(built_of([network], config, feature.parts))

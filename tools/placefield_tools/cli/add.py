@@ -31,6 +31,7 @@ def _add(
     odometry_topic: options_frames.OdometryTopic = None,
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
+    camera: options_frames.Camera = None,
 ) -> None:
     """Add a later drive to a map: how the places look in it, and stretches that are new.
 
@@ -54,7 +55,7 @@ def _add(
     from placefield_tools.sources import Parts
 
     output = options_map.changed_map(map_path, output)
-    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride, camera)
     with open_locked(map_path) as opened:
         added = add_drive(
             opened,

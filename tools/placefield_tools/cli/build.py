@@ -51,6 +51,8 @@ def _build(
     pose_axes: options_frames.PoseAxesOption = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
+    camera: options_frames.Camera = None,
+    query_camera: options_map.QueryCameras = None,
     mask: options_map.MaskOption = None,
     standardise: options_map.Standardise = None,
     channels: options_map.Channels = None,
@@ -77,12 +79,14 @@ def _build(
     Examples:
       placefield build day/ dusk/ -o route.pfmap
       placefield build day/ -o route.pfmap --mask auto
+      placefield build day/ -o route.pfmap --camera front.yaml --query-camera phone.yaml
       placefield build reference.npy -o route.pfmap
       placefield build north/ south/ --routes -o town.pfmap
       placefield build drive.mcap --topic /camera/image_raw --odometry-topic /odom -o route.pfmap
     """
     from placefield_tools.build.map_from_sources import build_from
     from placefield_tools.build.routes_from_sources import build_routes
+    from placefield_tools.build.used_part import AskedPart
     from placefield_tools.inspect.map_facts import traverse_line
     from placefield_tools.inspect.route_facts import route_lines, warn_of_unlinked
     from placefield_tools.sources import Parts
@@ -100,9 +104,10 @@ def _build(
         metric__kind=metric,
         seed=seed,
     )
-    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride, camera)
+    images = AskedPart(mask, query_camera or ())
     if routes:
-        _refuse_with_routes(one_drive, poses, mask)
+        _refuse_with_routes(one_drive, poses)
         make = partial(
             build_routes,
             references,
@@ -111,6 +116,7 @@ def _build(
             options_routes.route_options(links, same_frame=same_frame),
             spacing_m=spacing,
             leave_out_bad=leave_out_bad,
+            images=images,
         )
     else:
         options_routes.refuse_without_routes(links, same_frame=same_frame)
@@ -122,13 +128,15 @@ def _build(
             parts=parts,
             one_drive=one_drive,
             leave_out_bad=leave_out_bad,
-            mask=mask,
+            images=images,
         )
     built = options_map.saved_new(make, output, overwrite=overwrite)
     print(f"{output}: {built.places.count} places, {len(built.channels)} channels")
     for record in built.traverses:
         if record.aligned is not None:
             print(traverse_line(record))
+    if built.model.view is not None:
+        print("the map's view is {:.0f}° × {:.0f}°".format(*built.model.view.degrees))
     if built.model.mask is not None:
         print(f"the mask hides {built.model.mask.hidden:.0%} of each image")
     elif mask is not None:
@@ -139,10 +147,8 @@ def _build(
     print(f"descriptors keep {built.model.variance_kept:.1%} of the features' variance")
 
 
-def _refuse_with_routes(one_drive: bool | None, poses: Path | None, mask: str | None) -> None:
+def _refuse_with_routes(one_drive: bool | None, poses: Path | None) -> None:
     if one_drive is not None:
         raise ConfigError("--routes and --one-drive/--traverses: give one of them")
     if poses is not None:
         raise ConfigError("--routes: --poses is of one route; give poses in each frames.csv")
-    if mask is not None:
-        raise ConfigError("--routes: --mask is of one route; leave one of them out")

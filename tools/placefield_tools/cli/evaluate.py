@@ -52,6 +52,7 @@ def _evaluate(
     odometry_topic: options_frames.OdometryTopic = None,
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
+    camera: options_frames.Camera = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
     channels: options_map.Channels = None,
@@ -64,8 +65,9 @@ def _evaluate(
 ) -> None:
     """Match QUERY against REF by every rule, and report the accuracy. REF is a map, or frames.
 
-    --start, --stop and --stride choose frames of QUERY; the frames keep their numbers.
-    --leave-out-bad is about REF. An unreadable frame of QUERY is a missing observation.
+    --start, --stop and --stride choose frames of QUERY; the frames keep their numbers. --camera is
+    that of QUERY, and of REF if that is frames. --leave-out-bad is about REF. An unreadable frame
+    of QUERY is a missing observation.
 
     Examples:
       placefield evaluate route.pfmap dusk/ --tolerance 3
@@ -109,9 +111,11 @@ def _evaluate(
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
 
     feature_asked = feature is not None
-    parts_of_query = Parts(topic, odometry_topic, start=start, stop=stop, stride=stride)
+    parts_of_query = Parts(
+        topic, odometry_topic, start=start, stop=stop, stride=stride, camera=camera
+    )
     asked_query = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
-    parts = Parts(topic, odometry_topic, poses, pose_axes)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, camera=camera)
     with map_of(
         reference,
         effective,

@@ -44,6 +44,7 @@ def _loops(
     odometry_topic: options_frames.OdometryTopic = None,
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
+    camera: options_frames.Camera = None,
     feature: options_map.Feature = None,
     config: options.ConfigFile = None,
     settings: options.Settings = None,
@@ -73,7 +74,7 @@ def _loops(
         matching__precision=precision,
     )
     check_output(output)
-    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride)
+    parts = Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride, camera)
     source = open_source(drive, spacing_m=spacing, parts=parts)
     loops = find_loops(source, without_secrets(name_of(drive)), effective)
     write_loops(loops, output)

@@ -53,6 +53,16 @@ PoseFile = Annotated[
         show_default=False,
     ),
 ]
+Camera = Annotated[
+    Path | None,
+    typer.Option(
+        "--camera",
+        metavar="FILE",
+        help="calibration of the camera, in YAML: camera_info of ROS, or OpenCV's; the frames are "
+        "rectified",
+        show_default="used as they are",
+    ),
+]
 PoseAxesOption = Annotated[
     PoseAxes | None,
     typer.Option(

@@ -71,8 +71,18 @@ MaskOption = Annotated[
     typer.Option(
         metavar="IMAGE or auto",
         help="an image of the frames' aspect ratio whose black part is not used, as a bonnet; "
-        "auto: what never changes along the first traverse",
+        "auto: what never changes along the first traverse; with --camera, of rectified frames",
         show_default="all is used",
+    ),
+]
+QueryCameras = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--query-camera",
+        metavar="FILE",
+        help="calibration of another camera that will drive the route: the map uses only what it "
+        "and --camera both see; may be given several times",
+        show_default=False,
     ),
 ]
 Standardise = Annotated[

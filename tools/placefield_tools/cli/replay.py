@@ -38,6 +38,7 @@ def _replay(
     odometry_topic: options_frames.OdometryTopic = None,
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
+    camera: options_frames.Camera = None,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -76,7 +77,7 @@ def _replay(
         source,
         spacing_m=spacing,
         metres=odometry.metres,
-        parts=Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride),
+        parts=Parts(topic, odometry_topic, poses, pose_axes, start, stop, stride, camera),
         stop=stopped,
     )
     with opened as frames, open_bus(effective.bus, stopped) as bus:

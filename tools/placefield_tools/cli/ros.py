@@ -30,6 +30,7 @@ def _ros(
         typer.Option(metavar="TOPIC", help="topic of nav_msgs/Odometry", show_default="none"),
     ] = None,
     spacing: options_frames.Spacing = None,
+    camera: options_frames.Camera = None,
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, help="domain of ROS 2")] = 0,
     run: options.Run = None,
     endpoint: options.Endpoint = None,
@@ -59,13 +60,15 @@ def _ros(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
+    from placefield.features.camera_file import read_camera
     from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    topics = Topics(domain, topic, odometry, spacing)
+    calibration = None if camera is None else read_camera(camera)
+    topics = Topics(domain, topic, odometry, spacing, calibration)
     versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())
     leave()

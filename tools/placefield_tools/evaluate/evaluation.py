@@ -27,7 +27,7 @@ from placefield_tools.evaluate.through_services import match_through_services
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, TruthSource, find_truth
 from placefield_tools.evaluate.verified import verified_matches
 from placefield_tools.sources import Source
-from placefield_tools.sources.frame_content import check_frames, dimensions_of
+from placefield_tools.sources.frame_content import check_frames, check_view, dimensions_of
 from placefield_tools.sources.resampled import ResampledTraverse
 
 RULES: tuple[Rule, ...] = get_args(Rule)
@@ -168,6 +168,7 @@ def evaluate(
     verified = None
     with query.open() as source:
         check_frames(source, query.where, dimensions_of(placemap.model), map_path.name)
+        check_view(source, query.where, placemap.model.view)
         observe = observer(placemap, config.inference)
         observed, readings, poses = describe_query(source, observe)
         raws = [None if frame is None else frame.raw for frame in observed]

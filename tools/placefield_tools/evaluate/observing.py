@@ -25,7 +25,7 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     """Return a function that observes a frame; it raises FrameError if the frame cannot be read.
 
     Args:
-        placemap: its feature describes the frame, and its mask is applied.
+        placemap: its feature describes the frame, with its view and its mask.
         inference: where a network runs.
 
     Raises:
@@ -34,10 +34,10 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     feature = feature_of_model(placemap.model, inference)
 
     def observe(frame: Frame) -> Observed:
-        decoded = frame.decoded()
+        raw, image = feature.observe(frame)
         local = None
-        if placemap.local_features is not None:
-            local = local_features_of(placemap, decoded.pixels())
-        return Observed(feature.of_frame(decoded), local)
+        if placemap.local_features is not None and image is not None:
+            local = local_features_of(placemap, image)
+        return Observed(raw, local)
 
     return observe

@@ -23,6 +23,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {model.dimensions} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
+        "view": _view(model),
         "mask": _mask(model),
         "smallest scale": f"{opened.channels[0].smallest} frames",
         "metric": _metric(opened),
@@ -33,6 +34,12 @@ def map_facts(opened: Map) -> dict[str, str]:
         "history": _history(opened),
         "digest": opened.digest,
     }
+
+
+def _view(model: AnyModel) -> str:
+    if model.view is None:
+        return "frames as they are"
+    return "rectified to {:.0f}° × {:.0f}°".format(*model.view.degrees)
 
 
 def _mask(model: AnyModel) -> str:

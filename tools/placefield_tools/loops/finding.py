@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +13,11 @@ from placefield.errors import FrameError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.features.raw_stage import check_one_part
+from placefield.features.rectification import view_of
 from placefield.matching.exploring import Answer, Explorer
 from placefield.verification.extracting import extract
 from placefield.verification.local_features import LocalFeatures
-from placefield.verification.relative_pose import Camera
+from placefield.verification.relative_pose import Camera, camera_of
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
@@ -79,31 +80,34 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     Args:
         source: of the frames; it is closed at the end.
         name: of the drive, used in messages.
-        config: its kind of feature, tolerance, precision, lag and focal length count.
+        config: its kind of feature, tolerance, precision, lag and focal length count; the focal
+            length only if the camera is not known.
 
     Raises:
         SourceError: the source fails, is a live camera, or none of its frames can be read.
-        ConfigError: the feature has several parts or cannot be computed, or the focal length is
-            given and the frames are descriptors.
+        ConfigError: the feature has several parts or cannot be computed, the camera has no view
+            (see ``view_of``), or the focal length is given, and the camera is known or the frames
+            are descriptors.
     """
     if source.live:
         raise SourceError(f"{name}: loops are not found with a live camera; record a drive first")
     config = with_feature_of(source, name, config)
     check_one_part(config.features.kind)
-    feature = feature_of(config.features.kind, config.inference)
+    view = None if source.calibration is None else view_of(source.calibration)
+    feature = replace(feature_of(config.features.kind, config.inference), view=view)
     focal = config.verification.focal
     if focal is not None:
         check_images(source, "setting verification.focal")
-    camera = None if focal is None else Camera(focal)
+    camera = camera_of(view, focal)
     faults: list[FrameError] = []
 
     def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:
         kept = DriveFrame(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
         try:
-            decoded = frame.decoded()
-            if camera is not None:
-                kept = kept._replace(local_features=extract(decoded.pixels(), _LOCAL_FEATURES))
-            return kept, feature.of_frame(decoded)
+            raw, image = feature.observe(frame)
+            if camera is not None and image is not None:
+                kept = kept._replace(local_features=extract(image, _LOCAL_FEATURES))
+            return kept, raw
         except FrameError as error:
             faults.append(FrameError(f"{frame.name}: {error}"))
             return kept, None

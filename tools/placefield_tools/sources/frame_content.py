@@ -1,10 +1,16 @@
 """What the frames of sources are: images, or descriptors of one dimension."""
 
+import logging
+
 from placefield.config import DESCRIPTOR, Config
-from placefield.errors import ConfigError, SourceError
+from placefield.errors import ConfigError, FrameError, SourceError
+from placefield.features.calibration import View
 from placefield.features.joined_model import AnyModel
+from placefield.features.rectification import check_calibrated, seen
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
+
+log = logging.getLogger(__name__)
 
 
 def with_feature_of(source: Source, where: str, config: Config) -> Config:
@@ -53,6 +59,35 @@ def check_frames(source: Source, where: str, dimensions: int | None, other: str)
         raise SourceError(
             f"{without_secrets(where)}: holds {_content(source.dimensions)}, and {other} has "
             f"{_content(dimensions)}; give frames of one kind"
+        )
+
+
+def check_view(source: Source, where: str, view: View | None) -> None:
+    """Refuse a source whose camera does not fit the view of a map.
+
+    A camera that does not see all of the view is logged.
+
+    Args:
+        source: opened.
+        where: its name, used in messages.
+        view: of the map; None: it is of no camera's view.
+
+    Raises:
+        SourceError: the source is refused.
+    """
+    try:
+        check_calibrated(source.calibration, view)
+    except FrameError as error:
+        raise SourceError(f"{without_secrets(where)}: {error}") from None
+    if source.calibration is None or view is None:
+        return
+    share = seen(source.calibration, view)
+    if share < 1:
+        log.warning(
+            "%s: its camera sees %.0f %% of the map's view, and the rest is as the image's border; "
+            "build the map with --query-camera",
+            without_secrets(where),
+            100 * share,
         )
 
 

@@ -62,6 +62,7 @@ class ResampledTraverse(Source):
         self._other = [] if other is None else _held(other)
         self.origin = query.origin
         self.dimensions = query.dimensions
+        self.calibration = query.calibration
         if other is not None and other.dimensions != query.dimensions:
             raise SourceError(
                 "query and other route are not alike; give images, or descriptors of one dimension"

@@ -9,6 +9,7 @@ from itertools import takewhile
 from types import TracebackType
 from typing import NamedTuple, Self, TypeVar
 
+from placefield.features.calibration import Calibration
 from placefield.features.frames import Frame
 from placefield.maps.geography import Origin
 
@@ -37,6 +38,7 @@ class Source(ABC):
         stamped: whether the stamps are measured; if not, they are nominal, at a constant rate.
         span: time of the recording, None if unknown.
         dimensions: of the descriptors that the frames are; None: the frames are images.
+        calibration: of the camera that took the frames; None if unknown.
     """
 
     live: bool = False
@@ -45,6 +47,7 @@ class Source(ABC):
     stamped: bool = True
     span: Span | None = None
     dimensions: int | None = None
+    calibration: Calibration | None = None
 
     @cached_property
     def not_given(self) -> Counter[str]:
@@ -84,6 +87,7 @@ class Derived(Source):
         self.stamped = source.stamped
         self.span = source.span
         self.dimensions = source.dimensions
+        self.calibration = source.calibration
         self.not_given = source.not_given
 
     def close(self) -> None:

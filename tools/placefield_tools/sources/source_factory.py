@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from placefield.errors import ConfigError, SourceError
+from placefield.features.camera_file import read_camera
 from placefield.features.distance_sampler import check_spacing
 from placefield.features.frames import Frame
 from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
 from placefield_tools.common.natural_sort import in_natural_order
+from placefield_tools.sources.calibrated import Calibrated
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.descriptor_files import is_descriptor_file
 from placefield_tools.sources.descriptors import Descriptors, holds_descriptors
 from placefield_tools.sources.distance_sampled import DistanceSampled
 from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
+from placefield_tools.sources.frame_content import check_images
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.pose_line_check import PoseLineCheck
@@ -47,7 +50,7 @@ _BAG_FOLDER = "metadata.yaml"
 
 @dataclass(frozen=True)
 class Parts:
-    """The selected topics and frames of a source, and a file of poses beside it.
+    """The selected topics and frames of a source, and files about them beside it.
 
     Attributes:
         topic: topic of the images of a recording; None: the only one.
@@ -58,6 +61,7 @@ class Parts:
         start: index of the first frame.
         stop: index after the last frame; None: the end of the source.
         stride: step from one frame to the next.
+        camera: a file with the calibration of the camera; None: it is not known.
     """
 
     topic: str | None = None
@@ -67,6 +71,7 @@ class Parts:
     start: int = 0
     stop: int | None = None
     stride: int = 1
+    camera: Path | None = None
 
 
 NO_PARTS = Parts()
@@ -101,7 +106,8 @@ def open_source(
         SourceError: there is no such source, it cannot be read, or ``spacing_m`` or ``parts`` does
             not fit. That a video ends before ``start`` is found only when it is read, because its
             container's count may be wrong.
-        ConfigError: a library that reads the source is not installed.
+        ConfigError: a library that reads the source is not installed, or the camera's file is
+            refused, see ``read_camera``.
     """
     start, stride = parts.start, parts.stride
     if start < 0:
@@ -129,6 +135,9 @@ def open_source(
         source = _with_pose_file(source, where, parts)
     if parts.stop is not None:
         source = Ended(source, start, parts.stop, stride)
+    if parts.camera is not None:
+        check_images(source, f"--camera {parts.camera}")
+        source = Calibrated(source, read_camera(parts.camera))
     if source.live and metres is not None:
         source = WithOdometry(source, metres)
     return source if spacing_m is None else DistanceSampled(source, spacing_m)

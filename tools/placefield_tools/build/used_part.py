@@ -1,0 +1,88 @@
+"""What of the images a new map uses: the view of its camera, and what a mask does not hide."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from pathlib import Path
+
+from placefield.errors import ConfigError
+from placefield.features.calibration import View
+from placefield.features.camera_file import read_camera
+from placefield.features.extract import Feature
+from placefield.features.mask import Mask
+from placefield.features.rectification import view_of
+from placefield.maps.map import Map
+from placefield_tools.build.mask_from_source import mask_of
+from placefield_tools.sources import Source
+
+
+@dataclass(frozen=True)
+class UsedPart:
+    """What of the images a map uses.
+
+    Attributes:
+        view: that they are rectified to; None: they are used as they are.
+        mask: hides a part of the rectified image; None: nothing is hidden.
+    """
+
+    view: View | None = None
+    mask: Mask | None = None
+
+    def of(self, feature: Feature) -> Feature:
+        """Return a feature of this part of the images."""
+        return replace(feature, view=self.view, mask=self.mask)
+
+    def in_map(self, built: Map) -> Map:
+        """Return a map that was built of this part of the images, with the part."""
+        return replace(built, model=replace(built.model, view=self.view, mask=self.mask))
+
+
+WHOLE = UsedPart()
+
+
+@dataclass(frozen=True)
+class AskedPart:
+    """What of the images a user asks a map to use.
+
+    Attributes:
+        mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
+            used.
+        query_cameras: files of other cameras that will drive the route: the view is what all see.
+    """
+
+    mask: str | None = None
+    query_cameras: Sequence[Path] = ()
+
+    def found(self, camera: Path | None, first: Callable[[], Source]) -> UsedPart:
+        """Return the part, whose mask is of the rectified images of the first source.
+
+        Args:
+            camera: the file of the camera of the frames; None: it is not known.
+            first: opens the first source.
+
+        Raises:
+            ConfigError: a file is refused, see ``read_camera``, ``view_of`` and ``mask_of``, or
+                there are other cameras, and the one of the frames is not known.
+            SourceError: the source fails.
+        """
+        view = self._view(camera)
+        mask = None if self.mask is None else mask_of(self.mask, first(), view)
+        return UsedPart(view, mask)
+
+    def _view(self, camera: Path | None) -> View | None:
+        if camera is None:
+            if self.query_cameras:
+                raise ConfigError("--query-camera: needs the frames' own camera; give --camera")
+            return None
+        return reduce(View.common, map(_view_of_file, (camera, *self.query_cameras)))
+
+
+ALL_ASKED = AskedPart()
+
+
+def _view_of_file(camera: Path) -> View:
+    calibration = read_camera(camera)
+    try:
+        return view_of(calibration)
+    except ConfigError as error:
+        raise ConfigError(f"{camera}: {error}") from None
