@@ -165,6 +165,21 @@ def route_map(map_path: Path) -> Map:
     return open_map(map_path)
 
 
+@pytest.fixture(scope="session")
+def verified_map_path(made_up: Path, reference_dir: Path) -> Path:
+    """A map of the reference that keeps local features; do not change it."""
+    config = Config.model_validate(
+        {
+            "build": {"local_features": 100},
+            "scales": {"channels": 1},
+            "metric": {"kind": "identity"},
+        }
+    )
+    path = made_up / "verified.pfmap"
+    save_map(build_from([str(reference_dir)], config), path)
+    return path
+
+
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Path]]:
     """Install a package as pip does: its module, and a dist-info folder with its entry points."""

@@ -43,6 +43,11 @@ class MapVersions:
         self._seen: _State | None = None
         self._opened: tuple[_State | None, str] | None = None
 
+    @property
+    def path(self) -> Path:
+        """The path of the map."""
+        return self._path
+
     def open(self) -> Map:
         """Open the version that is there now.
 

@@ -14,7 +14,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-ROLES = {"router", "featurizer", "describer", "channel", "fuser", "replay"}
+ROLES = {"router", "featurizer", "describer", "channel", "fuser", "verifier", "replay"}
 
 # Runs our command with the packages of some distributions only.
 _WITH_ONLY = """
@@ -125,7 +125,7 @@ def run_with_only(pinned: dict[str, str], *arguments: str) -> "subprocess.Comple
 
 
 def test_every_role_starts_with_what_is_pinned_for_it(
-    deploy: Path, map_path: Path, query_dir: Path, endpoint: str
+    deploy: Path, map_path: Path, verified_map_path: Path, query_dir: Path, endpoint: str
 ) -> None:
     at = ("--endpoint", endpoint, "--set", "bus.connect_timeout_s=0.1")
     router, services = (pins(deploy / "docker" / f"{name}.txt") for name in ("router", "services"))
@@ -134,6 +134,7 @@ def test_every_role_starts_with_what_is_pinned_for_it(
         ("featurizer", str(map_path)): services,
         ("channel", str(map_path), "--channel", "0"): services,
         ("fuser", str(map_path)): services,
+        ("verifier", str(verified_map_path)): services,
         ("replay", str(query_dir)): services,
     }
     for command, pinned in commands.items():

@@ -18,6 +18,7 @@ SERVICES = [
     "featurizer",
     "describer",
     "fuser",
+    "verifier",
     *(f"channel-{channel}" for channel in range(CHANNELS)),
 ]
 

@@ -18,6 +18,7 @@ UNITS = [
     "placefield-describer@0.service",
     "placefield-channel@0.service",
     "placefield-fuser.service",
+    "placefield-verifier@0.service",
 ]
 INSTALLED_AT = "/opt/placefield/bin/"
 

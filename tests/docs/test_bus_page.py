@@ -10,7 +10,15 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from placefield.bus import candidate_messages, inbox, maps, message, messages, replay_cache
+from placefield.bus import (
+    candidate_messages,
+    inbox,
+    maps,
+    message,
+    messages,
+    replay_cache,
+    verified_messages,
+)
 from placefield.bus.credits import WINDOW
 from placefield.bus.keys import Keys
 from placefield.bus.maps import MapKeys
@@ -59,7 +67,7 @@ def is_of(pattern: str, key: str) -> bool:
 
 def models() -> set[type[BaseModel]]:
     found: set[type[BaseModel]] = set()
-    for module in (message, messages, candidate_messages, maps):
+    for module in (message, messages, candidate_messages, verified_messages, maps):
         for _, each in inspect.getmembers(module, inspect.isclass):
             if issubclass(each, Message) and each.__name__[0] != "_":
                 found.add(each)
@@ -88,7 +96,7 @@ def section_on(model: type[BaseModel], page: str) -> str:
 
 def counted() -> set[str]:
     """Return the names under which services and library count."""
-    names = set()
+    names = {"verified", *get_args(verified_messages.Unverified)}
     for part in ("shared", "services"):
         for file in (SOURCES / part).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_bytes())):

@@ -26,6 +26,7 @@ from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
 from placefield.bus.session import open_bus, open_router
+from placefield.bus.verified_messages import VerifiedMessage
 from placefield.config import BusConfig, Rule
 from placefield.features.images import decode
 from placefield.maps.digest import NO_DIGEST
@@ -151,6 +152,7 @@ def test_listen_prints_a_line_for_each_match_or_json_lines(
             "stamp_ns": header.stamp_ns,
             "end": False,
             "smoothed": False,
+            "verified": False,
             "map": route_map.digest,
             "place": match.place,
             "score": match.score,
@@ -195,11 +197,20 @@ def test_listen_says_where_the_place_is_which_channels_are_missing_and_what_is_t
         for sequence, match in enumerate(sent):
             matches.put(Header(stream="s", sequence=sequence, stamp_ns=0), match)
         wait_until(lambda: listen.out.count("\n") == len(sent), "all are printed")
+        verified = router.publisher(Keys("default").verified)
+        for sequence, about in enumerate([{"inliers": 41, "ratio": 12.5}, {"reason": "no_frame"}]):
+            message = VerifiedMessage(map=NO_DIGEST, place=7, score=1.5, lag=2, **about)
+            verified.put(Header(stream="s", sequence=sequence, stamp_ns=0), message)
+        wait_until(lambda: listen.out.count("\n") == len(sent) + 2, "all are printed")
         assert listen.stop() == 0
         assert listen.out.splitlines() == [
             "frame 0: place 7, score 1.50, at x 1.00 m, y -2.50 m, yaw 0.25 rad",
             "frame 1: no place, score 0.00, without channels 0, 3",
             "frame 2: place 7, score -2.00, faster than the map resolves, 12.5 %",
+            "  verified frame 0: place 7, score 1.50, 2 frames later, "
+            "41 inliers, 12.5 times as likely",
+            "  verified frame 1: place 7, score 1.50, 2 frames later, "
+            "not verified: its frame is not kept",
         ]
 
 

@@ -33,11 +33,13 @@ from placefield.bus.message import MAX_BYTES
 from placefield.bus.session import Bus, open_bus, open_router
 from placefield.config import BusConfig
 from placefield.maps.map import Map
+from placefield.maps.opening import open_map
 from placefield_tools.security.certificates import Certified, issue
 from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
+MATCHES = ("match", "smoothed", "verified")
 STREAMS = (
     "frame",
     "odometry",
@@ -46,10 +48,10 @@ STREAMS = (
     "moments",
     "unobserved",
     CANDIDATE,
-    "match",
+    *MATCHES,
     "ack",
 )
-REPORTING = ("featurizer", "describer", "channel", "fuser", "mapserver", "mapper")
+REPORTING = ("featurizer", "describer", "channel", "fuser", "verifier", "mapserver", "mapper")
 COUNTS = tuple(f"stats/{role}/x" for role in REPORTING)
 TOKENS = tuple(f"alive/{role}/x" for role in ("replay", *REPORTING))
 MAP = "placefield/maps/route/manifest"
@@ -60,7 +62,8 @@ PUBLISHES = {
     "featurizer": {"feature", "moments", "unobserved", "stats/featurizer/x"},
     "describer": {"raw/x", "stats/describer/x"},
     "channel": {CANDIDATE, "halo/x", "stats/channel/x"},
-    "fuser": {"match", "ack", "stats/fuser/x"},
+    "fuser": {"match", "smoothed", "ack", "stats/fuser/x"},
+    "verifier": {"verified", "stats/verifier/x"},
     "mapserver": {"stats/mapserver/x"},
     "mapper": {"stats/mapper/x"},
     "dashboard": set[str](),
@@ -72,6 +75,7 @@ READS = {
     "describer": {"frame"},
     "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},
+    "verifier": {"frame", "smoothed", "verified"},
     "mapserver": set[str](),
     "mapper": {"frame", "feature"},
     "dashboard": {*STREAMS, *COUNTS, "halo/x"},
@@ -81,7 +85,7 @@ IS_ALIVE_AS = {
     "dashboard": set[str](),
     **{role: {f"alive/{role}/x"} for role in REPORTING},
 }
-SERVICES = {"featurizer", "channel", "fuser"}
+SERVICES = {"featurizer", "channel", "fuser", "verifier"}
 ANSWERS = {RUN + "cache/feature": SERVICES | {"mapper"}, MAP: {"mapserver"}}
 ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES | {"describer"}}
 ROLES = tuple(PUBLISHES)
@@ -342,17 +346,20 @@ def test_roles_hold_across_routers_that_trust_each_other(endpoint: str, issued: 
 
 
 def test_with_credentials_all_works_from_frame_to_match_each_in_its_role(
-    logs: Path, map_path: Path, route_map: Map, query_dir: Path, issued: Path
+    logs: Path, verified_map_path: Path, query_dir: Path, issued: Path
 ) -> None:
     at = ("--endpoint", free_endpoint().replace("tcp/", "tls/"), "--credentials")
-    with Process(logs, "up", map_path, "--workers", "2", *at, issued / "router") as host:
+    flags = ("--workers", "2", "--verifiers", "2", *at, issued / "router")
+    with Process(logs, "up", verified_map_path, *flags) as host:
         wait_until(lambda: "\n" in host.out or not host.runs, "the host is ready")
         dashboard = BusConfig(endpoint=at[1], credentials=str(issued / "dashboard"))
         with open_bus(dashboard) as bus:
             listener = Listener(bus)
             replayed = placefield("replay", query_dir, *at, issued / "camera")
             assert replayed.returncode == 0, replayed.stderr
-            assert answers_of(listener.answers()) == offline(route_map, sorted(query_dir.iterdir()))
+            files, placemap = sorted(query_dir.iterdir()), open_map(verified_map_path)
+            assert answers_of(listener.answers()) == offline(placemap, files)
+            wait_until(lambda: listener.count("verifier", "verified") >= len(files), "all verified")
         status = placefield("status", *at, issued / "dashboard").stdout
         assert all(service in status for service in SERVICES)
         assert not host.err

@@ -280,6 +280,7 @@ def test_config_prints_toml_that_gives_the_same_settings(placefield: Run, tmp_pa
         (("evaluate", "{map}", "{query}", "-o", "{truth}"), "{truth}"),
         (("channel", "{map}", "--channel", "3"), "--channel 3: the map has channels 0 to 2"),
         (("featurizer", "no.pfmap"), "no.pfmap: no map there"),
+        (("verifier", "{map}"), "{map}: has no local features to verify matches with"),
         (("channel", "{broken}", "--channel", "0"), "projection.npy: damaged"),
         (("demo", "{ref}", "{empty}"), "{empty}: no image files"),
     ],
@@ -336,7 +337,8 @@ def test_a_command_line_that_is_wrong_is_answered_with_its_usage(
 
 
 COMMANDS = ["build", "inspect", "evaluate", "study", "demo", "config"]
-COMMANDS += ["up", "featurizer", "describer", "channel", "fuser", "replay", "listen", "status"]
+COMMANDS += ["up", "featurizer", "describer", "channel", "fuser", "verifier", "replay", "listen"]
+COMMANDS += ["status"]
 COMMANDS += ["serve", "fetch", "router", "alive", "plan", "chaos", "bench", "security"]
 COMMANDS += ["ros", "record", "export", "loops", "dashboard", "datasets", "doctor"]
 

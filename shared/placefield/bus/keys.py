@@ -61,6 +61,11 @@ class Keys:
         return f"{ROOT}/{self.run}/smoothed"
 
     @property
+    def verified(self) -> str:
+        """Smoothed matches after their verification, from the verifiers to any reader."""
+        return f"{ROOT}/{self.run}/verified"
+
+    @property
     def odometry(self) -> str:
         """Metres travelled, from the vehicle to the source of its camera's frames."""
         return f"{ROOT}/{self.run}/odometry"

@@ -1,9 +1,11 @@
 """Reads the matches of a run from the bus, in order."""
 
+import math
 import queue
 import time
 from collections import Counter, deque
 from collections.abc import Container, Iterable, Iterator
+from contextlib import suppress
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -12,6 +14,7 @@ from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.bus.replay_cache import LENGTH, Fetch, fetcher
 from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
+from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MessageError, OtherMapError
 
 _QUIET_S = 2.0
@@ -21,10 +24,11 @@ OrderedMatch = tuple[Header, MatchMessage | None]
 
 
 class MatchQueue:
-    """A queue of a run's matches from now on, each once; on request of its smoothed matches, too.
+    """A queue of a run's matches from now on, each once; on request of all its kinds of matches.
 
     Matches come in order, and so do smoothed matches. The end of a stream comes after both. Lost
-    matches of a lossless stream are fetched from the fuser's replay cache.
+    matches of a lossless stream are fetched from the fuser's replay cache. Verified matches come in
+    any order, and also after the end.
     """
 
     def __init__(
@@ -33,6 +37,7 @@ class MatchQueue:
         keys: Keys,
         *,
         smoothed: bool = False,
+        verified: bool = False,
         digests: Container[str] | None = None,
     ) -> None:
         """Subscribe to the matches of a run.
@@ -41,18 +46,22 @@ class MatchQueue:
             bus: the session.
             keys: of the run.
             smoothed: whether to return smoothed matches, too, as ``SmoothedMessage``.
+            verified: whether to return verified matches, too, as ``VerifiedMessage``.
             digests: of the maps that matches may be of; None: any map.
         """
         self.counts: Counter[str] = Counter()
         self._received: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self._ready: deque[OrderedMatch] = deque()
         kinds = {keys.match: MatchMessage} | ({keys.smoothed: SmoothedMessage} if smoothed else {})
-        self._in_order = {
+        self._readers: dict[str, _InOrder | _InAnyOrder] = {
             key: _InOrder(kind, fetcher(bus, keys.cache(key)), self.counts, digests)
             for key, kind in kinds.items()
         }
         self._ended = dict.fromkeys(kinds, "")  # stream, by key
-        for key in kinds:
+        if verified:
+            fetch = fetcher(bus, keys.cache(keys.verified))
+            self._readers[keys.verified] = _InAnyOrder(fetch, digests)
+        for key in self._readers:
             bus.subscribe(key, self._received.put, self.counts)
 
     def get(self, timeout: float) -> OrderedMatch | None:
@@ -68,11 +77,11 @@ class MatchQueue:
             try:
                 received = self._received.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
-                for key, in_order in self._in_order.items():
-                    self._keep(key, in_order.ask_if_quiet())
+                for key, reader in self._readers.items():
+                    self._keep(key, reader.ask_if_quiet())
                 return self._ready.popleft() if self._ready else None
-            in_order = self._in_order[received.key]
-            self._keep(received.key, in_order.receive(received.header, received.payload))
+            reader = self._readers[received.key]
+            self._keep(received.key, reader.receive(received.header, received.payload))
         return self._ready.popleft()
 
     def _keep(self, key: str, ready: Iterable[OrderedMatch]) -> None:
@@ -136,8 +145,7 @@ class _InOrder:
 
     def _decode(self, payload: bytes) -> MatchMessage:
         match = self._kind.decode(payload)
-        if self._digests is not None and match.map not in self._digests:
-            raise OtherMapError(f"{self._kind.__name__} of map {match.map}, which is another map")
+        _check_map(match, self._digests)
         return match
 
     def _decoded(self, payload: bytes) -> MatchMessage | None:
@@ -146,6 +154,51 @@ class _InOrder:
             return self._decode(payload)
         except MessageError:
             return None
+
+
+class _InAnyOrder:
+    """Returns verified matches as they come, each once, and fetches missing ones after silence."""
+
+    def __init__(self, fetch: Fetch, digests: Container[str] | None) -> None:
+        self._fetch, self._digests = fetch, digests
+        self._seen: dict[tuple[str, int], None] = {}
+        self._newest: Header | None = None
+        self._ask_at = math.inf
+
+    def ask_if_quiet(self) -> list[OrderedMatch]:
+        """Fetch the last matches once after some silence: some may have been lost."""
+        newest = self._newest
+        if newest is None or time.monotonic() < self._ask_at:
+            return []
+        self._ask_at = math.inf
+        first = max(0, newest.sequence - LENGTH)
+        ready: list[OrderedMatch] = []
+        for header, payload in self._fetch(newest.stream, first, newest.sequence + LENGTH).values():
+            with suppress(MessageError):
+                ready += self._unseen(header, payload)
+        return ready
+
+    def receive(self, header: Header, payload: bytes) -> list[OrderedMatch]:
+        """Return the match of a message, unless it was returned before."""
+        self._ask_at = time.monotonic() + _QUIET_S
+        return self._unseen(header, payload)
+
+    def _unseen(self, header: Header, payload: bytes) -> list[OrderedMatch]:
+        name = header.stream, header.sequence
+        if header.end or name in self._seen:
+            return []
+        match = VerifiedMessage.decode(payload)
+        _check_map(match, self._digests)
+        self._newest = header
+        self._seen[name] = None
+        if len(self._seen) > 4 * LENGTH:
+            del self._seen[next(iter(self._seen))]
+        return [(header, match)]
+
+
+def _check_map(match: MatchMessage, digests: Container[str] | None) -> None:
+    if digests is not None and match.map not in digests:
+        raise OtherMapError(f"{type(match).__name__} of map {match.map}, which is another map")
 
 
 def stream_matches(matches: MatchQueue, timeout: float) -> Iterator[tuple[Header, MatchMessage]]:

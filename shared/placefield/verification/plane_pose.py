@@ -14,6 +14,9 @@ _CALIBRATION = 0.02  # radians, the deviation of an angle by errors of the camer
 
 Array = NDArray[np.float64]
 
+Related = tuple[Correspondences, RelativePose]
+"""The correspondences of two views, and the pose of the second relative to the first."""
+
 
 class Neighbour(NamedTuple):
     """A view that is known to be so many metres, above 0, from a place."""
@@ -62,20 +65,34 @@ def plane_pose(
         camera: that took all of them.
         seed: of RANSAC.
     """
-    pair = _pair(place, query, camera, seed)
+    pair = related(place, query, camera, seed)
     if pair is None:
         return None
     turn = turn_of(pair[1])
     turn = turn._replace(covariance=turn.covariance + _CALIBRATION**2 * np.eye(2))
-    beside = None if neighbour is None else _pair(place, neighbour.view, camera, seed)
+    return PlanePose(turn, scaled(pair, place, neighbour, camera, seed))
+
+
+def scaled(
+    pair: Related, place: LocalFeatures, neighbour: Neighbour | None, camera: Camera, seed: int
+) -> Distance | None:
+    """Return the distance of a frame from a place by a neighbour of the place; None if unknown.
+
+    Args:
+        pair: the place and the frame.
+        place: local features of the place.
+        neighbour: a view from near the place; None: the scale is not known.
+        camera: that took all of them.
+        seed: of RANSAC.
+    """
+    beside = None if neighbour is None else related(place, neighbour.view, camera, seed)
     if neighbour is None or beside is None:
-        return PlanePose(turn, None)
-    return PlanePose(turn, distance_of(pair, beside, neighbour.metres, camera))
+        return None
+    return distance_of(pair, beside, neighbour.metres, camera)
 
 
-def _pair(
-    one: LocalFeatures, other: LocalFeatures, camera: Camera, seed: int
-) -> tuple[Correspondences, RelativePose] | None:
+def related(one: LocalFeatures, other: LocalFeatures, camera: Camera, seed: int) -> Related | None:
+    """Return the correspondences and the relative pose of two views; None if there is no pose."""
     found = correspondences(one, other)
     pose = relative_pose(found, camera, seed)
     return None if pose is None else (found, pose)

@@ -32,6 +32,7 @@ from placefield.bus.messages import (
     SmoothedMessage,
     StatsMessage,
 )
+from placefield.bus.verified_messages import RelativePoseMessage, VerifiedMessage
 from placefield.errors import MessageError
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
@@ -87,14 +88,36 @@ EXAMPLES: list[Message] = [
     SmoothedMessage(
         map=NO_DIGEST, place=7, score=0.9, missing=(1,), probability=0.4, known=False, lag=3
     ),
+    VerifiedMessage(
+        map=NO_DIGEST,
+        place=7,
+        score=0.9,
+        probability=0.4,
+        known=False,
+        lag=3,
+        inliers=31,
+        ratio=12.5,
+        relative=RelativePoseMessage(
+            rotation=((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+            direction=(0.0, 0.6, 0.8),
+            covariance=((1.0, 2.0, 3.0, 4.0, 5.0),) * 5,
+            distance_m=2.0,
+            deviation_m=0.25,
+        ),
+    ),
+    VerifiedMessage(map=NO_DIGEST, place=-1, score=0.9, lag=3, reason="unlikely"),
     OdometryMessage(metres=12.5),
     StatsMessage(service="fuser", counts={"matches": 9, "stale": 0}),
 ]
-HOMES = {f"placefield.bus.{name}" for name in ("message", "messages", "candidate_messages")}
+HOMES = {
+    f"placefield.bus.{name}"
+    for name in ("message", "messages", "candidate_messages", "verified_messages")
+}
 KINDS = sorted({type(example) for example in EXAMPLES}, key=lambda kind: kind.__name__)
 PARTS = {
     *ChannelCandidate.model_fields,
     *SmoothedFrames.model_fields,
+    *RelativePoseMessage.model_fields,
     "partial",
     "dtype",
     "shape",
@@ -217,6 +240,8 @@ def check_bounds(message: Message) -> None:
             assert message.too_fast in (False, True)
             assert message.pose is None or np.isfinite(message.pose).all()
             assert not isinstance(message, SmoothedMessage) or 0 <= message.lag < 2**31
+            if isinstance(message, VerifiedMessage):
+                check_verified(message)
         case HaloMessage():
             assert message.partials
             assert 0 <= message.shard < message.shards <= 2**16
@@ -243,6 +268,23 @@ def check_bounds(message: Message) -> None:
             assert all(isinstance(count, int) for count in message.counts.values())
         case _:
             raise AssertionError("a message whose bounds nobody has written down here")
+
+
+def check_verified(message: VerifiedMessage) -> None:
+    assert (message.reason is None) == (message.inliers is not None) == (message.ratio is not None)
+    assert message.inliers is None or 0 <= message.inliers < 2**31
+    assert message.ratio is None or 0 < message.ratio < np.inf
+    relative = message.relative
+    if relative is None:
+        return
+    assert message.reason is None
+    inverse = np.linalg.inv(relative.rotation)
+    np.testing.assert_allclose(inverse, np.transpose(relative.rotation), atol=1e-5)
+    assert np.linalg.norm(relative.direction) == pytest.approx(1)
+    assert np.isfinite(relative.covariance).all()
+    assert np.shape(relative.covariance) == (5, 5)
+    for metres in (relative.distance_m, relative.deviation_m):
+        assert metres is None or 0 < metres < np.inf
 
 
 def check_candidate(candidate: ChannelCandidate) -> None:

@@ -122,6 +122,8 @@ def test_a_drive_that_another_host_explores_is_left_alone(path: Path, config: Co
         (["--explore", "n.map"], "ends in .pfmap"),
         (["--explore", "n.pfmap", "--rule", "ams"], "rule ams"),
         (["--explore", "n.pfmap", "--run", "a", "--run", "b"], "runs a, b"),
+        (["--explore", "n.pfmap", "--verifiers", "1"], "--verifiers: an explored drive keeps no"),
+        (["--explore", "n.pfmap", "--set", "build.local_features=9"], "build.local_features"),
         (["--explore", "n.pfmap", "--feature", "onnx:none.onnx"], "none.onnx"),
     ],
 )

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.verified_messages import VerifiedMessage
 from placefield.maps.digest import NO_DIGEST
 
 Written = tuple[Header, MatchMessage | None]
@@ -35,6 +36,12 @@ UNANSWERED = MatchMessage(map=NO_DIGEST, place=-1, score=0.0, missing=(1,))
 ALL_KINDS = (KNOWN, UNKNOWN, UNTOLD, UNANSWERED)
 
 SMOOTHED = SmoothedMessage(**KNOWN.model_dump() | {"place": 8}, lag=3)
+
+VERIFIED = VerifiedMessage(**SMOOTHED.model_dump() | {"score": 2.5}, inliers=31, ratio=0.5)
+UNVERIFIED = VerifiedMessage(**SMOOTHED.model_dump(), reason="no_frame")
+
+OF_HEADER = {"stream", "sequence", "stamp_ns", "end", "smoothed", "verified"}
+"""What a written match has besides its message."""
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 headers = st.builds(

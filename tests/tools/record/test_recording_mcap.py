@@ -12,7 +12,17 @@ import cv2
 import jsonschema
 import numpy as np
 import pytest
-from made_matches import ALL_KINDS, KNOWN, SMOOTHED, STAMPS_NS, UNTOLD, Written, stream_of
+from made_matches import (
+    ALL_KINDS,
+    KNOWN,
+    OF_HEADER,
+    SMOOTHED,
+    STAMPS_NS,
+    UNTOLD,
+    VERIFIED,
+    Written,
+    stream_of,
+)
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message, Schema
@@ -81,7 +91,7 @@ def test_every_match_and_the_end_are_there_at_the_frames_stamps(drive: Read) -> 
     for read, match in zip(objects, ALL_KINDS, strict=False):
         expected = json.loads(match.model_dump_json(exclude={"version"}, exclude_none=True))
         assert {name: read[name] for name in expected} == expected
-        assert set(read) - set(expected) == {"stream", "sequence", "stamp_ns", "end", "smoothed"}
+        assert set(read) - set(expected) == OF_HEADER
     assert [read["sequence"] for read in objects] == [0, 1, 2, 3, 4]
     assert objects[-1]["end"] is True
     times = [message.log_time for _, message, _ in drive["/placefield/match"]]
@@ -159,11 +169,14 @@ def test_without_an_origin_there_are_no_georeferenced_positions(tmp_path: Path) 
     assert set(drive) == {"/placefield/match", "/placefield/pose"}
 
 
-def test_smoothed_matches_have_topics_of_their_own(tmp_path: Path) -> None:
+def test_smoothed_and_verified_matches_have_topics_of_their_own(tmp_path: Path) -> None:
     about = Header(stream="s", sequence=0, stamp_ns=0)
     drive = recorded(tmp_path / "drive.mcap", [(about, SMOOTHED)])
     assert set(drive) == {"/placefield/smoothed/match", "/placefield/smoothed/pose"}
     assert drive["/placefield/smoothed/match"][0][2]["lag"] == SMOOTHED.lag
+    drive = recorded(tmp_path / "verified.mcap", [(about, VERIFIED)])
+    assert set(drive) == {"/placefield/verified/match", "/placefield/verified/pose"}
+    assert drive["/placefield/verified/match"][0][2]["inliers"] == VERIFIED.inliers
 
 
 def test_a_stamp_before_the_epoch_is_at_the_epoch(tmp_path: Path) -> None:

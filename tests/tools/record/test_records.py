@@ -6,7 +6,17 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from made_matches import ALL_KINDS, KNOWN, SMOOTHED, headers, matches, stream_of
+from made_matches import (
+    ALL_KINDS,
+    KNOWN,
+    OF_HEADER,
+    SMOOTHED,
+    UNVERIFIED,
+    VERIFIED,
+    headers,
+    matches,
+    stream_of,
+)
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
@@ -32,6 +42,7 @@ def test_an_object_names_the_frame_and_has_every_field_of_the_match() -> None:
         "stamp_ns": -1,
         "end": False,
         "smoothed": False,
+        "verified": False,
         "map": NO_DIGEST,
         "place": 7,
         "score": 1 / 3,
@@ -71,7 +82,7 @@ def test_json_lines_have_a_line_for_each_match_and_the_end(tmp_path: Path) -> No
             match.score,
             match.known,
         )
-    assert set(parsed[-1]) == {"stream", "sequence", "stamp_ns", "end", "smoothed"}
+    assert set(parsed[-1]) == OF_HEADER
 
 
 def test_a_smoothed_match_says_so_and_how_many_frames_later(path: Path) -> None:
@@ -79,6 +90,17 @@ def test_a_smoothed_match_says_so_and_how_many_frames_later(path: Path) -> None:
     assert as_object(header, SMOOTHED)["smoothed"] is True
     assert as_object(header, SMOOTHED)["lag"] == SMOOTHED.lag
     written = [(header, KNOWN), (header, SMOOTHED)]
+    with recorder_of(path) as recorder:
+        for each in written:
+            recorder.write_match(*each)
+    assert read_records(path) == [Record(*each) for each in written]
+
+
+def test_a_verified_match_says_so_and_what_geometry_says(path: Path) -> None:
+    header = Header(stream="s", sequence=4, stamp_ns=-1)
+    assert as_object(header, VERIFIED)["verified"] is True
+    assert as_object(header, VERIFIED)["smoothed"] is False
+    written = [(header, VERIFIED), (header, UNVERIFIED), (header, SMOOTHED)]
     with recorder_of(path) as recorder:
         for each in written:
             recorder.write_match(*each)

@@ -10,10 +10,11 @@ import typer
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.verified_messages import WORDS, RelativePoseMessage, VerifiedMessage
 from placefield_tools.cli import options, options_map
 from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.common.place_words import place_words
-from placefield_tools.record.records import as_object
+from placefield_tools.record.records import as_object, kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,7 +44,8 @@ def _listen(
 ) -> None:
     """Print the matches of a run as they come, a line each, until Ctrl-C.
 
-    Each frame has a match at once, and a smoothed match later, which uses the frames after it.
+    Each frame has a match at once, and a smoothed match later, which uses the frames after it. If
+    there are verifiers, it also has a verified match.
     A match is known, or likely, or unknown. Give --precision as the services have it, for the
     percentage asked. A map of several routes numbers its places from the first one; with --map, a
     match says its route and the place in it.
@@ -79,7 +81,7 @@ def _listen(
     keys = Keys(effective.run)
     stop = stop_event()
     with open_bus(effective.bus, stop, viewer=True) as bus:
-        matches = MatchQueue(bus, keys, smoothed=True)
+        matches = MatchQueue(bus, keys, smoothed=True, verified=True)
         warn_of_other_runs(bus, effective.run)
         while not stop.is_set():
             try:
@@ -102,8 +104,8 @@ def _as_line(
 ) -> str:
     if match is None:
         return f"end of stream {header.stream[:8]}: {header.sequence} frames"
-    smoothed = isinstance(match, SmoothedMessage)
-    frame = f"{'  smoothed ' if smoothed else ''}frame {header.sequence}"
+    kind = kind_of(match)
+    frame = f"{'' if kind == 'causal' else f'  {kind} '}frame {header.sequence}"
     parts = [f"{frame}: {_place_of(match, graphs)}"]
     if match.new is None:
         parts.append(f"score {match.score:.2f}")
@@ -121,7 +123,22 @@ def _as_line(
         parts.append("part of the stream was forgotten")
     if isinstance(match, SmoothedMessage):
         parts.append(f"{match.lag} frames later")
+    if isinstance(match, VerifiedMessage):
+        parts += _verification(match)
     return ", ".join(parts)
+
+
+def _verification(match: VerifiedMessage) -> list[str]:
+    if match.reason is not None:
+        return [f"not verified: {WORDS[match.reason]}"]
+    parts = [f"{match.inliers} inliers, {match.ratio:.3g} times as likely"]
+    return parts if match.relative is None else [*parts, _distance(match.relative)]
+
+
+def _distance(relative: RelativePoseMessage) -> str:
+    if relative.distance_m is None:
+        return "pose relative to the place"
+    return f"{relative.distance_m:.2f} ± {relative.deviation_m:.2f} m from the place"
 
 
 def _place_of(match: MatchMessage, graphs: "Mapping[str, RouteGraph]") -> str:

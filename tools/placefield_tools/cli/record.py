@@ -81,6 +81,8 @@ def _record(
 def _report(file: Path, counts: Counter[str], *, frames: bool) -> None:
     written = [f"{counts.pop('matches', 0)} matches"]
     written.append(f"{counts.pop('smoothed matches', 0)} smoothed")
+    if verified := counts.pop("verified matches", 0):
+        written.append(f"{verified} verified")
     if frames:
         written.append(f"{counts.pop('frames', 0)} frames")
     print(f"{file}: {', '.join(written)}")

@@ -1,4 +1,4 @@
-"""``placefield featurizer``, ``describer``, ``channel`` and ``fuser``: one service, on any host."""
+"""``placefield featurizer``, ``channel``, ``fuser`` and the like: one service, on any host."""
 
 import re
 from typing import Annotated
@@ -16,6 +16,7 @@ def add_to(app: typer.Typer) -> None:
     app.command("describer")(_describer)
     app.command("channel")(_channel)
     app.command("fuser")(_fuser)
+    app.command("verifier")(_verifier)
 
 
 def _featurizer(
@@ -194,4 +195,45 @@ def _fuser(
         fusion__deadline_s=deadline,
     )
     run_fuser(MapVersions(map_path, lineage=lineage), effective, stop_of_service())
+    leave()
+
+
+def _verifier(
+    map_path: options.MapPath,
+    run: options.Runs = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    precision: options_map.Precision = None,
+    metrics_port: options.MetricsPort = None,
+    lineage: options.Lineage = None,
+    log_json: options.LogJson = False,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Serve as verifier: frames and smoothed matches in, verified matches out.
+
+    The map must have local features: build it with --set build.local_features=600. Start as many
+    verifiers as you like; they share the matches. With --set verification.focal=F a verified match
+    has the relative pose of its frame.
+
+    Examples:
+      placefield verifier route.pfmap
+      placefield verifier route.pfmap --set verification.focal=0.9
+    """
+    from placefield_services.process import begin, leave, stop_of_service
+
+    begin()
+    from placefield_services.map_versions import MapVersions
+    from placefield_services.verifier import run_verifier
+
+    effective = options.effective_config(
+        config,
+        settings,
+        runs=run,
+        bus__endpoint=endpoint,
+        bus__credentials=credentials,
+        monitoring__port=metrics_port,
+        matching__precision=precision,
+    )
+    run_verifier(MapVersions(map_path, lineage=lineage), effective, stop_of_service())
     leave()

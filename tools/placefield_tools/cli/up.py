@@ -40,6 +40,10 @@ def _up(
     describers: Annotated[
         int, typer.Option(min=0, help="processes that compute features besides the featurizer")
     ] = 0,
+    verifiers: Annotated[
+        int,
+        typer.Option(min=0, help="verifiers of smoothed matches; the map needs local features"),
+    ] = 0,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -80,7 +84,8 @@ def _up(
     """Run all services of a host: router, featurizer, channel workers and fuser.
 
     With several runs, each core has a featurizer and a fuser for some of the runs. If the feature
-    is slow, --describers computes it on several cores; each describer serves all runs.
+    is slow, --describers computes it on several cores; each describer serves all runs. With
+    --verifiers, smoothed matches are verified by geometry; see 'placefield verifier -h'.
 
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.
@@ -119,9 +124,15 @@ def _up(
         raise ConfigError("--feature: is for --explore; a map has its own feature")
     if explore is not None and describers:
         raise ConfigError("--describers: need a map; leave them out with --explore")
+    if explore is not None and (verifiers or effective.build.local_features):
+        flag = "--verifiers" if verifiers else "setting build.local_features"
+        raise ConfigError(
+            f"{flag}: an explored drive keeps no images, so its map has no local features; build a "
+            "map of the frames with 'placefield build'"
+        )
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = common_flags(effective, Path(folder), log_json=log_json)
-        flags = ServiceFlags(common, gateway, workers, describers)
+        flags = ServiceFlags(common, gateway, workers, describers, verifiers)
         if explore is not None and map_path is None:
             if not _explored(explore, effective, flags, stop):
                 return

@@ -13,6 +13,7 @@ from placefield.features.frames import Frame, Pose
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.matching.matcher import WHOLE_DRIVE
+from placefield.verification.verification_stage import VerificationStage
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
 from placefield_tools.evaluate.drive_matching import (
@@ -191,7 +192,8 @@ def evaluate(
                 for each, of_lag in matches.smoothed.items()
             }
             if rule == "filter" and lag and placemap.local_features is not None:
-                checked = verified_matches(placemap, matches.smoothed[lag], local, config)
+                stage = VerificationStage(placemap, config)
+                checked = verified_matches(stage, matches.smoothed[lag], local)
                 verified = judge_smoothed(checked, ground.truth)
         missing = source.not_given["missing"]
     return Evaluation(

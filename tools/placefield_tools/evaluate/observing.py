@@ -10,8 +10,8 @@ from placefield.config import InferenceConfig
 from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
 from placefield.maps.map import Map
-from placefield.verification.extracting import extract
 from placefield.verification.local_features import LocalFeatures
+from placefield.verification.verification_stage import local_features_of
 
 
 class Observed(NamedTuple):
@@ -31,13 +31,13 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     Raises:
         ConfigError: the feature cannot be computed, see ``feature_of_model``.
     """
-    feature, places = feature_of_model(placemap.model, inference), placemap.local_features
+    feature = feature_of_model(placemap.model, inference)
 
     def observe(frame: Frame) -> Observed:
         raw, image = feature.observe(frame)
         local = None
-        if places is not None and image is not None:
-            local = extract(feature.used(image), places.most)
+        if placemap.local_features is not None and image is not None:
+            local = local_features_of(placemap, image)
         return Observed(raw, local)
 
     return observe

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MapError
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map
@@ -108,7 +109,7 @@ def localise(
 def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> list[Record]:
     """Return the records of the stream whose name begins with ``stream``; None: the only stream.
 
-    A frame with a smoothed match is represented by that match.
+    A frame with a smoothed or verified match is represented by that match.
 
     Raises:
         RecordingError: there is no such stream, or more than one.
@@ -129,9 +130,14 @@ def of_one_stream(records: Sequence[Record], path: Path, stream: str | None) -> 
 
 
 def _best(records: Sequence[Record]) -> list[Record]:
-    """Return the smoothed match of each frame if there is one, and otherwise the causal match."""
+    """Return the best match of each frame: verified, else smoothed, else causal."""
     best: dict[int, Record] = {}
     for record in records:
-        if record.header.sequence not in best or isinstance(record.match, SmoothedMessage):
+        before = best.get(record.header.sequence)
+        if before is None or _rank(record.match) >= _rank(before.match):
             best[record.header.sequence] = record
     return list(best.values())
+
+
+def _rank(match: MatchMessage) -> int:
+    return isinstance(match, SmoothedMessage) + isinstance(match, VerifiedMessage)

@@ -54,6 +54,7 @@ MATCH = _object(
         "end": _BOOLEAN,
         "map": _STRING,
         "smoothed": _BOOLEAN,
+        "verified": _BOOLEAN,
         "place": _NUMBER,
         "score": _NUMBER,
         "missing": _numbers(),
@@ -63,6 +64,9 @@ MATCH = _object(
         "forgotten": _BOOLEAN,
         "pose": _numbers(3),
         "lag": _NUMBER,
+        "inliers": _NUMBER,
+        "ratio": _NUMBER,
+        "reason": _STRING,
     },
 )
 POSE_IN_FRAME = _object("foxglove.PoseInFrame", {**_STAMPED, "pose": _POSE})

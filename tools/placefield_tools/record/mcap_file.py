@@ -12,10 +12,11 @@ from pathlib import Path
 from mcap.writer import Writer
 
 from placefield.bus.message import Header
-from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.messages import MatchMessage
 from placefield.maps.geography import Origin
 from placefield_tools.record import foxglove
 from placefield_tools.record.recorder import Recorder
+from placefield_tools.record.records import kind_of
 
 _CHUNK_BYTES = 16 * 1024
 
@@ -26,6 +27,9 @@ _TOPICS = {
     "/placefield/smoothed/match": foxglove.MATCH,
     "/placefield/smoothed/pose": foxglove.POSE_IN_FRAME,
     "/placefield/smoothed/location": foxglove.LOCATION_FIX,
+    "/placefield/verified/match": foxglove.MATCH,
+    "/placefield/verified/pose": foxglove.POSE_IN_FRAME,
+    "/placefield/verified/location": foxglove.LOCATION_FIX,
     "/placefield/frame": foxglove.COMPRESSED_IMAGE,
 }
 
@@ -47,7 +51,8 @@ def record_mcap(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             file.flush()
 
         def write_match(header: Header, match: MatchMessage | None) -> None:
-            root = "/placefield/smoothed" if isinstance(match, SmoothedMessage) else "/placefield"
+            kind = kind_of(match)
+            root = "/placefield" if kind == "causal" else f"/placefield/{kind}"
             put(f"{root}/match", header, foxglove.match_message(header, match))
             if match is None or match.pose is None or match.known is False:
                 return

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, ExitStack
 
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
-from placefield.bus.messages import FrameMessage, SmoothedMessage
+from placefield.bus.messages import FrameMessage
 from placefield.bus.refusing import count_refused
 from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import StreamFollower, Turn
@@ -15,6 +15,7 @@ from placefield.config import Config
 from placefield.errors import FrameError, MessageError
 from placefield_tools.listen.match_queue import MatchQueue, warn_of_other_runs
 from placefield_tools.record.recorder import Recorder
+from placefield_tools.record.records import kind_of
 from placefield_tools.record.thumbnails import picture_of
 
 _POLL_S = 0.1
@@ -44,8 +45,8 @@ def record(
         ready: called when the recording has begun.
 
     Returns:
-        The numbers of ``matches``, ``smoothed matches`` and ``frames`` that were written, and of
-        those that were not, by reason.
+        The numbers of ``matches``, ``smoothed matches``, ``verified matches`` and ``frames`` that
+        were written, and of those that were not, by reason.
 
     Raises:
         BusError: no router answers.
@@ -87,7 +88,7 @@ class RecordSession:
         self._frames = Inbox({keys.run: self._frame_counts}, live_capacity=_LIVE_FRAMES)
         if frames:  # subscribed first, so that each match has its frame
             bus.subscribe(keys.frame, self._frames.offer, self._frame_counts)
-        self._matches = MatchQueue(bus, keys, smoothed=True, digests=digests)
+        self._matches = MatchQueue(bus, keys, smoothed=True, verified=True, digests=digests)
 
     @property
     def counts(self) -> Counter[str]:
@@ -127,8 +128,9 @@ class RecordSession:
             return True
         if received is not None:
             self._recorder.write_match(*received)
-            kind = "smoothed matches" if isinstance(received[1], SmoothedMessage) else "matches"
-            self._written[kind] += not received[0].end
+            kind = kind_of(received[1])
+            what = "matches" if kind == "causal" else f"{kind} matches"
+            self._written[what] += not received[0].end
         return received is not None
 
     def _write_frame(self, received: Received) -> None:

@@ -6,12 +6,13 @@ import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import PlacefieldError
 from placefield.maps.digest import NO_DIGEST
 
@@ -19,6 +20,7 @@ log = logging.getLogger(__name__)
 
 _HEADER = ("stream", "sequence", "stamp_ns")
 _POSE = ("x", "y", "yaw")
+_VERIFIED = ("inliers", "ratio", "reason")
 COLUMNS = (
     *_HEADER,
     "place",
@@ -32,8 +34,9 @@ COLUMNS = (
     "map",
     "forgotten",
     "new",
+    *_VERIFIED,
 )
-"""The columns of a CSV file; only smoothed matches have a lag."""
+"""The columns of a CSV file; only smoothed and verified matches have a lag."""
 
 
 class RecordingError(PlacefieldError):
@@ -48,10 +51,18 @@ class Record:
     match: MatchMessage
 
 
+def kind_of(match: MatchMessage | None) -> Literal["causal", "smoothed", "verified"]:
+    """Return the kind of a match; the end of a stream, None, goes with the causal matches."""
+    if isinstance(match, VerifiedMessage):
+        return "verified"
+    return "smoothed" if isinstance(match, SmoothedMessage) else "causal"
+
+
 def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
     """Return the JSON object of a match; without a match, that of the end of a stream."""
     frame = {name: getattr(header, name) for name in _HEADER}
-    frame |= {"end": header.end, "smoothed": isinstance(match, SmoothedMessage)}
+    kind = kind_of(match)
+    frame |= {"end": header.end, "smoothed": kind == "smoothed", "verified": kind == "verified"}
     return frame | (match.model_dump(exclude={"version"}) if match else {})
 
 
@@ -67,6 +78,8 @@ def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
     row |= {name: str(getattr(match, name)).lower() for name in ("too_fast", "forgotten")}
     row |= zip(_POSE, match.pose or ("", "", ""), strict=True)
     lag = match.lag if isinstance(match, SmoothedMessage) else ""
+    if isinstance(match, VerifiedMessage):
+        row |= match.model_dump(include=set(_VERIFIED))
     return row | {"missing": " ".join(map(str, match.missing)), "lag": lag}
 
 
@@ -141,8 +154,11 @@ def _record(fields: dict[str, Any]) -> Record | None:
     if header.end:
         return None
     fields.pop("smoothed", None)
+    fields.pop("verified", None)
     fields.setdefault("map", NO_DIGEST)  # old recordings do not name the map
-    kind = SmoothedMessage if "lag" in fields else MatchMessage
+    kind: type[MatchMessage] = SmoothedMessage if "lag" in fields else MatchMessage
+    if not fields.keys().isdisjoint(_VERIFIED):
+        kind = VerifiedMessage
     return Record(header, kind.model_validate(fields, strict=False))
 
 

@@ -11,11 +11,13 @@ import numpy as np
 import rerun as rr
 
 from placefield.bus.message import Header
-from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.messages import MatchMessage
 from placefield.maps.geography import Origin
 from placefield_tools.record.recorder import Recorder
+from placefield_tools.record.records import kind_of
 
 _PIECE = 2**16  # bytes
+_NUMBERS = ("place", "score", "probability", "known", "too_fast", "lag", "inliers", "ratio")
 
 What = TypeVar("What")
 
@@ -38,11 +40,10 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             end = f"end of stream {header.stream}: {header.sequence} frames"
             stream.log("stream", rr.TextLog(end))
             return
-        is_smoothed = isinstance(match, SmoothedMessage)
-        root = "smoothed/" if is_smoothed else ""
-        numbers = ("place", "score", "probability", "known", "too_fast")
-        for name in (*numbers, *(["lag"] if is_smoothed else [])):
-            value = getattr(match, name)
+        kind = kind_of(match)
+        root = "" if kind == "causal" else f"{kind}/"
+        for name in _NUMBERS:
+            value = getattr(match, name, None)
             if value is not None:
                 stream.log(f"{root}match/{name}", rr.Scalars(float(value)))
         if match.pose is None or match.known is False:

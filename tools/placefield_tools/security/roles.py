@@ -64,6 +64,11 @@ ROLES = {
         publishes=(_ANY.match, _ANY.smoothed, _ANY.ack),
         reads=(_ANY.feature, _ANY.moments, _ANY.all_candidates),
     ),
+    "verifier": _service(
+        "verifier",
+        publishes=(_ANY.verified,),
+        reads=(_ANY.frame, _ANY.smoothed, _ANY.verified),
+    ),
     "mapper": Role(
         publishes=(_ANY.stats("mapper", "*"),),
         reads=(_ANY.frame, _ANY.feature),

@@ -31,12 +31,14 @@ class ServiceFlags:
         gateway: flags of the gateway to ROS 2; None: there is no gateway.
         workers: the number of channel workers; None: as many as suit the host.
         describers: the number of describers.
+        verifiers: the number of verifiers.
     """
 
     common: Sequence[str]
     gateway: Sequence[str] | None = None
     workers: int | None = None
     describers: int = 0
+    verifiers: int = 0
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -46,7 +48,8 @@ class ServiceFlags:
     @property
     def others(self) -> tuple[str, ...]:
         """The services of the host besides featurizer, fuser and channel workers."""
-        return (*self.sources, "describer") if self.describers else self.sources
+        describers = ("describer",) if self.describers else ()
+        return (*self.sources, *describers, *(("verifier",) if self.verifiers else ()))
 
 
 def common_flags(config: Config, folder: Path, *, log_json: bool) -> list[str]:
@@ -81,13 +84,14 @@ def commands_on_map(
     """Return the command line of each service that serves a map, by its name.
 
     There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, the describers of all runs, one map server, and the gateway. A restarted service opens the
-    version of the map that is there then, and refuses a map of another lineage.
+    runs, the describers of all runs, the verifiers, one map server, and the gateway. A restarted
+    service opens the version of the map that is there then, and refuses a map of another lineage.
 
     Raises:
         BusError: credentials are missing or not valid.
     """
-    roles = _ROLES | ({"describer": "describer"} if flags.describers else {})
+    optional = {"describer": flags.describers, "verifier": flags.verifiers}
+    roles = _ROLES | {name: name for name, count in optional.items() if count}
     credentials = _credentials_beside(config.bus.credentials, roles)
     common, lineage = [str(path), *flags.common], ["--lineage", manifest.lineage]
 
@@ -108,6 +112,8 @@ def commands_on_map(
     for number, channels in enumerate(partition(metrics, flags.workers or cores())):
         own = [*_repeated("--channel", channels), *lineage]
         commands[f"channel worker {number}"] = command("channel", *own)
+    for number in range(flags.verifiers):
+        commands[f"verifier {number}"] = command("verifier", *lineage)
     commands["map server"] = command("serve")  # it sends any map
     if flags.gateway is not None:
         commands[GATEWAY] = command("ros", *flags.gateway, *lineage)
