@@ -20,26 +20,31 @@ Views = Sequence[tuple[int, LocalFeatures]]
 
 
 def features_of_places(
-    places: Sequence[LocalFeatures], again: Views, same: NDArray[np.int32], seed: int
+    places: Sequence[LocalFeatures],
+    again: Views,
+    same: NDArray[np.int32],
+    bounds: Sequence[tuple[int, int]],
+    seed: int,
 ) -> PlaceFeatures | None:
     """Gather the local features of K places, and learn what a number of inliers says.
 
     Pairs of views of one place are those of other traverses with the place. If there are none,
-    they are views that are 1 to 3 places apart on the first traverse. These are in the same light,
-    and have more inliers than a later drive will have. So it is taken as equally likely that all
-    of them remain, half, a quarter or an eighth, but not fewer than views of two places have by
-    chance. Views of two places are at least a tenth of the map apart.
+    they are views that are 1 to 3 places apart on one route of the first traverse. These are in the
+    same light, and have more inliers than a later drive will have. So it is taken as equally likely
+    that all of them remain, half, a quarter or an eighth, but not fewer than views of two places
+    have by chance. Views of two places are at least a tenth of the map apart.
 
     Args:
         places: K, of the first traverse.
         again: places, and the local features of frames of other traverses that show them.
         same: (K,), the earliest place that shows the same stretch as each.
+        bounds: of each route, its first place, and its last one + 1.
         seed: of the choice of pairs, and of RANSAC.
 
     Returns:
         The local features; None if no place has any, or if the map is too small for such pairs.
     """
-    pairs = again or _neighbours(places)
+    pairs = again or _neighbours(places, bounds)
     rng = np.random.default_rng(seed)
     chosen = sorted(rng.permutation(len(pairs))[:_PAIRS].tolist())
     ours, theirs = [], []
@@ -57,8 +62,12 @@ def features_of_places(
     return PlaceFeatures(*stacked(places), learn_ratios(found, by_chance))
 
 
-def _neighbours(places: Sequence[LocalFeatures]) -> Views:
-    return [(place, places[place + 1 + place % _APART]) for place in range(len(places) - _APART)]
+def _neighbours(places: Sequence[LocalFeatures], bounds: Sequence[tuple[int, int]]) -> Views:
+    return [
+        (place, places[place + 1 + place % _APART])
+        for first, end in bounds
+        for place in range(first, end - _APART)
+    ]
 
 
 def _remaining(inliers: NDArray[np.int64], by_chance: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -21,6 +21,7 @@ from placefield_tools.build.map_from_sources import build_from
 
 PLACES = 40
 LINE = np.arange(PLACES, dtype=np.int32)
+WHOLE = [(0, PLACES)]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def views() -> list[LocalFeatures]:
 
 @pytest.fixture(scope="module")
 def places(views: list[LocalFeatures]) -> PlaceFeatures:
-    found = features_of_places(views, [], LINE, 0)
+    found = features_of_places(views, [], LINE, WHOLE, 0)
     assert found is not None
     return found
 
@@ -59,17 +60,28 @@ def test_the_right_place_raises_the_probability_and_another_lowers_it_without_si
 def test_views_of_another_traverse_are_believed_as_they_are(views: list[LocalFeatures]) -> None:
     # another traverse in whose light no right pair has more inliers than a wrong one
     strange = [(place, views[(place + 20) % PLACES]) for place in range(PLACES)]
-    learned = features_of_places(views, strange, LINE, 0)
+    learned = features_of_places(views, strange, LINE, WHOLE, 0)
     assert learned is not None
     assert verify(learned, 20, 0.9, views[20], 0).ratio < 5
+
+
+def test_no_pair_of_one_place_is_of_two_routes(views: list[LocalFeatures]) -> None:
+    routes = LINE.reshape(10, 4)[[0, 5, 2, 7, 4, 9, 6, 1, 8, 3]]
+    bounds = [(start, start + 4) for start in range(0, PLACES, 4)]
+    apart = [views[place] for place in routes.ravel()]
+    by_routes, as_one = (features_of_places(apart, [], LINE, given, 0) for given in (bounds, WHOLE))
+    assert by_routes is not None
+    assert as_one is not None
+    few = by_routes.ratios[:8].max(), as_one.ratios[:8].max()
+    assert few[0] < few[1]  # by chance only, if no views of two places count as those of one
 
 
 def test_a_map_too_small_for_two_places_and_one_without_texture_have_none(
     views: list[LocalFeatures],
 ) -> None:
-    assert features_of_places(views[:5], [], LINE[:5], 0) is None
+    assert features_of_places(views[:5], [], LINE[:5], [(0, 5)], 0) is None
     blank = [extract(np.full((60, 80), 9, np.uint8), 10)] * PLACES
-    assert features_of_places(blank, [], LINE, 0) is None
+    assert features_of_places(blank, [], LINE, WHOLE, 0) is None
 
 
 def with_local_features(reference_dir: Path) -> Map:
