@@ -3,7 +3,8 @@ BIN := .venv/bin
 RUNNING := .venv/.installed-dashboard
 WORKING := .venv/.installed-dev
 FAST := $(addprefix tests/shared/,bus fusion matching ros scales search)
-PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+# Python caches its bytecode, whatever the machine's default: tests start many processes.
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-fast lint docs audit bench
 

@@ -257,7 +257,8 @@ class ChannelStream:
 
     def _finish(self, end: Header) -> None:
         """Smooth the last frames, and publish them with the end of the stream."""
-        self._keep_smoothed(self._stream.finish())
+        self._stream.finish()
+        self._keep_smoothed(self._stream.smoothed())
         message = FinishedMessage(
             map=self._map,
             rule=self._rule,

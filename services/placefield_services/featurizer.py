@@ -4,14 +4,12 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
-import numpy as np
-
 from placefield.bus.credits import WINDOW
-from placefield.bus.inbox import Inbox, Received
+from placefield.bus.inbox import Received
 from placefield.bus.message import Header
 from placefield.bus.messages import (
     FeatureMessage,
@@ -24,13 +22,20 @@ from placefield.bus.session import Publisher, open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
-from placefield.features.descriptor_stage import DescriptorStage, FrameStage, FrameStream
+from placefield.features.descriptor_stage import (
+    Array,
+    DescriptorStage,
+    FrameStage,
+    FrameStream,
+    warm_up,
+)
 from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
-from placefield_services.bus_frames import frame_of
+from placefield_services.frame_of_message import frame_of
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.raw_features import RawKind, receive_frames
 from placefield_services.served import Served
 
 log = logging.getLogger(__name__)
@@ -39,7 +44,6 @@ SERVICE = "featurizer"
 
 _ASK_FOR_S, _ASK_EVERY_S = 1.2, 0.3
 _IMPATIENT_S = 10.0  # after a failed fetch: untrusted clients may begin streams by the thousand
-_LIVE_FRAMES = 2  # live frames of a run that may wait; older ones are dropped
 
 
 def run_featurizer(placemap: Map, config: Config, stop: threading.Event) -> None:
@@ -55,10 +59,10 @@ def serve_featurizer(
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.report)
-        inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
+        kind = RawKind(model, stage.raw_dimensions)
+        inbox, raws = receive_frames(bus, process, kind, config.fusion.deadline_s / 4)
         outputs = {}
         for run, keys in process.keys.items():
-            bus.subscribe(keys.frame, inbox.offer, process.counts[run])
             features = replicated_cache(bus, keys.cache(keys.feature))
             moments = replicated_cache(bus, keys.cache(keys.moments), MOMENTS)
             process.answers[run] = features.cache
@@ -68,9 +72,10 @@ def serve_featurizer(
                 bus.publisher(keys.unobserved),
                 features.fetch,
                 moments.fetch,
+                raws[run].take,
             )
         featurizer = Featurizer(stage, model, outputs, process.counts)
-        featurizer.warm_up()
+        warm_up(stage)
 
         def handle(received: Received) -> None:
             served.check_unchanged()  # the descriptor model is memory-mapped from its files
@@ -84,13 +89,23 @@ def serve_featurizer(
 
 @dataclass(frozen=True)
 class FeaturizerOutputs:
-    """How a featurizer publishes its results for a run, and fetches those of its predecessor."""
+    """How a featurizer publishes its results for a run, and gets those of other processes.
+
+    Attributes:
+        features: publishes descriptors.
+        moments: publishes the moments of the stream.
+        unobserved: publishes which frames are missing observations.
+        fetch_features: fetches the descriptors of its predecessor.
+        fetch_moments: fetches the moments of its predecessor.
+        take_raw: takes the raw feature of a frame from the describers, see ``RawFeatures``.
+    """
 
     features: CachedPublisher
     moments: CachedPublisher
     unobserved: Publisher
     fetch_features: Fetch
     fetch_moments: Fetch
+    take_raw: Callable[[Header], Array | None]
 
 
 @dataclass
@@ -158,31 +173,20 @@ class Featurizer:
         for each in self._runs.values():
             each.background_query = BackgroundQuery(partial(self._fetch, each))
 
-    def warm_up(self) -> None:
-        """Describe a frame of no stream, so that everything is loaded and compiled before serving.
-
-        Given descriptors need nothing of that.
-
-        The frame is large: glibc keeps as much memory for later frames as the largest block that
-        was freed. Otherwise each frame would have to map its pages again.
-        """
-        if not self._stage.feature.describes_images:
-            return
-        frame = np.zeros(self._stage.large_frame, np.uint8)
-        self._stage.feature.describe(frame)
-        frame.flags.writeable = False  # as frames of pixels come from the bus
-        self._stage.feature.describe(frame)
-
     def handle(self, received: Received) -> None:
         """Handle a frame: publish its descriptor.
 
         Raises:
-            NotYet: the stream began earlier, and its cached part has not been fetched yet.
+            NotYet: the stream began earlier, and its cached part has not been fetched yet; or a
+                describer has not described the frame yet.
         """
         header, run = received.header, self._runs[received.run]
         frame = None if header.end else FrameMessage.decode(received.payload)
         if run.follower.begins(header):
             run.forgets = header.sequence > 0 and not self._ask(run, header)
+        raw = None
+        if frame is not None and frame.image is not None and run.follower.awaits(header):
+            raw = run.outputs.take_raw(header)
         turn = run.follower.follow(header)
         if turn is Turn.AFTER_GAP and header.live:
             run.follower.skip_to(header.sequence)
@@ -190,7 +194,7 @@ class Featurizer:
         if turn is Turn.AFTER_GAP:
             run.counts["out_of_order"] += 1
         if turn is Turn.NEXT:
-            self._publish(run, header, frame)
+            self._publish(run, header, frame, raw)
         if turn is Turn.REPEATED and (header.end or not header.live):
             run.outputs.features.put_again(header)
 
@@ -249,18 +253,24 @@ class Featurizer:
         fits = moments.sums.shape == own.sums.shape
         return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
-    def _publish(self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None) -> None:
-        feature = None if frame is None else self._describe(run, header, frame)
+    def _publish(
+        self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None, raw: Array | None
+    ) -> None:
+        feature = None if frame is None else self._describe(run, header, frame, raw)
         moments = run.images.moments if self._stage.standardises else None
         if moments is not None and feature is not None:  # before the descriptor made with them
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
             run.outputs.moments.put(header, message)
         run.outputs.features.put(header, feature)
 
-    def _describe(self, run: _FeaturizerRun, header: Header, frame: FrameMessage) -> FeatureMessage:
+    def _describe(
+        self, run: _FeaturizerRun, header: Header, message: FrameMessage, raw: Array | None
+    ) -> FeatureMessage:
+        """Return the descriptor of a frame; ``raw`` is its raw feature if a describer sent it."""
         descriptor = None
         try:
-            raw = self._stage.feature.of_frame(frame_of(header, frame))
+            if raw is None:
+                raw = self._stage.feature.of_frame(frame_of(header, message))
             descriptor = run.images.update_raw(raw)
             if descriptor is None:
                 run.counts["blank"] += 1
@@ -282,6 +292,6 @@ class Featurizer:
         return FeatureMessage(
             model=self._fingerprint,
             descriptor=descriptor,
-            odometry_m=frame.odometry_m,
+            odometry_m=message.odometry_m,
             forgotten=run.forgets,
         )

@@ -20,7 +20,7 @@ from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MessageError
 from placefield_services.background_query import BackgroundQuery, NotYet
-from placefield_services.bus_frames import frame_of
+from placefield_services.frame_of_message import frame_of
 from placefield_services.kept_frames import FrameName, KeptFrame, KeptFrames
 from placefield_services.live_verifiers import LiveVerifiers
 from placefield_services.process import counting_failure

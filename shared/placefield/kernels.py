@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-_SUMS = 64  # interleaved sums, so that the compiler can vectorise
+_LANES = 64  # interleaved results, so that the compiler can vectorise
 
 
 class _CacheFile(IndexDataCacheFile):
@@ -96,14 +96,30 @@ def kernel(function: Function) -> Function:
 @kernel
 def sum_of(values: NDArray[np.floating[Any]]) -> float:
     """Sum values (n,) in float64, as interleaved sums that are added up at the end."""
-    sums = np.zeros(_SUMS)
-    even = len(values) - len(values) % _SUMS
-    for i in range(0, even, _SUMS):
-        for j in range(_SUMS):
+    sums = np.zeros(_LANES)
+    even = len(values) - len(values) % _LANES
+    for i in range(0, even, _LANES):
+        for j in range(_LANES):
             sums[j] += values[i + j]
     for i in range(even, len(values)):
         sums[i - even] += values[i]
     total = 0.0
-    for j in range(_SUMS):
+    for j in range(_LANES):
         total += sums[j]
     return total
+
+
+@kernel
+def least_of(values: NDArray[np.floating[Any]]) -> float:
+    """Return the least of values (n,), infinity if there is none."""
+    lanes = np.full(_LANES, np.inf)
+    even = len(values) - len(values) % _LANES
+    for i in range(0, even, _LANES):
+        for j in range(_LANES):
+            lanes[j] = min(lanes[j], values[i + j])
+    for i in range(even, len(values)):
+        lanes[i - even] = min(lanes[i - even], values[i])
+    least = np.inf
+    for j in range(_LANES):
+        least = min(least, lanes[j])
+    return least

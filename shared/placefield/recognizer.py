@@ -46,7 +46,7 @@ class Recognizer:
         topology = placemap.topology
         self._channels = ChannelStage(channels, matching, topology=topology)
         fusion = FusionStage(topology, matching, placemap.places.pose)
-        self._stream = FusedStream(self._channels, fusion, matching.lag)
+        self._stream = FusedStream(self._channels, fusion, [matching.lag])
 
     def __repr__(self) -> str:
         return f"Recognizer({self._map!r}, rule {self._rule}, after {self._stream.frames} frames)"
@@ -134,7 +134,8 @@ class Recognizer:
 
     def finish(self) -> list[SmoothedMatch]:
         """Return the remaining smoothed matches: the stream is over."""
-        return self._stream.finish()
+        self._stream.finish()
+        return self._stream.smoothed()
 
 
 def _check_odometry(metres: float | None) -> None:

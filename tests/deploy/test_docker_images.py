@@ -14,7 +14,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-ROLES = {"router", "featurizer", "channel", "fuser", "verifier", "replay"}
+ROLES = {"router", "featurizer", "describer", "channel", "fuser", "verifier", "replay"}
 
 # Runs our command with the packages of some distributions only.
 _WITH_ONLY = """

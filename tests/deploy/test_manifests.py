@@ -16,6 +16,7 @@ Resource = dict[str, Any]
 CHANNELS = 4
 SERVICES = [
     "featurizer",
+    "describer",
     "fuser",
     "verifier",
     *(f"channel-{channel}" for channel in range(CHANNELS)),

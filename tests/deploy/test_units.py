@@ -15,6 +15,7 @@ UNITS = [
     "placefield-host.service",
     "placefield-router.service",
     "placefield-featurizer.service",
+    "placefield-describer@0.service",
     "placefield-channel@0.service",
     "placefield-fuser.service",
     "placefield-verifier@0.service",

@@ -167,7 +167,8 @@ def smoothed_offline(
         smoothed += stream.smoothed()[channel]
     for _ in range(stream.end()):
         stream.update(None)
-    smoothed += stream.smoothed()[channel] + stream.finish()[channel]
+    stream.finish()
+    smoothed += stream.smoothed()[channel]
     return [
         _as_smoothed(SmoothedFrame(channel, sequence, each.lag, each.candidate))
         for sequence, each in smoothed

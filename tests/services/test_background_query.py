@@ -18,7 +18,7 @@ class Others:
 
     def ask(self, stream: str, first: int) -> int:
         self.asked.append((stream, first))
-        assert self.answering.wait(30)
+        assert self.answering.wait(60)
         return len(self.asked)
 
 

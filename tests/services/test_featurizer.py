@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bus_doubles import PeerCache, RecordingPublisher, at_last, header, received
 from lenses import Lens
+from numpy.typing import NDArray
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -58,6 +59,8 @@ class Stage:
         self.moments = RecordingPublisher(MomentsMessage)
         self.unobserved = RecordingPublisher(MissingObservationMessage)
         self.features_elsewhere, self.moments_elsewhere = PeerCache(), PeerCache()
+        self.raws: dict[int, NDArray[np.float32]] = {}
+        """What describers have sent, by frame."""
         self.counts: Counter[str] = Counter()
         outputs = FeaturizerOutputs(
             CachedPublisher(self.publisher, ReplayCache()),
@@ -65,6 +68,7 @@ class Stage:
             self.unobserved,
             self.features_elsewhere.fetch,
             self.moments_elsewhere.fetch,
+            lambda about: self.raws.get(about.sequence),
         )
         other = FeaturizerOutputs(
             CachedPublisher(RecordingPublisher(FeatureMessage), ReplayCache()),
@@ -72,6 +76,7 @@ class Stage:
             RecordingPublisher(MissingObservationMessage),
             PeerCache().fetch,
             PeerCache().fetch,
+            lambda about: None,
         )
         self._featurizer = Featurizer(
             DescriptorStage(placemap.model),
@@ -79,7 +84,6 @@ class Stage:
             {"test": outputs, "other": other},
             {"test": self.counts, "other": Counter()},
         )
-        self._featurizer.warm_up()
 
     def handle(self, message: Received) -> None:
         at_last(lambda: self._featurizer.handle(message))
@@ -121,6 +125,18 @@ def test_each_frame_becomes_its_descriptor(
         assert message.model == fingerprint(route_map.model)
         expected = offline.update(feature.describe(image))
         assert np.array_equal(message.descriptor, expected)
+
+
+def test_the_raw_feature_of_a_describer_gives_the_same_descriptor_as_the_image(
+    stage: Stage, route_map: Map, images: list[bytes]
+) -> None:
+    alone = Stage(route_map)
+    for sequence, image in enumerate(images):
+        if sequence in (1, 2, 4):
+            stage.raws[sequence] = feature_of_model(route_map.model).describe(image)
+        stage.send(header(sequence), b"not looked at" if sequence in stage.raws else image)
+        alone.send(header(sequence), image)
+    assert stage.descriptors == alone.descriptors
 
 
 @pytest.fixture

@@ -209,7 +209,7 @@ def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Confi
                     bus.declare_alive(token)
                 assert reported or not ready.wait(0.3)
                 bus.declare_alive(tokens[-1])
-                assert ready.wait(20)
+                assert ready.wait(60)
     finally:
         stop.set()
         served.join()

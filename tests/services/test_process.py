@@ -187,7 +187,7 @@ _WAITS_FOR_STOP = """
 from placefield_services.process import stop_event
 stop = stop_event()
 print("ready", flush=True)
-raise SystemExit(0 if stop.wait(30) else 3)
+raise SystemExit(0 if stop.wait(60) else 3)
 """
 
 
@@ -218,20 +218,20 @@ def start(script: str = _WAITS_FOR_STOP, **environment: str) -> "subprocess.Pope
 def test_a_signal_stops_a_process(number: signal.Signals) -> None:
     with start() as waiting:
         waiting.send_signal(number)
-        assert waiting.wait(20) == 0
+        assert waiting.wait(60) == 0
 
 
 def test_a_service_that_is_still_starting_ends_when_it_is_asked_to() -> None:
     with start(_STARTS_FOR_LONG) as starting:
         starting.terminate()
-        assert starting.wait(20) == 0
+        assert starting.wait(60) == 0
 
 
 def test_a_supervised_process_stops_when_its_host_is_gone() -> None:
     with start(**{SUPERVISED: "1"}) as waiting:
         assert waiting.stdin is not None
         waiting.stdin.close()
-        assert waiting.wait(20) == 0
+        assert waiting.wait(60) == 0
 
 
 def test_an_unsupervised_process_survives_the_end_of_its_input() -> None:
@@ -241,4 +241,4 @@ def test_an_unsupervised_process_survives_the_end_of_its_input() -> None:
         with pytest.raises(subprocess.TimeoutExpired):
             waiting.wait(0.3)
         waiting.terminate()
-        assert waiting.wait(20) == 0
+        assert waiting.wait(60) == 0

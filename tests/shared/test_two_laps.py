@@ -96,7 +96,9 @@ def test_shards_share_the_laps_and_smooth_frames_as_the_whole_does(
         for stream in streams:
             stream.reduce({0: partials})
     fusion = FusionStage(placemap.topology, config)
-    expected, *shards = (stream.finish()[0] for stream in (alone, *streams))
+    for stream in (alone, *streams):
+        stream.finish()
+    expected, *shards = (stream.smoothed()[0] for stream in (alone, *streams))
     for (_, one), *rest in zip(expected, *shards, strict=True):
         assert [one.lag] * 2 == [part.lag for _, part in rest]
         joined = join_shards([part.candidate for _, part in rest], "filter")

@@ -20,9 +20,9 @@ from placefield.maps.map import Map
 
 KEYS = Keys("default")
 
-NOT_DUE = {"one": (0, 1), "each": (1, 60), "end": (1, 122), "beyond": (60, 120), "match": (12, 12)}
-"""How many answers and matches of a kind are counted: on a busy machine, a forged answer may come
-after the match that it stands for, and is then valid like the fuser's."""
+NOT_DUE = {"one": 0, "each": 1, "end": 1, "beyond": 60, "match": 12}
+"""The fewest answers and matches of a kind that are counted: on a busy machine, a forged answer may
+come after the match that it stands for, and is then valid like the fuser's."""
 
 
 @pytest.fixture
@@ -37,18 +37,20 @@ class Forger:
     def __init__(self, bus: Bus, kind: str) -> None:
         self._kind = kind
         self._acks, self._matches = bus.publisher(KEYS.ack), bus.publisher(KEYS.match)
-        self.forged = 0
+        self.received = self.forged = 0
         bus.subscribe(KEYS.frame, self._forge, Counter())
 
     def _forge(self, received: Received) -> None:
         header = received.header
+        self.received += 1
         if header.end and self._kind != "end":
             return
-        self.forged += 1
         for forged in self._forgeries(header):
             self._acks.put(forged)
+            self.forged += 1
         if self._kind == "match" and header.sequence % 5 == 1:
             self._matches.put(header, MatchMessage(map=NO_DIGEST, place=0, score=9.0))
+            self.forged += 1
 
     def _forgeries(self, header: Header) -> Sequence[Header]:
         match self._kind:
@@ -73,19 +75,21 @@ def test_forged_answers_leave_each_frame_matched_and_the_source_knows(
     query_dir: Path,
     kind: str,
 ) -> None:
-    before = matches_of_fuser(host)
+    before = matches_of_fuser(host) if kind == "match" else 0
     forger = Forger(untrusted_client, kind)
     ended = host.replay(query_dir)
     assert ended.returncode == 0, ended.stderr
     assert "60 frames replayed" in ended.stdout
-    assert forger.forged >= 60
-    if kind != "match":
+    if kind == "match":  # the answers have forged ones among them
+        wait_until(lambda: matches_of_fuser(host) == before + 60, "no frame was passed over")
+    else:
         answered = listener.answers()
         assert answers_of(answered) == offline(route_map, sorted(query_dir.iterdir()))
-    wait_until(lambda: matches_of_fuser(host) == before + 60, "no frame was passed over")
+    wait_until(lambda: forger.received >= 61, "the forger has all frames and the end")
+    sent_again = forger.received - 61  # a busy machine answers and matches those twice
     counted = re.search(r"(\d+) answers or matches were not due", ended.stderr)
-    least, most = NOT_DUE[kind]
-    assert least <= (int(counted[1]) if counted else 0) <= most
+    not_due = int(counted[1]) if counted else 0
+    assert NOT_DUE[kind] <= not_due <= forger.forged + 2 * sent_again
 
 
 def matches_of_fuser(host: Host) -> int:

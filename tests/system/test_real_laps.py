@@ -65,20 +65,3 @@ def test_the_services_share_the_laps_as_the_library_does(data_dir: Path, laps_pa
         np.testing.assert_array_equal(there.results[rule].scores, judged.scores)
         smoothed = there.smoothed[rule][20]
         np.testing.assert_array_equal(smoothed.scores, here.smoothed[rule][20].scores)
-
-
-@pytest.mark.parametrize(
-    "traverse",
-    [
-        "gardens_point/day_left",
-        "gardens_point/day_right",
-        "gardens_point/night_right",
-        "nordland/summer",
-        "nordland/winter",
-        "corridor/ref",
-    ],
-)
-def test_a_real_route_that_is_driven_once_has_no_place_twice(data_dir: Path, traverse: str) -> None:
-    with map_of(str(data_dir / traverse), CONFIG, feature_asked=False) as path:
-        same = open_map(path).places.same
-    assert same.tolist() == [*range(len(same))]

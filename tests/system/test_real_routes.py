@@ -1,8 +1,9 @@
 """Real frames, default settings: what the README's tables say, held from below."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,12 @@ import pytest
 from placefield.config import Config, Rule
 from placefield.evaluation.curves import PrecisionRecall
 from placefield.evaluation.truth import Truth
+from placefield.maps.opening import open_map
 from placefield_tools.build.map_from_sources import map_of
 from placefield_tools.cli import options_truth
 from placefield_tools.evaluate.evaluation import Evaluation, evaluate
 from placefield_tools.evaluate.judging import judge
 from placefield_tools.evaluate.query import Query
-from placefield_tools.study import describing
 from placefield_tools.study.matching import match_channels
 from placefield_tools.study.run_study import prepare
 
@@ -104,15 +105,37 @@ class OnRoute:
         return Query(self._query)
 
 
-@pytest.fixture(scope="module", params=ROUTES, ids=lambda route: route.query)
-def on_route(request: pytest.FixtureRequest, data_dir: Path) -> Iterator[OnRoute]:
+@pytest.fixture(scope="module")
+def map_path_of(data_dir: Path) -> Iterator[Callable[[str], Path]]:
+    """Return the map of a reference, which is built once."""
+    with ExitStack() as maps:
+
+        @cache
+        def built(reference: str) -> Path:
+            frames = str(data_dir / reference)
+            return maps.enter_context(map_of(frames, Config(), feature_asked=False))
+
+        yield built
+
+
+@pytest.fixture(params=ROUTES, ids=lambda route: route.query)
+def on_route(
+    request: pytest.FixtureRequest, data_dir: Path, map_path_of: Callable[[str], Path]
+) -> OnRoute:
     route: Route = request.param
     # A deadline as long as the test: a machine that is busy with others misses none of its own.
     config = Config.model_validate(
         {"fusion": {"deadline_s": 300}, "matching": {"tolerance": route.tolerance}}
     )
-    with map_of(str(data_dir / route.reference), config, feature_asked=False) as map_path:
-        yield OnRoute(data_dir, route, map_path, config)
+    return OnRoute(data_dir, route, map_path_of(route.reference), config)
+
+
+@pytest.mark.parametrize("reference", sorted({route.reference for route in ROUTES}))
+def test_a_real_route_that_is_driven_once_has_no_place_twice(
+    map_path_of: Callable[[str], Path], reference: str
+) -> None:
+    same = open_map(map_path_of(reference)).places.same
+    assert same.tolist() == [*range(len(same))]
 
 
 def test_real_routes_are_recognised_and_one_of_them_through_the_services(
@@ -138,15 +161,13 @@ def test_real_routes_are_recognised_and_one_of_them_through_the_services(
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.query)
-def test_so_are_they_at_a_speed_that_varies(
-    data_dir: Path, route: Route, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(describing, "WORDS", 20)  # FAB-MAP is not asked
+def test_so_are_they_at_a_speed_that_varies(data_dir: Path, route: Route) -> None:
     trial = prepare(
         str(data_dir / route.reference),
         Query(str(data_dir / route.query), protocol="speed"),
         partial(options_truth.truth_of, tolerance=route.tolerance, truth=None),
         Config.model_validate({"matching": {"tolerance": route.tolerance}}),
+        words=False,
     )
 
     def curve_of(rule: Rule) -> PrecisionRecall:
@@ -163,15 +184,13 @@ def test_so_are_they_at_a_speed_that_varies(
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.query)
-def test_with_odometry_the_speed_does_not_matter(
-    data_dir: Path, route: Route, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(describing, "WORDS", 20)  # FAB-MAP is not asked
+def test_with_odometry_the_speed_does_not_matter(data_dir: Path, route: Route) -> None:
     trial = prepare(
         str(data_dir / route.reference),
         Query(str(data_dir / route.query), protocol="odometry"),
         partial(options_truth.truth_of, tolerance=route.tolerance, truth=None),
         Config.model_validate({"matching": {"tolerance": route.tolerance}}),
+        words=False,
     )
     channels, matching = trial.placemap.channels, trial.matching("filter")
     curve = judge(

@@ -71,9 +71,7 @@ def test_a_supervisor_is_notified_by_a_router_and_a_service_until_they_hang(
         assert of_featurizer.recv(100) == b"READY=1"
         assert_silent_while_stopped(featurizer, of_featurizer)
         assert_silent_while_stopped(router, of_router)
-        began = time.monotonic()
         assert router.stop() == 0
-        assert time.monotonic() - began < 3
         assert not router.err
 
 

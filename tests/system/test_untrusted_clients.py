@@ -39,9 +39,20 @@ from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
-MATCHES = ("match", "smoothed", "verified")
-STREAMS = ("frame", "odometry", "feature", "moments", "unobserved", CANDIDATE, *MATCHES, "ack")
-REPORTING = ("featurizer", "channel", "fuser", "verifier", "mapserver", "mapper")
+STREAMS = (
+    "frame",
+    "odometry",
+    "raw/x",
+    "feature",
+    "moments",
+    "unobserved",
+    CANDIDATE,
+    "match",
+    "smoothed",
+    "verified",
+    "ack",
+)
+REPORTING = ("featurizer", "describer", "channel", "fuser", "verifier", "mapserver", "mapper")
 COUNTS = tuple(f"stats/{role}/x" for role in REPORTING)
 TOKENS = tuple(f"alive/{role}/x" for role in ("replay", *REPORTING))
 MAP = "placefield/maps/route/manifest"
@@ -50,6 +61,7 @@ MAP = "placefield/maps/route/manifest"
 PUBLISHES = {
     "camera": {"frame", "odometry"},
     "featurizer": {"feature", "moments", "unobserved", "stats/featurizer/x"},
+    "describer": {"raw/x", "stats/describer/x"},
     "channel": {CANDIDATE, "halo/x", "stats/channel/x"},
     "fuser": {"match", "smoothed", "ack", "stats/fuser/x"},
     "verifier": {"verified", "stats/verifier/x"},
@@ -60,7 +72,8 @@ PUBLISHES = {
 """Keys without the run's prefix, as in the next tables."""
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
-    "featurizer": {"frame"},
+    "featurizer": {"frame", "raw/x"},
+    "describer": {"frame"},
     "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},
     "verifier": {"frame", "smoothed", "verified"},
@@ -75,7 +88,7 @@ IS_ALIVE_AS = {
 }
 SERVICES = {"featurizer", "channel", "fuser", "verifier"}
 ANSWERS = {RUN + "cache/feature": SERVICES | {"mapper"}, MAP: {"mapserver"}}
-ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES}
+ASKS = {RUN + "cache/feature": SERVICES | {"dashboard", "mapper"}, MAP: SERVICES | {"describer"}}
 ROLES = tuple(PUBLISHES)
 
 
@@ -230,12 +243,15 @@ def test_each_role_publishes_and_reads_only_what_it_may(endpoint: str, issued: P
             bus.subscribe_raw(RUN + "**", gather(received, role))
             for key in keys:
                 bus.subscribe_raw(RUN + key, gather(received, role))
-        time.sleep(0.5)
-        for role, bus in writers.items():
-            for key in keys:
-                session_of(bus).put(RUN + key, role.encode())
-                session_of(bus).delete(RUN + key)
-        wait_until(lambda: received >= expected, "what is allowed comes")
+
+        def is_received() -> bool:
+            for role, bus in writers.items():
+                for key in keys:
+                    session_of(bus).put(RUN + key, role.encode())
+                    session_of(bus).delete(RUN + key)
+            return received >= expected
+
+        wait_until(is_received, "what is allowed comes")
         time.sleep(0.5)  # and what is not would have come
     assert received == expected
 

@@ -1,15 +1,19 @@
 import signal
-import time
 from pathlib import Path
 
 import psutil
 import pytest
-from hosting import Host, Process, answers_of, free_endpoint, offline, wait_until
+from hosting import (
+    PATIENCE_S,
+    Host,
+    Process,
+    answers_of,
+    free_endpoint,
+    offline,
+    wait_until,
+)
 
 from placefield.maps.map import Map
-
-STOP_S = 3.0
-"""The promise is 2 s; on a machine that other work keeps busy, a process waits for its turn."""
 
 
 def test_a_host_says_once_that_it_is_ready_and_runs_the_services(host: Host) -> None:
@@ -20,38 +24,28 @@ def test_a_host_says_once_that_it_is_ready_and_runs_the_services(host: Host) -> 
     assert len(host.children()) == 5
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_stops_all_at_once_and_in_order(
-    logs: Path, map_path: Path, number: signal.Signals
-) -> None:
+def test_a_signal_stops_all_in_order_and_none_has_to_be_killed(logs: Path, map_path: Path) -> None:
     with Host(logs, map_path) as own:
-        began = time.monotonic()
-        assert own.stop(number) == 0
-        assert time.monotonic() - began < STOP_S
+        assert own.stop(signal.SIGINT) == 0
         assert not own.left_behind()
         assert not own.err
 
 
-def test_a_host_that_is_stopped_in_mid_stream_stops_as_fast(
-    logs: Path, map_path: Path, query_dir: Path
-) -> None:
+def test_so_it_does_in_mid_stream(logs: Path, map_path: Path, query_dir: Path) -> None:
     with Host(logs, map_path, "--workers", "8") as own, own.listener() as listener:
         assert len(own.service("channel")) == 3  # as many as there are channels
         with Process(logs, "replay", query_dir, "--loop", "--endpoint", own.endpoint) as replay:
             listener.answers(count=5)
-            began = time.monotonic()
             assert own.stop(signal.SIGTERM) == 0
-            assert time.monotonic() - began < STOP_S
             assert not own.left_behind()
+            assert "killing" not in own.err
             assert replay.stop(signal.SIGTERM) == 0
 
 
 def test_a_host_that_is_stopped_while_it_starts_leaves_nothing(logs: Path, map_path: Path) -> None:
     with Process(logs, "up", map_path, "--endpoint", free_endpoint()) as starting:
         wait_until(starting.children, "a service is started")
-        began = time.monotonic()
         assert starting.stop(signal.SIGTERM) == 0
-        assert time.monotonic() - began < STOP_S
         assert not starting.left_behind()
 
 
@@ -61,7 +55,7 @@ def test_the_services_of_a_host_that_was_killed_end_by_themselves(
     with Host(logs, map_path) as own:
         services = own.children()
         assert own.stop(signal.SIGKILL) == -signal.SIGKILL
-        _, alive = psutil.wait_procs(services, timeout=10)
+        _, alive = psutil.wait_procs(services, timeout=PATIENCE_S)
         assert not alive
 
 

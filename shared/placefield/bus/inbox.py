@@ -8,7 +8,7 @@ its own limits, so that no run can displace another.
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from placefield.bus.keys import run_of
@@ -41,15 +41,25 @@ class Inbox:
     """A queue of received messages: each run's oldest first, the runs in turn."""
 
     def __init__(
-        self, counts: Mapping[str, Counter[str]], *, live_capacity: int = CAPACITY
+        self,
+        counts: Mapping[str, Counter[str]],
+        *,
+        live_capacity: int = CAPACITY,
+        keeps: Callable[[Received], bool] = lambda received: False,
     ) -> None:
-        """Serve the runs in ``counts``; keep at most ``live_capacity`` live messages of each."""
+        """Serve the runs in ``counts``; keep at most ``live_capacity`` live messages of each.
+
+        Live messages for which ``keeps`` is true are kept besides. It is called on any thread, and
+        must not call the inbox.
+        """
         self._counts = counts
         self._live_capacity = live_capacity
+        self._keeps = keeps
         self._waiting: dict[str, deque[Received]] = {run: deque() for run in counts}
         self._bytes = dict.fromkeys(counts, 0)
         self._turns = deque(counts)  # the first run is the next to be served
         self._held_until = dict.fromkeys(counts, 0.0)
+        self._released: set[str] = set()  # since their last message was got
         self._changed = threading.Condition()
 
     def offer(self, received: Received) -> None:
@@ -61,7 +71,7 @@ class Inbox:
         run = received.run
         with self._changed:
             waiting = self._waiting[run]
-            if _may_be_dropped(received):
+            if self._may_be_dropped(received):
                 self._make_room(waiting, run)
             if len(waiting) >= CAPACITY or self._bytes[run] >= CAPACITY_BYTES:
                 self._counts[run]["dropped_full"] += 1
@@ -71,22 +81,34 @@ class Inbox:
             self._changed.notify()
 
     def _make_room(self, waiting: deque[Received], run: str) -> None:
-        live = [place for place, old in enumerate(waiting) if _may_be_dropped(old)]
-        if len(live) >= self._live_capacity:
-            self._bytes[run] -= len(waiting[live[0]].payload)
-            del waiting[live[0]]
+        live = [place for place, old in enumerate(waiting) if self._may_be_dropped(old)]
+        too_many = max(0, len(live) + 1 - self._live_capacity)
+        for place in reversed(live[:too_many]):
+            self._bytes[run] -= len(waiting[place].payload)
+            del waiting[place]
             self._counts[run]["dropped_old"] += 1
+
+    def _may_be_dropped(self, received: Received) -> bool:
+        return received.header.live and not received.header.end and not self._keeps(received)
 
     def put_back(self, received: Sequence[Received], wait_s: float) -> None:
         """Put messages back at the front of their run, and do not serve the run for ``wait_s``.
 
-        The messages must be the last ones got from this run, in order.
+        The messages must be the last ones got from this run, in order. If the run was released
+        after they were got, it does not wait.
         """
         with self._changed:
             run = received[0].run
             self._waiting[run].extendleft(reversed(received))
             self._bytes[run] += sum(len(each.payload) for each in received)
-            self._held_until[run] = time.monotonic() + wait_s
+            self._held_until[run] = 0.0 if run in self._released else time.monotonic() + wait_s
+
+    def release(self, run: str) -> None:
+        """Serve a run again at once, since what its messages waited for has come."""
+        with self._changed:
+            self._released.add(run)
+            self._held_until[run] = 0.0
+            self._changed.notify()
 
     @property
     def is_waiting(self) -> bool:
@@ -113,10 +135,7 @@ class Inbox:
             self._turns.rotate(-1)
         run = self._turns[0]
         self._turns.rotate(-1)
+        self._released.discard(run)
         received = self._waiting[run].popleft()
         self._bytes[run] -= len(received.payload)
         return received
-
-
-def _may_be_dropped(received: Received) -> bool:
-    return received.header.live and not received.header.end

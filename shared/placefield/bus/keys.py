@@ -22,6 +22,15 @@ class Keys:
         """Frames, from a source to the featurizer."""
         return f"{ROOT}/{self.run}/frame"
 
+    def raw(self, worker: str) -> str:
+        """Raw features of one describer, to the featurizer."""
+        return f"{ROOT}/{self.run}/raw/{worker}"
+
+    @property
+    def all_raws(self) -> str:
+        """Raw features of all describers."""
+        return f"{ROOT}/{self.run}/raw/*"
+
     @property
     def feature(self) -> str:
         """Descriptors, from the featurizer to the channels."""

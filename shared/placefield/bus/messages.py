@@ -37,6 +37,18 @@ class FrameMessage(Message):
         return self
 
 
+class RawFeatureMessage(Message):
+    """The raw feature of a frame, of a describer.
+
+    Attributes:
+        model: fingerprint of the model whose feature it is.
+        raw: (D,), finite; None: the describer could not describe the frame.
+    """
+
+    model: str = Field(max_length=64)
+    raw: FloatVector | None
+
+
 class FeatureMessage(Message):
     """The descriptor of a frame.
 

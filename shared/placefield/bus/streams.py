@@ -93,6 +93,10 @@ class StreamFollower:
         """Return whether the message with this header is the first of its stream."""
         return self._switch.begins(header)
 
+    def awaits(self, header: Header) -> bool:
+        """Return whether the message is of the current stream, and of a frame that has not come."""
+        return header.stream == self.stream and header.sequence >= self.next
+
     def follow(self, header: Header) -> Turn:
         """Return where the message with this header is in order; if it is due, move on by one.
 

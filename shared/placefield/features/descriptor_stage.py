@@ -49,6 +49,10 @@ class FrameStage(Protocol):
         """Whether a descriptor depends on the frames before it."""
 
     @property
+    def raw_dimensions(self) -> int | None:
+        """The dimension of the raw features; None if only describing a frame tells it."""
+
+    @property
     def large_frame(self) -> tuple[int, int, int]:
         """The shape of a large frame, to warm up with."""
 
@@ -60,6 +64,22 @@ def large_frame(mask: Mask | None = None) -> tuple[int, int, int]:
     """Return the shape of a large frame of colour, 25 MB, which fits the mask if there is one."""
     rows, columns = (9, 16) if mask is None else mask.used.shape
     return round(3840 * rows / columns), 3840, 3
+
+
+def warm_up(stage: FrameStage) -> None:
+    """Describe a frame of no stream, so that everything is loaded and compiled before serving.
+
+    Given descriptors need nothing of that.
+
+    The frame is large: glibc keeps as much memory for later frames as the largest block that was
+    freed. Otherwise each frame would have to map its pages again.
+    """
+    if not stage.feature.describes_images:
+        return
+    frame = np.zeros(stage.large_frame, np.uint8)
+    stage.feature.describe(frame)
+    frame.flags.writeable = False  # as frames of pixels come from the bus
+    stage.feature.describe(frame)
 
 
 class DescriptorStage:
@@ -74,6 +94,8 @@ class DescriptorStage:
         self._model = model
         self.standardises = model.follows_query
         """Whether a descriptor depends on the frames before it."""
+        self.raw_dimensions: int | None = model.raw_dimensions
+        """The dimension of the raw features."""
         self.large_frame = large_frame(model.mask)
         """The shape of a large frame, to warm up with."""
         self.feature = feature_of_model(model, inference)

@@ -48,6 +48,9 @@ class RawStage:
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
+    raw_dimensions = None
+    """The dimension of the raw features is not known."""
+
     large_frame = large_frame()
     """The shape of a large frame, to warm up with."""
 

@@ -1,27 +1,30 @@
 """One stream from comparisons to matches, in one process: all channels, fused and smoothed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.fusion.smoothed_joiner import SmoothedJoiner
 from placefield.matching.channel_stage import ChannelStage, Compared
-from placefield.matching.matcher import SmoothedCandidate
 
 
 class FusedStream:
-    """Matches one stream in all channels of a stage of whole channels.
+    """Matches one stream in all channels of a stage of whole channels, and smooths it."""
 
-    Streams of one stage may share the comparisons of the same frames.
-    """
+    def __init__(self, channels: ChannelStage, fusion: FusionStage, lags: Sequence[int]) -> None:
+        """Begin a stream.
 
-    def __init__(self, channels: ChannelStage, fusion: FusionStage, lag: int) -> None:
-        """Begin a stream, whose frames wait for at most ``lag`` later ones, or ``WHOLE_DRIVE``."""
-        self._stream = channels.new_stream(lag=lag)
+        Args:
+            channels: whole ones.
+            fusion: of the same map and rule.
+            lags: later frames that a smoothed match waits for at most, or ``WHOLE_DRIVE``; the
+                stream is smoothed with each.
+        """
+        self._stream = channels.new_stream(lags=lags)
         self._fusion = fusion
-        self._joiner = SmoothedJoiner(channels.channels, lag)
-        self._smoothed: list[SmoothedMatch] = []
+        self._joiners = [SmoothedJoiner(channels.channels, lag) for lag in lags]
+        self._smoothed: list[list[SmoothedMatch]] = [[] for _ in lags]
 
     @property
     def frames(self) -> int:
@@ -32,31 +35,35 @@ class FusedStream:
         """Match the next frame; None is a missing observation, or an unknown reading."""
         frame = self._stream.next
         match = self._fusion.fuse(self._stream.update(compared, odometry_m))
-        self._joiner.announce(frame)
-        self._smooth(self._stream.smoothed(), frame)
+        for joiner in self._joiners:
+            joiner.announce(frame)
+        self._smooth(frame)
         return match
 
-    def smoothed(self) -> list[SmoothedMatch]:
+    def smoothed(self, which: int = 0) -> list[SmoothedMatch]:
         """Return the smoothed matches that are new since the last call.
 
         Every frame has one, in order, at most ``lag`` frames later, or when the stream is finished.
+
+        Args:
+            which: index of the lag among those of the stream.
         """
-        smoothed, self._smoothed = self._smoothed, []
+        smoothed, self._smoothed[which] = self._smoothed[which], []
         return smoothed
 
-    def finish(self) -> list[SmoothedMatch]:
-        """Return the remaining smoothed matches: the stream is over."""
+    def finish(self) -> None:
+        """Smooth the remaining frames: the stream is over."""
         for _ in range(self._stream.end()):
             self._stream.update(None)
-        self._smooth(self._stream.finish(), math.inf)
-        return self.smoothed()
+        self._stream.finish()
+        self._smooth(math.inf)
 
-    def _smooth(
-        self, smoothed: Mapping[int, list[tuple[int, SmoothedCandidate]]], newest: float
-    ) -> None:
-        for channel, frames in smoothed.items():
-            for frame, each in frames:
-                self._joiner.add(frame, channel, each)
-        for joined in self._joiner.release(newest):
-            match = self._fusion.fuse(list(joined.candidates.values()))
-            self._smoothed.append(SmoothedMatch(joined.sequence, match, joined.lag))
+    def _smooth(self, newest: float) -> None:
+        """Fuse the smoothed candidates of the frames that wait no longer, with each lag."""
+        for which, joiner in enumerate(self._joiners):
+            for channel, frames in self._stream.smoothed(which).items():
+                for frame, each in frames:
+                    joiner.add(frame, channel, each)
+            for joined in joiner.release(newest):
+                match = self._fusion.fuse(list(joined.candidates.values()))
+                self._smoothed[which].append(SmoothedMatch(joined.sequence, match, joined.lag))

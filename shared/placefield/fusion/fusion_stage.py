@@ -91,9 +91,8 @@ class FusionStage:
             missing: the channels that have no candidate.
         """
         match = fuse(candidates, self._matching, self._vicinity, missing)
-        if match.place == UNANSWERED:
-            return match
-        return replace(match, pose=self._pose_of(match.place))
+        pose = None if match.place == UNANSWERED else self._pose_of(match.place)
+        return match if pose is None else replace(match, pose=pose)
 
 
 def _fits(candidate: Candidate, rule: Rule, count: int) -> bool:

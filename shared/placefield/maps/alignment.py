@@ -45,7 +45,7 @@ def align_by_smoother(metric: MapMetric, topology: Topology, frames: Array) -> A
     matching = MatchingConfig(exact=True)
     fusion = FusionStage(topology, matching)
     shard = ChannelShard(channel_without_segments(metric), matching, topology=topology)
-    matcher = shard.new_matcher(WHOLE_DRIVE)
+    matcher = shard.new_matcher([WHOLE_DRIVE])
     for frame in MetricPlaces(metric, exact=True).compare(frames):
         matcher.update(frame)
     matches = [fusion.fuse([smoothed.candidate]) for smoothed in matcher.finish()]

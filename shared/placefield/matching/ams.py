@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel
+from placefield.kernels import kernel, least_of
 from placefield.matching.candidate import NO_CANDIDATE, NO_EVIDENCE, NO_PLACES, Candidate
 from placefield.matching.matcher import Partial
 from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
@@ -26,11 +26,12 @@ class AmsMatcher(WindowMatcher):
     """Finds the best hypothesis of all coarse scales that have a window yet.
 
     Of the windows, the first length is the smallest scale s_min, the others are the coarse scales
-    s_c, ascending. A partial result is each coarse scale's hypothesis.
+    s_c, ascending. A partial result is each coarse scale's hypothesis; of scales that are cut to
+    one length, there is one.
     """
 
     def _partial(self, windows: WindowSums, places: ShardPlaces) -> Partial:
-        found = np.full((max(len(windows.row_lengths) - 1, 1), 3), np.inf)
+        found = np.empty((max(len(windows.row_lengths) - 1, 1), 3))
         _find_hypotheses(
             windows.columns,
             windows.column(0),
@@ -69,6 +70,7 @@ def _find_hypotheses(
 ) -> None:
     """Write the hypotheses of windows that end at places from ``start`` up to ``stop``."""
     smallest, coarse = lengths[0], len(lengths) - len(found)
+    found[:] = np.inf
     for number in range(len(found)):
         row = coarse + number
         scale = lengths[row]
@@ -102,12 +104,17 @@ def _best_of(partials: NDArray[np.float64]) -> tuple[float, float]:
 @kernel
 def _lowest(sums: NDArray[np.float64], first: int, start: int, stop: int) -> int:
     """Return the first place of the lowest sum, from ``start`` up to ``stop``."""
-    place, lowest = start, np.inf
-    for j in range(start, stop):
-        value = _at(sums, first, j)
-        if value < lowest:
-            place, lowest = j, value
-    return place
+    wrap = min(max(len(sums) - first, start), stop)  # from this place on, columns begin again
+    ahead = sums[first + start : first + wrap]
+    around = sums[first + wrap - len(sums) : first + stop - len(sums)]
+    lowest = min(least_of(ahead), least_of(around))
+    for i in range(len(ahead)):
+        if ahead[i] == lowest:
+            return start + i
+    for i in range(len(around)):
+        if around[i] == lowest:
+            return wrap + i
+    return start
 
 
 @kernel

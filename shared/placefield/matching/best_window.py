@@ -56,6 +56,8 @@ def best_window(places: Places, beliefs: Beliefs, vicinity: Vicinity) -> tuple[i
         vicinity: of the places of the map.
     """
     same = vicinity.same
+    if same is None and vicinity.chains.is_one:
+        return _best_on_a_line(places, beliefs, vicinity.tolerance)
     if same is None:
         middle = _middle_of_best(places, beliefs, vicinity)
         return middle, _sum_of(beliefs, _near(middle, places, vicinity))
@@ -152,6 +154,15 @@ def _middle(at: Positions, beliefs: Beliefs) -> int:
         moment += belief * at[i]
         weight += belief
     return round(moment / weight) if weight > 0 else int(at[0])
+
+
+@kernel
+def _best_on_a_line(places: Places, beliefs: Beliefs, tolerance: int) -> tuple[int, float]:
+    """Do as ``best_window`` does where all places differ and are one chain."""
+    at = places.astype(np.int64)
+    first, end = _window(at, beliefs, tolerance)
+    middle = _middle(at[first:end], beliefs[first:end])
+    return middle, _sum_of(beliefs, np.abs(at - middle) <= tolerance)
 
 
 @kernel

@@ -1,6 +1,6 @@
 """A channel's candidate for one query frame."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class Candidate:
             return self
         last = count - 1
         places, evidence = last - self.places[::-1], self.evidence[::-1].copy()
-        return replace(self, place=last - self.place, places=places, evidence=evidence)
+        return Candidate(last - self.place, self.score, places, evidence, self.too_fast)
 
 
 NO_PLACES: NDArray[np.int32] = np.empty(0, np.int32)

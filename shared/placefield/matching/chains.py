@@ -55,6 +55,11 @@ class Chains(NamedTuple):
     ahead: Passages
     behind: Passages
 
+    @property
+    def is_one(self) -> bool:
+        """Whether there is one chain, and no passage from its end to its beginning."""
+        return len(self.edges) == 2 and not len(self.ahead.source)
+
     def of(self, places: Places) -> Places:
         """Return the number of the chain of each place, (n,) int32."""
         return np.asarray(np.searchsorted(self.edges[1:-1], places, side="right"), np.int32)

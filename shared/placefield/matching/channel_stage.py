@@ -84,15 +84,19 @@ class ChannelStage:
             for comparisons in zip(*by_metric, strict=True):
                 yield dict(zip(self._places, comparisons, strict=True))
 
-    def new_stream(self, first: int = 0, lag: int | None = None) -> "StreamMatcher":
+    def new_stream(self, first: int = 0, lags: Sequence[int] | None = None) -> "StreamMatcher":
         """Begin a stream.
 
         Args:
             first: number of its first frame.
-            lag: see ``ChannelShard.new_matcher``.
+            lags: see ``ChannelShard.new_matcher``.
         """
+        count = 1 if lags is None else len(lags)
         groups = [
-            _Group(numbers, part.metric, part.new_matcher(lag)) for numbers, part in self._groups()
+            _Group(
+                numbers, part.metric, part.new_matcher(lags), [_Smoothed() for _ in range(count)]
+            )
+            for numbers, part in self._groups()
         ]
         return StreamMatcher(groups, first)
 
@@ -106,6 +110,23 @@ class ChannelStage:
 
 
 @dataclass
+class _Smoothed:
+    """The frames of a group that are smoothed with one lag.
+
+    Attributes:
+        waiting: numbers of the frames that have a candidate and are not smoothed yet.
+        frames: those that were smoothed and not fetched yet, with their numbers.
+    """
+
+    waiting: deque[int] = field(default_factory=deque)
+    frames: list[tuple[int, SmoothedCandidate]] = field(default_factory=list)
+
+    def add(self, smoothed: Sequence[SmoothedCandidate]) -> None:
+        """Number the frames that the matcher smoothed, and keep them until they are fetched."""
+        self.frames += [(self.waiting.popleft(), each) for each in smoothed]
+
+
+@dataclass
 class _Group:
     """Channels with equal candidates, so that one matcher serves all of them.
 
@@ -113,21 +134,26 @@ class _Group:
         numbers: of the channels.
         metric: of the channels.
         matcher: of the stream.
+        smoothed: of the stream, by the index of the lag.
         partial: of the frame whose local step was done.
-        waiting: numbers of the frames that have a candidate and are not smoothed yet.
-        smoothed: frames that were smoothed and not fetched yet.
     """
 
     numbers: tuple[int, ...]
     metric: MapMetric
     matcher: Matcher
+    smoothed: list[_Smoothed]
     partial: Partial | None = None
-    waiting: deque[int] = field(default_factory=deque)
-    smoothed: list[tuple[int, SmoothedCandidate]] = field(default_factory=list)
 
-    def smooth(self, frames: list[SmoothedCandidate]) -> None:
-        """Number the frames that the matcher smoothed, and keep them until they are fetched."""
-        self.smoothed += [(self.waiting.popleft(), each) for each in frames]
+    def smooth(self, sequence: int) -> None:
+        """Keep what the matcher smoothed in the reduce step of a frame until it is fetched."""
+        for which, smoothed in enumerate(self.smoothed):
+            smoothed.waiting.append(sequence)
+            smoothed.add(self.matcher.smoothed(which))
+
+    def finish(self) -> None:
+        """Smooth the remaining frames: the stream is over."""
+        for which, smoothed in enumerate(self.smoothed):
+            smoothed.add(self.matcher.finish(which))
 
 
 class StreamMatcher:
@@ -191,8 +217,7 @@ class StreamMatcher:
         candidates: dict[int, Candidate] = {}
         for group in self._groups:
             candidate = group.matcher.reduce(partials[group.numbers[0]])
-            group.waiting.append(sequence)
-            group.smooth(group.matcher.smoothed())
+            group.smooth(sequence)
             candidates |= dict.fromkeys(group.numbers, candidate)
         return candidates
 
@@ -201,12 +226,17 @@ class StreamMatcher:
         (group,) = (group for group in self._groups if number in group.numbers)
         return group.matcher.fits(partial)
 
-    def smoothed(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
-        """Return the frames that each channel smoothed since the last call, with their numbers."""
+    def smoothed(self, which: int = 0) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
+        """Return the frames that each channel smoothed since the last call, with their numbers.
+
+        Args:
+            which: index of the lag among those of the stream.
+        """
         smoothed: dict[int, list[tuple[int, SmoothedCandidate]]] = {}
         for group in self._groups:
-            smoothed |= dict.fromkeys(group.numbers, self._until_end(group.smoothed))
-            group.smoothed = []
+            kept = group.smoothed[which]
+            smoothed |= dict.fromkeys(group.numbers, self._until_end(kept.frames))
+            kept.frames = []
         return smoothed
 
     def _until_end(
@@ -231,11 +261,10 @@ class StreamMatcher:
         self._end = self.next
         return max(group.matcher.tail for group in self._groups)
 
-    def finish(self) -> dict[int, list[tuple[int, SmoothedCandidate]]]:
-        """Return the remaining frames, after ``end`` and its missing observations."""
+    def finish(self) -> None:
+        """Smooth the remaining frames, after ``end`` and its missing observations."""
         for group in self._groups:
-            group.smooth(group.matcher.finish())
-        return self.smoothed()
+            group.finish()
 
     def update(self, compared: Compared | None, odometry_m: float | None = None) -> list[Candidate]:
         """Return the candidates for the next frame, of whole channels, by ascending number.

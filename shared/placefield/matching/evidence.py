@@ -13,16 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
-from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
+from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, UNANSWERED, Candidate
 from placefield.matching.matcher import Partial
 from placefield.matching.window_matcher import ShardPlaces, WindowMatcher
 from placefield.matching.windows import Sums, WindowSums
+
+_UNANSWERED = UNANSWERED  # a constant of compiled code
 
 
 class EvidenceMatcher(WindowMatcher):
     """Averages the windows' sums, normalised over all places.
 
-    A partial result is the number of the shard's places, the sum of each window's sums over them,
+    A partial result is the number of the shard's places, the sum of each length's sums over them,
     and the sum of their squared differences from their mean.
     """
 
@@ -42,14 +44,13 @@ class EvidenceMatcher(WindowMatcher):
 
         ``NO_CANDIDATE`` if no window length is informative, as before the first observation.
         """
-        means, deviations = _moments(np.array(partials))
-        scores = np.zeros(places.count)
+        moments = _moments(np.array(partials))
+        evidence = np.empty(places.count, np.float32)
         first = windows.column(places.skipped)
-        if not _average_normalised(windows.columns, first, means, deviations, scores):
+        place, score = _weigh(windows.columns, windows.row_of, first, moments, evidence)
+        if place == UNANSWERED:
             return NO_CANDIDATE
-        place = int(np.argmin(scores))
-        evidence = scores.astype(np.float32)
-        return Candidate(places.own.start + place, float(scores[place]), NO_PLACES, evidence)
+        return Candidate(places.own.start + place, score, NO_PLACES, evidence)
 
 
 @kernel
@@ -89,14 +90,30 @@ def _sum_up(columns: Sums, first: int, places: int, totals: Sums, squares: Sums)
 
 
 @kernel
-def _average_normalised(
-    columns: Sums, first: int, means: Sums, deviations: Sums, scores: NDArray[np.float64]
-) -> int:
-    """Average the normalised sums over the informative windows; return how many those are."""
-    places, width = len(scores), columns.shape[1]
+def _weigh(
+    columns: Sums,
+    row_of: NDArray[np.int64],
+    first: int,
+    moments: tuple[Sums, Sums],
+    evidence: NDArray[np.float32],
+) -> tuple[int, float]:
+    """Average the normalised sums over the informative windows.
+
+    Args:
+        columns: see ``WindowSums``.
+        row_of: see ``WindowSums``.
+        first: column of the first place.
+        moments: see ``_moments``.
+        evidence: (K,) float32, receives the averages.
+
+    Returns:
+        The first place of the lowest average, and that; ``UNANSWERED`` without such windows.
+    """
+    places, width = len(evidence), columns.shape[1]
+    scores, (means, deviations) = np.zeros(places), moments
     before_wrap = min(width - first, places)
     informative = 0
-    for row in range(len(columns)):
+    for row in row_of:
         if deviations[row] > 0:
             informative += 1
             scale = 1 / deviations[row]
@@ -104,9 +121,15 @@ def _average_normalised(
             around = columns[row, : places - before_wrap]
             _add_normalised(forward, means[row], scale, scores[:before_wrap])
             _add_normalised(around, means[row], scale, scores[before_wrap:])
+    if not informative:
+        return _UNANSWERED, 0.0
+    best = 0
     for place in range(places):
-        scores[place] /= max(informative, 1)
-    return informative
+        scores[place] /= informative
+        evidence[place] = scores[place]
+        if scores[place] < scores[best]:
+            best = place
+    return best, scores[best]
 
 
 @kernel

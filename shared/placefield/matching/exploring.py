@@ -164,7 +164,7 @@ class Explorer:
         if self._matcher is None:
             smoother = Smoother(lengths, self._config.lag, vicinity)
             whole = WholeMap(lengths, None, None, unmapped=UNMAPPED)
-            self._matcher = FilterMatcher(whole, slice(0, count), 0, smoother)
+            self._matcher = FilterMatcher(whole, slice(0, count), 0, [smoother])
         else:
             self._matcher.grow(lengths, vicinity)
 

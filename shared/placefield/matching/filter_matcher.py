@@ -84,18 +84,20 @@ class FilterMatcher(Matcher):
     horizon = 50  # after so many missing observations, the vehicle may be anywhere
     tail = 0
 
-    def __init__(self, whole: WholeMap, own: slice, number: int, smoother: Smoother) -> None:
+    def __init__(
+        self, whole: WholeMap, own: slice, number: int, smoothers: Sequence[Smoother]
+    ) -> None:
         """Begin a stream.
 
         Args:
             whole: the data of the whole map.
             own: the shard's places in the map.
             number: index of the shard.
-            smoother: of a new stream.
+            smoothers: of a new stream, one for each lag.
         """
         self._filter = PlaceFilter(whole.lengths, own, whole.roads)
         self._roads, self._odometer = whole.roads, Odometer()
-        self._smoother = smoother
+        self._smoothers = smoothers
         self._lengths, self._own, self._number = whole.lengths, own, number
         self._spread, self._sampled = whole.spread, whole.sampled
         self._unmapped = whole.unmapped
@@ -107,7 +109,7 @@ class FilterMatcher(Matcher):
         self._partial: FilterPartial | None = None
         self._trace: Trace | None = None
         self._candidate = NO_CANDIDATE
-        self._smoothed: list[SmoothedPosterior] = []
+        self._smoothed: list[list[SmoothedPosterior]] = [[] for _ in smoothers]
 
     def grow(self, lengths: StepLengths, vicinity: Vicinity) -> None:
         """Append places to the map, of which the shard has all.
@@ -117,7 +119,8 @@ class FilterMatcher(Matcher):
             vicinity: see ``Smoother``.
         """
         self._filter.grow(lengths)
-        self._smoother.grow(lengths, vicinity)
+        for smoother in self._smoothers:
+            smoother.grow(lengths, vicinity)
         self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
@@ -216,7 +219,7 @@ class FilterMatcher(Matcher):
                 unpacked = [unpack(partial) for partial in partials]
             self._trace = self._filter.reduce(unpacked, self._number)
             self._candidate = self._filtered()
-        self._smoothed = self._smoother.update(self._trace)
+        self._smoothed = [smoother.update(self._trace) for smoother in self._smoothers]
         return self._candidate
 
     def _filtered(self) -> Candidate:
@@ -238,13 +241,13 @@ class FilterMatcher(Matcher):
             return len(partial) == 0
         return fits(partial, self._lengths.apart.shape[1])
 
-    def smoothed(self) -> list[SmoothedCandidate]:
+    def smoothed(self, which: int = 0) -> list[SmoothedCandidate]:
         """Return the frames that were smoothed with the last one, in order."""
-        return [self._of_shard(smoothed) for smoothed in self._smoothed]
+        return [self._of_shard(smoothed) for smoothed in self._smoothed[which]]
 
-    def finish(self) -> list[SmoothedCandidate]:
+    def finish(self, which: int = 0) -> list[SmoothedCandidate]:
         """Smooth all frames: the stream is over."""
-        return [self._of_shard(smoothed) for smoothed in self._smoother.finish()]
+        return [self._of_shard(smoothed) for smoothed in self._smoothers[which].finish()]
 
     def _of_shard(self, smoothed: SmoothedPosterior) -> SmoothedCandidate:
         places, belief, too_fast = smoothed.posterior

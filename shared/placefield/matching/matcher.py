@@ -38,7 +38,7 @@ class SmoothedCandidate(NamedTuple):
 
 
 class Matcher(ABC):
-    """Matches one stream of frames in one shard of one channel."""
+    """Matches one stream of frames in one shard of one channel, and smooths it with some lags."""
 
     horizon: int
     """After so many missing observations in a row, more of them make no difference."""
@@ -74,15 +74,18 @@ class Matcher(ABC):
         """Whether a partial result of another shard may be for this frame."""
 
     @abstractmethod
-    def smoothed(self) -> list[SmoothedCandidate]:
+    def smoothed(self, which: int = 0) -> list[SmoothedCandidate]:
         """Return the frames that were smoothed by the last reduce step, in their order.
 
-        Every frame is smoothed once, the last ones by ``finish``.
+        Every frame is smoothed once with each lag, the last ones by ``finish``.
+
+        Args:
+            which: index of the lag among those of the matcher.
         """
 
     @abstractmethod
-    def finish(self) -> list[SmoothedCandidate]:
-        """Smooth the remaining frames: the stream is over."""
+    def finish(self, which: int = 0) -> list[SmoothedCandidate]:
+        """Smooth the remaining frames: the stream is over. See ``smoothed``."""
 
     def update(self, frame: Comparison | None, odometry_m: float | None = None) -> Candidate:
         """Return the candidate for the next frame of a whole channel, which is the only shard.
@@ -115,16 +118,13 @@ class ReverseMatcher(Matcher):
         """Whether a partial result of another shard may be for this frame."""
         return self._matcher.fits(partial)
 
-    def smoothed(self) -> list[SmoothedCandidate]:
+    def smoothed(self, which: int = 0) -> list[SmoothedCandidate]:
         """Return the frames that were smoothed by the last reduce step."""
-        return [
-            SmoothedCandidate(each.reversed(self._places), lag)
-            for each, lag in self._matcher.smoothed()
-        ]
+        return self._in_order(self._matcher.smoothed(which))
 
-    def finish(self) -> list[SmoothedCandidate]:
+    def finish(self, which: int = 0) -> list[SmoothedCandidate]:
         """Smooth the remaining frames."""
-        return [
-            SmoothedCandidate(each.reversed(self._places), lag)
-            for each, lag in self._matcher.finish()
-        ]
+        return self._in_order(self._matcher.finish(which))
+
+    def _in_order(self, smoothed: list[SmoothedCandidate]) -> list[SmoothedCandidate]:
+        return [SmoothedCandidate(each.reversed(self._places), lag) for each, lag in smoothed]

@@ -40,8 +40,8 @@ class Pieces:
             last: trace of the frame before; None if there is none.
         """
         halos = np.zeros((len(self.edges) - 1, *sides.shape), np.float32)
-        if last is not None:
-            for hypothesis, passages in enumerate(self._into):
+        for hypothesis, passages in enumerate(self._into):
+            if last is not None and len(passages.source):
                 self._pass(passages, hypothesis, last, halos)
         before = [halos[0, 0], sides[0, :, REACH - self._before :]]
         after = [sides[1, :, : self._after], halos[-1, 1]]

@@ -94,7 +94,7 @@ def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
     for route, end in bounds_of(starts, len(descriptors)):
         for start in range(route, end, _PART):
             smoother = Smoother(lengths, WHOLE_DRIVE, vicinity)
-            matcher = FilterMatcher(whole, all_places, 0, smoother)
+            matcher = FilterMatcher(whole, all_places, 0, [smoother])
             first = max(start - _AROUND, route)
             stop = min(start + _PART + _AROUND, end)
             resembled: list[int] = []

@@ -1,5 +1,6 @@
 """Cuts a channel's places into shards. Each may have its own worker, perhaps on another host."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -144,26 +145,27 @@ class ChannelShard:
             return places
         return slice(self._places - places.stop, self._places - places.start)
 
-    def new_matcher(self, lag: int | None = None) -> Matcher:
+    def new_matcher(self, lags: Sequence[int] | None = None) -> Matcher:
         """Return a matcher for a new stream; frames are compared under this shard's metric.
 
         Args:
-            lag: frames that a frame waits for at most, or ``WHOLE_DRIVE``; None: as configured.
+            lags: frames that a frame waits for at most, or ``WHOLE_DRIVE``; None: as configured.
+                The stream is smoothed with each.
         """
-        if lag is None:
-            lag = self._matching.lag
-        matcher = self._filter(lag) if self._matching.rule == "filter" else self._windows(lag)
+        if lags is None:
+            lags = [self._matching.lag]
+        matcher = self._filter(lags) if self._matching.rule == "filter" else self._windows(lags)
         return ReverseMatcher(matcher, self._places) if self._matching.reverse else matcher
 
-    def _filter(self, lag: int) -> Matcher:
+    def _filter(self, lags: Sequence[int]) -> Matcher:
         whole = self._whole
-        smoother = Smoother(whole.lengths, lag, self._vicinity, whole.roads)
-        return FilterMatcher(whole, self._in_order, self._number, smoother)
+        smoothers = [Smoother(whole.lengths, lag, self._vicinity, whole.roads) for lag in lags]
+        return FilterMatcher(whole, self._in_order, self._number, smoothers)
 
-    def _windows(self, lag: int) -> Matcher:
+    def _windows(self, lags: Sequence[int]) -> Matcher:
         places = ShardPlaces(self._places, self._in_order, self._observed)
         make = _WINDOW_RULES[self._matching.rule]
-        return make(self._lengths_of_windows, places, self.metric.unit, self._mean_distance, lag)
+        return make(self._lengths_of_windows, places, self.metric.unit, self._mean_distance, lags)
 
 
 def window_lengths(channel: MapChannel, rule: Rule) -> list[int]:

@@ -12,6 +12,7 @@ last bit.
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,10 +96,17 @@ def reach(longest: int, lag: int) -> int:
     return min(longest - 1, lag)
 
 
+def _windows_ahead(recent: RecentDistances, lengths: Sequence[int], lag: int) -> WindowSums | None:
+    """Return forward windows of these lengths that reach ``lag`` frames; None with lag 0."""
+    if lag == 0:
+        return None
+    return WindowSums(recent, [min(length, lag + 1) for length in lengths], forward=True)
+
+
 class WindowMatcher(Matcher):
     """Compares windows at the speed of the reference, one per scale.
 
-    A partial result is that of the backward windows of the newest frame. With a lag, that of the
+    A partial result is that of the backward windows of the newest frame. For each lag that of the
     forward windows of the frame smoothed with it follows.
     """
 
@@ -108,7 +116,7 @@ class WindowMatcher(Matcher):
         places: ShardPlaces,
         unit: float,
         mean_distance: Callable[[Quantized], int],
-        lag: int,
+        lags: Sequence[int],
     ) -> None:
         """Begin a stream.
 
@@ -117,8 +125,8 @@ class WindowMatcher(Matcher):
             places: the shard's.
             unit: of the quantized descriptors; distances are in its square.
             mean_distance: of a frame (M,) to all places of the map, see ``MeanDistance``.
-            lag: frames that forward windows may reach; longer windows are cut. With 0, the smoothed
-                candidate is the immediate one.
+            lags: frames that forward windows may reach; longer windows are cut. With 0, the
+                smoothed candidate is the immediate one.
         """
         self.horizon = max(lengths)
         self._places, self._reversed = places, places.reversed()
@@ -126,13 +134,10 @@ class WindowMatcher(Matcher):
         observed = places.observed.stop - places.observed.start
         self._recent = RecentDistances(self.horizon, observed)
         self._backward = WindowSums(self._recent, lengths)
-        self._forward: WindowSums | None = None
-        if lag > 0:
-            cut = [min(length, lag + 1) for length in lengths]
-            self._forward = WindowSums(self._recent, cut, forward=True)
-        self.tail = self._forward.delay if self._forward else 0
-        self._length = 0
-        self._smoothed: list[SmoothedCandidate] = []
+        self._forward = [_windows_ahead(self._recent, lengths, lag) for lag in lags]
+        self.tail = max((each.delay for each in self._forward if each is not None), default=0)
+        self._ends = [0]  # of the partial results of the windows, in one
+        self._smoothed: list[list[SmoothedCandidate]] = [[] for _ in lags]
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Move the windows on by a frame; a missing observation moves them on as well."""
@@ -141,39 +146,46 @@ class WindowMatcher(Matcher):
         else:
             self._recent.update(frame.distances, self._mean_distance(frame.descriptor))
         self._backward.slide()
-        partial = self._partial(self._backward, self._places)
-        if self._forward:
-            self._forward.slide()
-            partial = np.concatenate([partial, self._partial(self._forward, self._reversed)])
-        self._length = len(partial)
-        return partial
+        parts = [self._partial(self._backward, self._places)]
+        for forward in self._forward:
+            if forward is not None:
+                forward.slide()
+                parts.append(self._partial(forward, self._reversed))
+        self._ends = [*accumulate(len(part) for part in parts)]
+        return np.concatenate(parts)
 
     def reduce(self, partials: Sequence[Partial]) -> Candidate:
         """Return the candidate for the last frame."""
-        if self._forward is None:
-            candidate = self._best(self._backward, self._places, partials)
-            self._smoothed = [SmoothedCandidate(candidate, 0)]
-            return candidate
-        half = self._length // 2
-        candidate = self._best(self._backward, self._places, [each[:half] for each in partials])
-        self._smoothed = []
-        if self._recent.frames > self._forward.delay:
-            mirrored = [each[half:] for each in reversed(partials)]
-            smoothed = self._best(self._forward, self._reversed, mirrored)
-            self._smoothed = [
-                SmoothedCandidate(smoothed.reversed(self._places.places), self._forward.delay)
-            ]
+        own, *ahead = (
+            [partial[start:end] for partial in partials]
+            for start, end in pairwise([0, *self._ends])
+        )
+        candidate = self._best(self._backward, self._places, own)
+        of_lags = iter(ahead)
+        self._smoothed = [
+            [SmoothedCandidate(candidate, 0)]
+            if forward is None
+            else self._smooth(forward, next(of_lags))
+            for forward in self._forward
+        ]
         return candidate
+
+    def _smooth(self, forward: WindowSums, partials: Sequence[Partial]) -> list[SmoothedCandidate]:
+        """Return the frame whose longest forward window ends with the newest frame, if any."""
+        if self._recent.frames <= forward.delay:
+            return []
+        smoothed = self._best(forward, self._reversed, partials[::-1])
+        return [SmoothedCandidate(smoothed.reversed(self._places.places), forward.delay)]
 
     def fits(self, partial: Partial) -> bool:
         """Whether what came from another shard can be its partial result for this frame."""
-        return len(partial) == self._length
+        return len(partial) == self._ends[-1]
 
-    def smoothed(self) -> list[SmoothedCandidate]:
+    def smoothed(self, which: int = 0) -> list[SmoothedCandidate]:
         """Return the frame whose longest forward window ends with the last frame, if any."""
-        return self._smoothed
+        return self._smoothed[which]
 
-    def finish(self) -> list[SmoothedCandidate]:
+    def finish(self, which: int = 0) -> list[SmoothedCandidate]:
         """Return none: the tail has smoothed all frames, by windows that end with the stream."""
         return []
 

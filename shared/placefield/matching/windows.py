@@ -78,22 +78,23 @@ class WindowSums:
     cut at it: for them, missing observations after the last one are the end of the stream.
 
     Attributes:
-        row_lengths: (n,) int64.
+        row_lengths: (n,) int64, the lengths, ascending, each once.
+        row_of: (m,) int64, the row of each given length.
         columns: (n, C) float64, the sums of each length; see ``column``.
     """
 
     def __init__(
         self, recent: RecentDistances, lengths: Sequence[int], *, forward: bool = False
     ) -> None:
-        """Prepare windows of these lengths (frames, each at least 1) in a new stream."""
+        """Prepare windows of these lengths, (m,) frames, each at least 1, in a new stream."""
         self._recent, self._forward = recent, forward
-        self.row_lengths = np.array(lengths, np.int64)
+        self.row_lengths, self.row_of = np.unique(np.array(lengths, np.int64), return_inverse=True)
         self.delay = max(lengths) - 1 if forward else 0
         """Frames from that whose windows these are to the newest one."""
         ends = self.delay + 1 - self.row_lengths if forward else 0 * self.row_lengths
         self._windows = np.stack([ends, self.row_lengths, 0 * ends])
         self._missing = recent.after if forward else recent.before
-        self.columns = np.zeros((len(lengths), recent.rows.shape[1]))  # exact up to 2⁵³
+        self.columns = np.zeros((len(ends), recent.rows.shape[1]))  # exact up to 2⁵³
 
     @property
     def frames(self) -> int:

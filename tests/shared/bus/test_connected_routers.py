@@ -16,7 +16,7 @@ ALIVE = KEYS.alive("fuser", "here")
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < end, "in vain"
         time.sleep(0.01)

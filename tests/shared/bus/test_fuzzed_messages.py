@@ -28,6 +28,7 @@ from placefield.bus.messages import (
     MissingObservationMessage,
     MomentsMessage,
     OdometryMessage,
+    RawFeatureMessage,
     SmoothedMessage,
     StatsMessage,
 )
@@ -53,6 +54,7 @@ EXAMPLES: list[Message] = [
     FrameMessage(image=bytes(range(90)), odometry_m=12.5),
     FrameMessage(image=np.zeros((3, 4, 3), np.uint8)),
     FrameMessage(descriptor=VECTOR.astype(np.float16), odometry_m=2.0),
+    RawFeatureMessage(model="0123456789abcdef", raw=VECTOR),
     FeatureMessage(model="0123456789abcdef", descriptor=VECTOR, odometry_m=0.0),
     CandidatesMessage(
         map=NO_DIGEST,

@@ -57,6 +57,35 @@ def test_a_live_stream_keeps_the_newest_and_its_end() -> None:
     assert counts == {"test": {"dropped_old": 5}}
 
 
+def test_live_messages_that_are_awaited_are_kept_besides_the_newest() -> None:
+    awaited, counts = {1, 4}, {"test": Counter[str]()}
+    inbox = Inbox(counts, live_capacity=2, keeps=lambda one: one.header.sequence in awaited)
+    for sequence in range(7):
+        inbox.offer(received(sequence, live=True))
+    assert counts == {"test": {"dropped_old": 3}}
+    awaited.clear()
+    inbox.offer(received(7, live=True))
+    assert drain(inbox) == [6, 7]
+
+
+@pytest.mark.parametrize("is_early", [True, False])
+def test_a_released_run_is_served_at_once_even_if_it_is_released_before_it_waits(
+    is_early: bool,
+) -> None:
+    inbox, _ = inbox_of()
+    inbox.offer(received(0))
+    got = inbox.get_batch(0, 1)
+    if is_early:
+        inbox.release("test")
+    inbox.put_back(got, 60.0)
+    if not is_early:
+        assert not inbox.is_waiting
+        inbox.release("test")
+    assert inbox.get_batch(0, 1) == got
+    inbox.put_back(got, 60.0)
+    assert not inbox.is_waiting
+
+
 def test_each_run_keeps_its_newest_however_many_another_sends() -> None:
     inbox, counts = inbox_of("calm", "flood", live_capacity=2)
     calm, flood = Keys("calm").frame, Keys("flood").frame

@@ -18,7 +18,7 @@ def test_places_that_are_added_before_the_first_frame_are_as_good_as_there_from_
     metric = metric_of_quantized(places, DESCRIPTOR_UNIT)
     first = lengths_of(metric_of_quantized(places[:5], DESCRIPTOR_UNIT))
     smoother = Smoother(first, 1000, Vicinity(3))
-    grown = FilterMatcher(WholeMap(first, None, None), slice(0, 5), 0, smoother)
+    grown = FilterMatcher(WholeMap(first, None, None), slice(0, 5), 0, [smoother])
     grown.grow(lengths_of(metric), Vicinity(3))
     # A filter begins anywhere on the map that it was made for: both forget it.
     grown._filter.forget()
@@ -42,7 +42,7 @@ def test_a_place_that_joins_the_map_is_recognised_at_once() -> None:
     first = metric_of_quantized(places[:40], DESCRIPTOR_UNIT)
     lengths = lengths_of(first)
     smoother = Smoother(lengths, 1000, Vicinity(3))
-    matcher = FilterMatcher(WholeMap(lengths, None, None), slice(0, 40), 0, smoother)
+    matcher = FilterMatcher(WholeMap(lengths, None, None), slice(0, 40), 0, [smoother])
     found = []
     for place in range(20, 60):
         metric = metric_of_quantized(places[: max(place + 1, 40)], DESCRIPTOR_UNIT)

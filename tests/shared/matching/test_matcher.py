@@ -55,7 +55,7 @@ def window_matcher(metric: MapMetric, scales: list[int], rule: Rule) -> WindowMa
     made = {"evidence": EvidenceMatcher, "ams": AmsMatcher}[rule]
     every = slice(0, len(metric.places))
     places = ShardPlaces(len(metric.places), every, every)
-    return made(scales, places, metric.unit, MeanDistance(metric), lag=20)
+    return made(scales, places, metric.unit, MeanDistance(metric), lags=[20])
 
 
 def candidates_of(channel: Matcher, frames: list[Comparison | None]) -> list[Candidate]:

@@ -114,7 +114,7 @@ def test_posteriors_are_those_of_the_model_with_odometry_as_well(
 
 @pytest.mark.slow
 @given(st.integers(2, 40), st.integers(0, 10**6), st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_posteriors_are_those_of_the_model_on_any_network_of_routes(
     count: int, seed: int, data: st.DataObject
 ) -> None:

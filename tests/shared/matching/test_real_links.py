@@ -49,12 +49,13 @@ def matches_of(reference: Raws, query: Raws, topology: Topology) -> tuple[list[M
     channel = channel_without_segments(replace(metric, steps=steps))
     config, described = MatchingConfig(tolerance=TOLERANCE), DescriptorStream(model)
     stage = ChannelStage({0: channel}, config, topology=topology)
-    stream = FusedStream(stage, FusionStage(topology, config), config.lag)
+    stream = FusedStream(stage, FusionStage(topology, config), [config.lag])
     observed = [described.update(raw) for raw in query]
     causal = [
         stream.update(None if one is None else next(stage.compare([one]))) for one in observed
     ]
-    return causal, [each.match for each in [*stream.smoothed(), *stream.finish()]]
+    stream.finish()
+    return causal, [each.match for each in stream.smoothed()]
 
 
 def frames_until_known(matches: Sequence[Match], right: Sequence[set[int]], since: int) -> int:

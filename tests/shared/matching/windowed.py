@@ -33,7 +33,7 @@ class Windowed:
     ) -> None:
         every = slice(0, places)
         whole = ShardPlaces(places, every, every)
-        self.matcher = rule(lengths, whole, unit, lambda _: mean_of(self._distances), lag)
+        self.matcher = rule(lengths, whole, unit, lambda _: mean_of(self._distances), [lag])
         self._distances = np.zeros(places, np.int32)
 
     def update(self, distances: NDArray[np.int32]) -> Candidate:

@@ -24,7 +24,7 @@ def test_hosts_are_ready_each_at_a_port_of_its_own_and_end_with_the_block() -> N
         family += [child for host in family for child in host.children()]
         assert len(family) == 4
         assert all(chain.cpu_seconds() > 0 for chain in chains)
-    assert not psutil.wait_procs(family, timeout=10)[1]
+    assert not psutil.wait_procs(family, timeout=60)[1]
 
 
 def test_a_host_that_does_not_get_ready_is_refused() -> None:

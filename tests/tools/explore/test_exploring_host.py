@@ -117,6 +117,7 @@ def test_a_drive_that_another_host_explores_is_left_alone(path: Path, config: Co
     [
         ([], "give a MAP, or --explore"),
         (["m.pfmap", "--explore", "n.pfmap"], "give a MAP, or --explore"),
+        (["--explore", "n.pfmap", "--describers", "1"], "--describers: need a map"),
         (["m.pfmap", "--feature", "gist"], "--feature"),
         (["--explore", "n.map"], "ends in .pfmap"),
         (["--explore", "n.pfmap", "--rule", "ams"], "rule ams"),

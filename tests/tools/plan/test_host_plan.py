@@ -1,4 +1,5 @@
 import math
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from itertools import product
@@ -19,6 +20,7 @@ from placefield_tools.plan.host_plan import (
     loads_of,
     plan,
     services_of,
+    with_describers,
 )
 
 SERVICES = [Process("featurizer", 5e-3), Process("fuser", 2e-3)]
@@ -303,6 +305,27 @@ def test_loads_are_read_off_the_manifest_and_the_sizes_of_files(map_path: Path) 
     metric = sum(file.stat().st_size for file in (map_path / "metrics/0").rglob("*.npy"))
     assert load.mapped_bytes == metric
     assert [service.service for service in services_of(manifest)] == ["featurizer", "fuser"]
+
+
+@pytest.mark.parametrize(("rate", "describers"), [(20, 0), (30, 1), (60, 2), (1e6, 7)])
+def test_there_are_as_many_describers_as_the_rate_needs_and_no_more(
+    rate: float, describers: int
+) -> None:
+    services = [Process("featurizer", 31e-3), Process("fuser", 2e-3)]
+    found = Counter(each.service for each in with_describers(services, rate, most=7))
+    assert found == Counter({"featurizer": 1, "fuser": 1, "describer": describers})
+    placed = plan(
+        made_loads(60, [4]), with_describers(services, rate, 7), 60, hosts=2, cores=4, rate=rate
+    )
+    assert placed.has_time(rate) == (rate < 100)
+    on = [sum(each.service == "describer" for each in host) for host in placed.hosts]
+    assert on == [describers // 2, (describers + 1) // 2]
+
+
+def test_a_feature_that_is_fast_enough_or_given_needs_no_describer() -> None:
+    for featurizer_s, rate in ((5e-3, 30), (1e-3, 1e6), (1e-4, 1e6)):
+        services = [Process("featurizer", featurizer_s), Process("fuser", 2e-3)]
+        assert with_describers(services, rate, most=7) == services
 
 
 def test_a_coarse_look_reads_a_fraction(map_path: Path) -> None:

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -34,7 +34,13 @@ KEYS = Keys("test")
 
 @pytest.fixture
 def config(endpoint: str) -> Config:
-    return Config(runs=("test",), bus=BusConfig(endpoint=endpoint, connect_timeout_s=0.5))
+    return Config(runs=("test",), bus=BusConfig(endpoint=endpoint, connect_timeout_s=60))
+
+
+@pytest.fixture(autouse=True)
+def _send_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no frame be sent again, unless a test says when, however slow the machine."""
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 1000.0)
 
 
 @pytest.fixture
@@ -122,11 +128,15 @@ def in_background(source: Source, bus: Bus, config: Config) -> Iterator[threadin
         thread.join()
 
 
-def wait_for(services: Services, frames: int) -> None:
-    end = time.monotonic() + 10
-    while len(services.sequences) < frames:
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not condition():
         assert time.monotonic() < end, "in vain"
         time.sleep(0.01)
+
+
+def wait_for(services: Services, frames: int) -> None:
+    wait_until(lambda: len(services.sequences) >= frames)
 
 
 class MadeUp(Source):
@@ -226,25 +236,28 @@ def test_no_more_frames_are_under_way_than_there_are_credits(
 def test_what_is_not_answered_is_sent_again_from_the_oldest_on(
     services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 0.1)
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 1.0)
+    clock = Clock()
+    monkeypatch.setattr(sending, "time", clock)
     services.answering = False
     with in_background(MadeUp(3 * WINDOW), bus, config):
+        wait_for(services, WINDOW)
+        clock.now += 1
         wait_for(services, 2 * WINDOW)
-        assert services.sequences[: 2 * WINDOW] == 2 * list(range(WINDOW))
-        assert services.images[:WINDOW] == services.images[WINDOW : 2 * WINDOW]
+        assert services.sequences == 2 * list(range(WINDOW))
+        assert services.images[:WINDOW] == services.images[WINDOW:]
         services.answer(services.headers[4])
-        there = len(services.headers)
-        end = time.monotonic() + 10
-        while not any(header.oldest == 5 and header.sequence == 5 for header in services.headers):
-            assert time.monotonic() < end, "in vain"
-            time.sleep(0.01)
-        assert all(header.sequence >= 5 for header in services.headers[there + WINDOW :])
+        wait_for(services, 2 * WINDOW + 5)
+        clock.now += 1
+        wait_for(services, 3 * WINDOW + 5)
+    again = [header for header in services.headers if not header.end][2 * WINDOW + 5 :]
+    assert [header.sequence for header in again] == list(range(5, WINDOW + 5))
+    assert {header.oldest for header in again} == {5}
 
 
 def test_what_was_under_way_when_a_service_died_is_sent_again_when_it_is_back(
-    router: Bus, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
+    router: Bus, bus: Bus, config: Config
 ) -> None:
-    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 1000.0)
     with ExitStack() as stack:
         first = Services(stack.enter_context(open_bus(config.bus)), answering=False)
         with in_background(MadeUp(3 * WINDOW), bus, config):
@@ -283,7 +296,7 @@ def test_an_answer_to_what_was_not_sent_gives_no_credit_and_ends_nothing(
             time.sleep(0.5)
             assert {*services.sequences} == {*range(WINDOW)}
             services.answer(services.headers[0])
-            wait_for_sequence(services, WINDOW)
+            wait_until(lambda: WINDOW in services.sequences)
 
 
 @pytest.mark.parametrize("place", [0, 1, WINDOW // 2, WINDOW - 1])
@@ -293,9 +306,7 @@ def test_an_answer_to_a_frame_whose_match_has_not_come_gives_no_credit(
     config: Config,
     place: int,
     caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 1000.0)  # a frame sent twice is answered twice
     with open_bus(config.bus) as apart:
         services = Services(apart, answering=False)
         with in_background(MadeUp(2 * WINDOW), bus, config):
@@ -333,17 +344,7 @@ def test_a_replay_ends_when_every_match_has_come_whatever_is_acknowledged(
 
 
 def wait_for_end(services: Services) -> None:
-    end = time.monotonic() + 10
-    while not any(header.end for header in services.headers):
-        assert time.monotonic() < end, "in vain"
-        time.sleep(0.01)
-
-
-def wait_for_sequence(services: Services, sequence: int) -> None:
-    end = time.monotonic() + 10
-    while sequence not in services.sequences:
-        assert time.monotonic() < end, "in vain"
-        time.sleep(0.01)
+    wait_until(lambda: any(header.end for header in services.headers))
 
 
 def test_a_live_source_waits_for_no_credit(services: Services, bus: Bus, config: Config) -> None:
@@ -383,10 +384,7 @@ def test_a_replay_that_is_stopped_ends_its_stream(
     services.answering = False
     with in_background(MadeUp(3 * WINDOW), bus, config):
         wait_for(services, WINDOW)
-    end = time.monotonic() + 10
-    while not services.headers[-1].end:
-        assert time.monotonic() < end, "in vain"
-        time.sleep(0.01)
+    wait_until(lambda: services.headers[-1].end)
     assert services.headers[-1].sequence == WINDOW
 
 
@@ -446,6 +444,7 @@ def test_at_a_low_rate_what_is_lost_is_sent_again_before_the_next_frame_is_due(
 def test_a_source_that_is_slow_to_give_a_frame_does_not_count_as_silent_services(
     services: Services, bus: Bus, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sending, "_SEND_AGAIN_S", 0.5)
     monkeypatch.setattr(sending, "_STALLED_S", 1.0)
     clock = Clock()
     monkeypatch.setattr(sending, "time", clock)
@@ -483,17 +482,19 @@ def test_services_that_stop_answering_end_the_replay_with_a_word(
     source: Source,
     sent: int,
 ) -> None:
-    monkeypatch.setattr(sending, "_STALLED_S", 0.3)
+    monkeypatch.setattr(sending, "_STALLED_S", 1.0)
     services.answering = False
     with pytest.raises(BusError, match=rf"'test': {sent} frames sent, 0 answered.*status"):
         replay(source, bus, config, threading.Event())
 
 
-def test_without_services_it_says_which_are_missing(bus: Bus, config: Config) -> None:
+def test_without_services_it_says_which_are_missing(router: Bus, bus: Bus, endpoint: str) -> None:
+    config = Config(runs=("test",), bus=BusConfig(endpoint=endpoint, connect_timeout_s=0.5))
     with pytest.raises(BusError, match=r"no featurizer and no fuser.*placefield up MAP"):
         replay(MadeUp(5), bus, config, threading.Event())
     with open_bus(config.bus) as other:
         other.declare_alive(KEYS.alive("featurizer", "stand-in"))
+        wait_until(lambda: bool(bus.alive(KEYS.all_alive("featurizer"))))
         with pytest.raises(BusError, match="'test' has no fuser:"):
             replay(MadeUp(5), bus, config, threading.Event())
 

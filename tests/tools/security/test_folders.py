@@ -11,7 +11,17 @@ from cryptography.x509.verification import PolicyBuilder, Store, VerificationErr
 from placefield.errors import ConfigError
 from placefield_tools.security.folders import write_credentials
 
-ROLES = {"router", "featurizer", "channel", "fuser", "camera", "dashboard", "mapserver", "mapper"}
+ROLES = {
+    "router",
+    "featurizer",
+    "describer",
+    "channel",
+    "fuser",
+    "camera",
+    "dashboard",
+    "mapserver",
+    "mapper",
+}
 HOSTS = ["robot.example", "10.0.0.7", "localhost", "robot.example"]
 
 

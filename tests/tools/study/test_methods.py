@@ -102,7 +102,7 @@ def test_windows_by_evidence_are_our_windows_of_one_length(
     frames = MetricPlaces(trial.plain.metric, exact=True).compare(query)
     metric, every = trial.plain.metric, slice(0, len(trial.plain.metric.places))
     whole = ShardPlaces(len(metric.places), every, every)
-    matcher = EvidenceMatcher([8], whole, metric.unit, MeanDistance(metric), lag=0)
+    matcher = EvidenceMatcher([8], whole, metric.unit, MeanDistance(metric), lags=[0])
     config = trial.matching("evidence")
     matches = [fuse([matcher.update(frame)], config) for frame in frames]
     assert_matches(results["window of 8, evidence"], matches)

@@ -18,6 +18,7 @@ from placefield.maps.map import MapChannel
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.topology import Topology
 from placefield.matching.channel_stage import ChannelStage
+from placefield_tools.bench.evaluate_speed import evaluation_figures
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.random_walks import observed_again, random_walk
 from placefield_tools.bench.reference_implementation import literal_match
@@ -64,7 +65,7 @@ def bench_match() -> list[Figure]:
     for number, name in enumerate(variants):
         figures += _match_figures(name, times, 3 + 2 * number)
     ours_s = times.median(3 + 2 * list(variants).index("ams")) / BATCH
-    return [_literal_figure(channels, places, ours_s), *figures]
+    return [_literal_figure(channels, places, ours_s), *figures, *evaluation_figures()]
 
 
 def _matching(channels: list[MapChannel], rule: Rule, reverse: bool) -> OfFrames:

@@ -6,7 +6,7 @@ import typer
 
 from placefield_tools.cli import options
 
-_Service = Literal["featurizer", "channel", "fuser", "verifier", "mapserver", "mapper"]
+_Service = Literal["featurizer", "describer", "channel", "fuser", "verifier", "mapserver", "mapper"]
 
 
 def add_to(app: typer.Typer) -> None:

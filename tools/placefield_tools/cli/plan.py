@@ -41,7 +41,8 @@ def _plan(
 
     The proposal is an estimate from the map's manifest, for the rule filter.
 
-    The first host has featurizer and fuser. A core has at most one channel worker.
+    The first host has featurizer and fuser. A core has at most one channel worker. If the
+    featurizer alone is too slow for the rate, there are describers, too.
 
     Channels of one metric stay together. Channels are cut into shards only if the rate or the
     memory needs it.
@@ -55,7 +56,7 @@ def _plan(
       placefield plan city.pfmap --hosts 4 --cores 2 --memory 1.5
     """
     from placefield.maps.manifest import read_manifest
-    from placefield_tools.plan.host_plan import loads_of, plan, services_of
+    from placefield_tools.plan.host_plan import loads_of, plan, services_of, with_describers
 
     names = _names(hosts)
     memory_bytes = math.inf if memory is None else memory * 1e9
@@ -63,7 +64,7 @@ def _plan(
     sizes = _sizes(map_path, list(manifest.files))
     proposed = plan(
         loads_of(manifest, sizes),
-        services_of(manifest),
+        with_describers(services_of(manifest), rate, most=len(names) * cores - 1),
         manifest.places,
         hosts=len(names),
         cores=cores,

@@ -13,6 +13,7 @@ from placefield_tools.cli import options, options_map
 def add_to(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("featurizer")(_featurizer)
+    app.command("describer")(_describer)
     app.command("channel")(_channel)
     app.command("fuser")(_fuser)
     app.command("verifier")(_verifier)
@@ -50,6 +51,44 @@ def _featurizer(
     )
     placemap = open_map(map_path, channels=(), lineage=lineage)
     run_featurizer(placemap, effective, stop_of_service())
+    leave()
+
+
+def _describer(
+    map_path: options.MapPath,
+    run: options.Runs = None,
+    endpoint: options.Endpoint = None,
+    credentials: options.Credentials = None,
+    metrics_port: options.MetricsPort = None,
+    lineage: options.Lineage = None,
+    log_json: options.LogJson = False,
+    config: options.ConfigFile = None,
+    settings: options.Settings = None,
+) -> None:
+    """Serve as describer: compute the features of a share of the frames for the featurizer.
+
+    Describers are optional. Start as many as the feature needs, on any host: they describe the
+    frames in turn. The matches are the same.
+
+    Examples:
+      placefield describer route.pfmap
+    """
+    from placefield_services.process import begin, leave, stop_of_service
+
+    begin()
+    from placefield.maps.opening import open_map
+    from placefield_services.describer import run_describer
+
+    effective = options.effective_config(
+        config,
+        settings,
+        runs=run,
+        bus__endpoint=endpoint,
+        bus__credentials=credentials,
+        monitoring__port=metrics_port,
+    )
+    placemap = open_map(map_path, channels=(), lineage=lineage)
+    run_describer(placemap, effective, stop_of_service())
     leave()
 
 

@@ -37,6 +37,9 @@ def _up(
         int | None,
         typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
     ] = None,
+    describers: Annotated[
+        int, typer.Option(min=0, help="processes that compute features besides the featurizer")
+    ] = 0,
     verifiers: Annotated[
         int,
         typer.Option(min=0, help="verifiers of smoothed matches; the map needs local features"),
@@ -80,9 +83,9 @@ def _up(
 ) -> None:
     """Run all services of a host: router, featurizer, channel workers and fuser.
 
+    With several runs, each core has a featurizer and a fuser for some of the runs. If the feature
+    is slow, --describers computes it on several cores; each describer serves all runs.
     With --verifiers, smoothed matches are verified by geometry; see 'placefield verifier -h'.
-
-    With several runs, each core has a featurizer and a fuser for some of the runs.
 
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.
@@ -119,6 +122,8 @@ def _up(
     gateway = _gateway_flags(ros, ros_odometry, ros_spacing, ros_domain)
     if explore is None and feature is not None:
         raise ConfigError("--feature: is for --explore; a map has its own feature")
+    if explore is not None and describers:
+        raise ConfigError("--describers: need a map; leave them out with --explore")
     if explore is not None and (verifiers or effective.build.local_features):
         flag = "--verifiers" if verifiers else "setting build.local_features"
         raise ConfigError(
@@ -127,7 +132,7 @@ def _up(
         )
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = common_flags(effective, Path(folder), log_json=log_json)
-        flags = ServiceFlags(common, gateway, workers, verifiers)
+        flags = ServiceFlags(common, gateway, workers, describers, verifiers)
         if explore is not None and map_path is None:
             if not _explored(explore, effective, flags, stop):
                 return

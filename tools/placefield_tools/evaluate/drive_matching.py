@@ -7,13 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
+from placefield.features.joined_model import AnyModel
 from placefield.fusion.fused_stream import FusedStream
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.maps.map import Map, MapChannel
 from placefield.matching.channel_stage import ChannelStage
 
+RawFeature = NDArray[np.float32] | None
+"""A frame's raw feature, (D,); None if the frame cannot be read."""
+
 Descriptors = Sequence[NDArray[np.float32] | None]
+"""The descriptors of a drive, (N,) each, None for a missing observation."""
+
+
+def descriptors_of(model: AnyModel, raws: Sequence[RawFeature]) -> Descriptors:
+    """Return the descriptors of a stream of frames."""
+    stream = model.new_stream()
+    return [None if raw is None else stream.update(raw) for raw in raws]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +60,7 @@ def match_drive(
     config: MatchingConfig,
     lags: Collection[int] = (),
 ) -> Matches:
-    """Match a whole stream of descriptors (N,), None for a missing observation.
+    """Match a whole stream of descriptors, once for all lags.
 
     Args:
         channels: whole channels.
@@ -61,16 +72,16 @@ def match_drive(
     topology = metres.placemap.topology
     stage = ChannelStage(dict(enumerate(channels)), config, topology=topology)
     fusion = FusionStage(topology, config, metres.placemap.places.pose)
-    streams = {lag: FusedStream(stage, fusion, lag) for lag in lags or (0,)}
+    stream = FusedStream(stage, fusion, tuple(lags))
     smoothed: dict[int, list[SmoothedMatch]] = {lag: [] for lag in lags}
     compared = stage.compare([one for one in descriptors if one is not None])
     causal = []
     for descriptor, reading in zip(descriptors, metres.readings, strict=True):
         frame = None if descriptor is None else next(compared)
-        matches = [stream.update(frame, reading) for stream in streams.values()]
-        causal.append(matches[0])  # of all of them the same
-        for lag in lags:
-            smoothed[lag] += streams[lag].smoothed()
-    for lag in lags:
-        smoothed[lag] += streams[lag].finish()
+        causal.append(stream.update(frame, reading))
+        for which, of_lag in enumerate(smoothed.values()):
+            of_lag += stream.smoothed(which)
+    stream.finish()
+    for which, of_lag in enumerate(smoothed.values()):
+        of_lag += stream.smoothed(which)
     return Matches(causal, smoothed)

@@ -1,14 +1,11 @@
 """Evaluating a query against a map: its matches are compared with a ground truth."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-
-from placefield.config import Config, MatchingConfig, Rule
+from placefield.config import Config, Rule
 from placefield.errors import FrameError, SourceError
 from placefield.evaluation.protocols import Resampling, aligned
 from placefield.evaluation.truth import Truth
@@ -19,7 +16,13 @@ from placefield.matching.matcher import WHOLE_DRIVE
 from placefield.verification.verification_stage import VerificationStage
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import CONSOLE, tracked
-from placefield_tools.evaluate.drive_matching import Matches, Metres, match_drive
+from placefield_tools.evaluate.drive_matching import (
+    Descriptors,
+    Matches,
+    Metres,
+    descriptors_of,
+    match_drive,
+)
 from placefield_tools.evaluate.judging import Judged, judge, judge_smoothed
 from placefield_tools.evaluate.observing import observer
 from placefield_tools.evaluate.query import Query
@@ -39,9 +42,6 @@ TruthOf = Callable[[int, int], Truth]
 
 Description = TypeVar("Description")
 
-RawFeature = NDArray[np.float32] | None
-"""A frame's raw feature, (D,); None if the frame cannot be read."""
-
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -50,7 +50,8 @@ class Evaluation:
     Attributes:
         placemap: the map.
         query: the drive.
-        raws: raw feature of each frame.
+        descriptors: of the query.
+        unreadable: number of the query's frames that cannot be read.
         lag: the configured lag, frames.
         results: causal matches of each rule; empty without a ground truth.
         smoothed: smoothed matches of each rule, by ascending lag, the last one ``WHOLE_DRIVE``;
@@ -64,7 +65,8 @@ class Evaluation:
 
     placemap: Map
     query: Query
-    raws: list[RawFeature]
+    descriptors: Descriptors
+    unreadable: int
     lag: int
     results: dict[Rule, Judged]
     smoothed: dict[Rule, dict[int, Judged]]
@@ -114,25 +116,12 @@ def describe_query(
         run = map_in_order if source.dimensions is None else map
         each = list(run(describe_frame, frames))
     described = [description for description, _, _ in each]
-    for _, reason in sorted(unreadable.items()):
+    reasons = [reason for _, reason in sorted(unreadable.items())]
+    if len(reasons) == len(each):
+        raise SourceError("; ".join([*reasons[:1], "the query has no frame that can be read"]))
+    for reason in reasons:
         CONSOLE.print(f"{reason}; matched as a missing observation", soft_wrap=True)
-    if all(description is None for description in described):
-        raise SourceError("the query has no frame that can be read")
     return described, [reading for _, reading, _ in each], [pose for _, _, pose in each]
-
-
-def match_here(
-    placemap: Map,
-    raws: Sequence[RawFeature],
-    readings: Sequence[float | None],
-    config: MatchingConfig,
-    lags: Collection[int] = (),
-) -> Matches:
-    """Match a query's frames in this process, see ``match_drive``."""
-    stream = placemap.model.new_stream()
-    descriptors = [None if raw is None else stream.update(raw) for raw in raws]
-    metres = Metres(placemap, readings)
-    return match_drive(placemap.channels, descriptors, metres, config, lags)
 
 
 def evaluate(
@@ -172,6 +161,7 @@ def evaluate(
         observe = observer(placemap, config.inference)
         observed, readings, poses = describe_query(source, observe)
         raws = [None if frame is None else frame.raw for frame in observed]
+        descriptors, metres = descriptors_of(placemap.model, raws), Metres(placemap, readings)
         local = [None if frame is None else frame.local_features for frame in observed]
         drive, in_own_order = drive_in(source, len(raws))
         count, queries = placemap.places.count, query.frames_in_source(in_own_order)
@@ -191,7 +181,7 @@ def evaluate(
                 causal, of_lag = match_through_services(map_path, source, ruled)
                 matches = Matches(causal, {lag: of_lag} if lag else {})
             else:
-                matches = match_here(placemap, raws, readings, matching, lags)
+                matches = match_drive(placemap.channels, descriptors, metres, matching, lags)
             if any(match.known is not None for match in matches.causal):
                 known[rule] = sum(bool(match.known) for match in matches.causal)
             if ground.truth is None:
@@ -207,5 +197,15 @@ def evaluate(
                 verified = judge_smoothed(checked, ground.truth)
         missing = source.not_given["missing"]
     return Evaluation(
-        placemap, query, raws, lag, results, smoothed, verified, ground, known, missing
+        placemap,
+        query,
+        descriptors,
+        sum(raw is None for raw in raws),
+        lag,
+        results,
+        smoothed,
+        verified,
+        ground,
+        known,
+        missing,
     )

@@ -1,15 +1,13 @@
 """The plots of an evaluation."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.features.images import decode
-from placefield.maps.map import Map
 from placefield.matching.comparing import distance_matrix
-from placefield_tools.evaluate.evaluation import Evaluation, RawFeature
+from placefield_tools.evaluate.evaluation import Evaluation
 from placefield_tools.evaluate.judging import Judged
 from placefield_tools.plots import (
     MatchPair,
@@ -31,7 +29,7 @@ def draw(folder: Path, evaluation: Evaluation, title: str) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     matrix = folder / "distances.png"
     if not evaluation.results:
-        nothing = np.full(len(evaluation.raws), -1)
+        nothing = np.full(len(evaluation.descriptors), -1)
         _draw_matrix(matrix, evaluation, nothing, nothing > 0, title)
         return [matrix]
     rule, result = next(iter(evaluation.results.items()))
@@ -48,29 +46,23 @@ def _draw_matrix(
     correct: NDArray[np.bool_],
     title: str,
 ) -> None:
-    distances = _distances(evaluation.placemap, evaluation.raws)
-    stride = -(-max(distances.shape) // _MOST_CELLS)
+    descriptors, metric = evaluation.descriptors, evaluation.placemap.channels[0].metric
+    stride = -(-max(len(descriptors), len(metric.places)) // _MOST_CELLS)
+    distances = distance_matrix(metric, descriptors[::stride], np.inf)[:, ::stride]
     places = np.where(matches >= 0, matches // stride, -1)
     plot_distance_matrix(
         path,
-        distances[::stride, ::stride],
+        distances,
         places[::stride],
         correct[::stride],
         title if stride == 1 else f"{title} (every {stride}th frame and place)",
     )
 
 
-def _distances(placemap: Map, raws: Sequence[RawFeature]) -> NDArray[np.float32]:
-    """Return distances under the first channel's metric, (Q, K); infinite without observation."""
-    stream = placemap.model.new_stream()
-    descriptors = [None if raw is None else stream.update(raw) for raw in raws]
-    return distance_matrix(placemap.channels[0].metric, descriptors, np.inf)
-
-
 def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path]:
     if not evaluation.placemap.places.has_thumbnails:
         return []
-    observed = np.array([raw is not None for raw in evaluation.raws])
+    observed = np.array([one is not None for one in evaluation.descriptors])
     chosen = _chosen(result, observed)
     if not chosen:
         return []

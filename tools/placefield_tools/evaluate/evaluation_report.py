@@ -22,10 +22,10 @@ def figures(evaluation: Evaluation, tolerance: int | None) -> dict[str, Any]:
     The tolerance, in places, is None with a given ground truth, or with a tolerance in metres.
     Without a ground truth, only the numbers of known matches are returned.
     """
-    frames = len(evaluation.raws)
+    frames = len(evaluation.descriptors)
     common = {
         "frames": frames,
-        "unreadable": sum(raw is None for raw in evaluation.raws),
+        "unreadable": evaluation.unreadable,
         "missing": evaluation.missing,
         "tolerance": tolerance,
         "truth": evaluation.ground.figures(),
@@ -119,7 +119,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     if evaluation.ground.truth is None:
         _print_shares(evaluation, pictures)
         return
-    frames = counted(len(evaluation.raws), "frame")
+    frames = counted(len(evaluation.descriptors), "frame")
     places = counted(evaluation.placemap.places.count, "place")
     table = Table(
         title=f"{evaluation.query.where}: {frames}, {places}",
@@ -145,7 +145,7 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
 
 def _print_shares(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     """Print why there is no verdict, and the fraction of frames that are known."""
-    frames = len(evaluation.raws)
+    frames = len(evaluation.descriptors)
     shares = [
         f"{rule}: {count} of {counted(frames, 'frame')} known, which is {count / frames:.3f}"
         for rule, count in evaluation.known.items()

@@ -58,7 +58,7 @@ class MetricLoad:
     mapped_bytes: int
 
 
-Service = Literal["router", "featurizer", "fuser", "channel"]
+Service = Literal["router", "featurizer", "describer", "fuser", "channel"]
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,23 @@ def services_of(manifest: Manifest) -> list[Process]:
     return [Process("featurizer", featurizer_s), Process("fuser", _FUSER_S)]
 
 
+def with_describers(services: Sequence[Process], rate: float, most: int) -> list[Process]:
+    """Add the describers without which the featurizer has no time for ``rate``, ``most`` at most.
+
+    Featurizer and describers describe equal shares of the frames.
+    """
+    (featurizer,) = (each for each in services if each.service == "featurizer")
+    others = [each for each in services if each is not featurizer]
+    own_s = _FEATURIZER_S[DESCRIPTOR]
+    describing_s = max(featurizer.frame_s - own_s, 0.0)
+    shares = (describing_s / (count + 1) for count in range(most + 1))
+    fitting = (n for n, share_s in enumerate(shares) if own_s + share_s <= ROOM / rate)
+    count = next(fitting, most) if describing_s else 0
+    share_s = describing_s / (count + 1)
+    described = replace(featurizer, frame_s=featurizer.frame_s - describing_s + share_s)
+    return [described, *[Process("describer", share_s)] * count, *others]
+
+
 def plan(
     loads: Sequence[MetricLoad],
     services: Sequence[Process],
@@ -188,14 +205,19 @@ def plan(
 
     Args:
         loads: load of each metric.
-        services: services of the first host.
+        services: services of the first host; describers are placed on all hosts, the last first.
         places: number of places of the map.
         hosts: number of hosts.
         cores: number of cores of each host.
         rate: frames per second wanted.
         memory_bytes: memory of each host.
     """
-    beside = [[*(services if host == 0 else ()), _ROUTER] for host in range(hosts)]
+    describers = [each for each in services if each.service == "describer"]
+    others = [each for each in services if each.service != "describer"]
+    beside = [
+        [*(others if host == 0 else ()), _ROUTER, *describers[hosts - 1 - host :: hosts]]
+        for host in range(hosts)
+    ]
     limit = Limit(ROOM / rate, memory_bytes)
 
     def preference(way: Placement[Process]) -> tuple[bool, float, float, int, int, float]:

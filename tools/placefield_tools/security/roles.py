@@ -44,7 +44,15 @@ def _service(name: str, *, publishes: tuple[str, ...], reads: tuple[str, ...]) -
 
 ROLES = {
     "featurizer": _service(
-        "featurizer", publishes=(_ANY.feature, _ANY.moments, _ANY.unobserved), reads=(_ANY.frame,)
+        "featurizer",
+        publishes=(_ANY.feature, _ANY.moments, _ANY.unobserved),
+        reads=(_ANY.frame, _ANY.all_raws),
+    ),
+    "describer": Role(
+        publishes=(_ANY.all_raws, _ANY.stats("describer", "*")),
+        reads=(_ANY.frame,),
+        is_alive_as=(_ANY.all_alive("describer"),),
+        asks=(_MAPS,),
     ),
     "channel": _service(
         "channel",

@@ -18,7 +18,7 @@ SILENT_S = 3.0
 
 _NAMED = 100  # names in one message, at most
 _ONE_OF_A_RUN = ("featurizer", "fuser")
-_REPORTING = (*_ONE_OF_A_RUN, "channel", "verifier", "mapserver", "mapper")
+_REPORTING = (*_ONE_OF_A_RUN, "describer", "channel", "verifier", "mapserver", "mapper")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from placefield.features.images import grey
 from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
-from placefield_tools.evaluate.evaluation import RawFeature, describe_query
+from placefield_tools.evaluate.drive_matching import RawFeature
+from placefield_tools.evaluate.evaluation import describe_query
 from placefield_tools.sources import Source
 
 WORDS = 2000

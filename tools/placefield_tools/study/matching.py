@@ -42,7 +42,8 @@ def smoothed_candidates(
         stream.update(None if descriptor is None else next(compared), reading)
     for _ in range(stream.end()):
         stream.update(None)
-    smoothed = stream.finish()
+    stream.finish()
+    smoothed = stream.smoothed()
     return [[each.candidate for _, each in smoothed[number]] for number in range(len(channels))]
 
 

@@ -15,7 +15,7 @@ from placefield.features.joined_model import FeaturePart
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield_tools.common.progress import CONSOLE
-from placefield_tools.evaluate.drive_matching import Metres
+from placefield_tools.evaluate.drive_matching import Metres, descriptors_of
 from placefield_tools.evaluate.evaluation import drive_in
 from placefield_tools.evaluate.query import Query
 from placefield_tools.evaluate.truth_source import TruthOptions, TruthSides, find_truth
@@ -34,7 +34,6 @@ from placefield_tools.study.results import Study
 from placefield_tools.study.trial import (
     Trial,
     build_reference,
-    descriptors_of,
     plain_channel,
 )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
 from placefield.evaluation.truth import Truth
-from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.joined_model import FeaturePart
 from placefield.maps.build import Cut, adaptive_channels, build_map
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.map_metrics import identity_metric
@@ -18,8 +18,7 @@ from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
-from placefield_tools.evaluate.drive_matching import Metres
-from placefield_tools.evaluate.evaluation import RawFeature
+from placefield_tools.evaluate.drive_matching import Descriptors, Metres, descriptors_of
 from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study.describing import Described
 
@@ -55,7 +54,7 @@ class Trial:
     plain: MapChannel
     reference: Described
     query: Described
-    descriptors: list[Array | None]
+    descriptors: Descriptors
     metres: Metres
     truth: Truth
     ground: TruthSource
@@ -148,9 +147,3 @@ def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tup
     places = len(descriptors)
     fitting = [scale for scale in SCALES if 2 * scale + scale // 2 <= places]
     return fixed_scale_channels(places, fitting or SCALES)
-
-
-def descriptors_of(model: AnyModel, raws: Sequence[RawFeature]) -> list[Array | None]:
-    """Return the descriptors (N,) of a stream of frames, None for a missing observation."""
-    stream = model.new_stream()
-    return [None if raw is None else stream.update(raw) for raw in raws]

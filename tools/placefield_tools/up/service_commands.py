@@ -16,7 +16,7 @@ _ROLES = {
     "fuser": "fuser",
     "serve": "mapserver",
 }
-"""The role whose credentials a command needs."""
+"""The role whose credentials a command needs, but for describers, which a host may not have."""
 
 GATEWAY = "gateway to ROS 2"
 """The name of the gateway among the commands."""
@@ -30,12 +30,14 @@ class ServiceFlags:
         common: flags of all services.
         gateway: flags of the gateway to ROS 2; None: there is no gateway.
         workers: the number of channel workers; None: as many as suit the host.
+        describers: the number of describers.
         verifiers: the number of verifiers.
     """
 
     common: Sequence[str]
     gateway: Sequence[str] | None = None
     workers: int | None = None
+    describers: int = 0
     verifiers: int = 0
 
     @property
@@ -45,8 +47,14 @@ class ServiceFlags:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """The services, besides those of every host, that each run has when the host is ready."""
-        return (*self.sources, *(("verifier",) if self.verifiers else ()))
+        """The services of the host besides featurizer, fuser and channel workers."""
+        return (*self.sources, *self.optional)
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """The services of the host that it may also be without."""
+        counts = {"describer": self.describers, "verifier": self.verifiers}
+        return tuple(service for service, count in counts.items() if count)
 
 
 def common_flags(config: Config, folder: Path, *, log_json: bool) -> list[str]:
@@ -81,13 +89,13 @@ def commands_on_map(
     """Return the command line of each service that serves a map, by its name.
 
     There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, one map server, the verifiers, and the gateway. A restarted service opens the version of
-    the map that is there then, and refuses a map of another lineage.
+    runs, the describers and verifiers of all runs, one map server, and the gateway. A restarted
+    service opens the version of the map that is there then, and refuses a map of another lineage.
 
     Raises:
         BusError: credentials are missing or not valid.
     """
-    roles = _ROLES | ({"verifier": "verifier"} if flags.verifiers else {})
+    roles = _ROLES | {service: service for service in flags.optional}
     credentials = _credentials_beside(config.bus.credentials, roles)
     common, lineage = [str(path), *flags.common], ["--lineage", manifest.lineage]
 
@@ -101,6 +109,9 @@ def commands_on_map(
         own = [*_repeated("--run", [config.runs[run] for run in runs]), *lineage]
         commands[f"featurizer {number}"] = command("featurizer", *own)
         commands[f"fuser {number}"] = command("fuser", *own)
+    for number in range(flags.describers):
+        own = [*_repeated("--run", config.runs), *lineage]
+        commands[f"describer {number}"] = command("describer", *own)
     metrics = [channel.metric for channel in manifest.channels]
     for number, channels in enumerate(partition(metrics, flags.workers or cores())):
         own = [*_repeated("--channel", channels), *lineage]

@@ -1,4 +1,4 @@
-"""The frame in a message of a source."""
+"""The frame of a message, as featurizer and describers describe it."""
 
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage
@@ -6,7 +6,7 @@ from placefield.features.frames import Frame
 
 
 def frame_of(header: Header, message: FrameMessage) -> Frame:
-    """Return the frame in a message, as sources give frames."""
+    """Return the frame of a message, with its header's number and stamp."""
     return Frame(
         header.sequence,
         header.stamp_ns,
