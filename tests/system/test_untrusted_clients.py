@@ -39,6 +39,7 @@ from placefield_tools.security.folders import write_credentials
 
 RUN = "placefield/default/"
 CANDIDATE = Keys("default").all_candidates.removeprefix(RUN).replace("*", "x")
+MATCHES = ("match", "smoothed", "verified")
 STREAMS = (
     "frame",
     "odometry",
@@ -47,9 +48,7 @@ STREAMS = (
     "moments",
     "unobserved",
     CANDIDATE,
-    "match",
-    "smoothed",
-    "verified",
+    *MATCHES,
     "ack",
 )
 REPORTING = ("featurizer", "describer", "channel", "fuser", "verifier", "mapserver", "mapper")

@@ -337,8 +337,8 @@ def test_a_command_line_that_is_wrong_is_answered_with_its_usage(
 
 
 COMMANDS = ["build", "inspect", "evaluate", "study", "demo", "config"]
-COMMANDS += ["up", "featurizer", "describer", "channel", "fuser", "verifier"]
-COMMANDS += ["replay", "listen", "status"]
+COMMANDS += ["up", "featurizer", "describer", "channel", "fuser", "verifier", "replay", "listen"]
+COMMANDS += ["status"]
 COMMANDS += ["serve", "fetch", "router", "alive", "plan", "chaos", "bench", "security"]
 COMMANDS += ["ros", "record", "export", "loops", "dashboard", "datasets", "doctor"]
 

@@ -13,7 +13,7 @@ from placefield.features.extract import feature_of_model
 from placefield.maps.map import Map
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.build.used_part import AskedPart
-from placefield_tools.evaluate.evaluation import match_here
+from placefield_tools.evaluate.drive_matching import Metres, descriptors_of, match_drive
 from placefield_tools.evaluate.judging import judge
 from placefield_tools.sources import Parts, open_source
 
@@ -27,7 +27,8 @@ def auc(placemap: Map, query: Path, camera: Path | None = None) -> float:
     feature = feature_of_model(placemap.model)
     with open_source(str(query), parts=Parts(camera=camera)) as source:
         raws = [feature.of_frame(frame) for frame in source]
-    matches = match_here(placemap, raws, [None] * len(raws), CONFIG.matching)
+    descriptors, metres = descriptors_of(placemap.model, raws), Metres(placemap, [None] * len(raws))
+    matches = match_drive(placemap.channels, descriptors, metres, CONFIG.matching)
     return judge(matches.causal, Truth.within(len(raws), placemap.places.count, 3)).curve.auc
 
 

@@ -84,8 +84,8 @@ def _up(
     """Run all services of a host: router, featurizer, channel workers and fuser.
 
     With several runs, each core has a featurizer and a fuser for some of the runs. If the feature
-    is slow, --describers computes it on several cores; each describer serves all runs.
-    With --verifiers, smoothed matches are verified by geometry; see 'placefield verifier -h'.
+    is slow, --describers computes it on several cores; each describer serves all runs. With
+    --verifiers, smoothed matches are verified by geometry; see 'placefield verifier -h'.
 
     A service that dies is started again. Ctrl-C stops all services. A new version of the map that
     replaces MAP is taken over, and no frame is lost.

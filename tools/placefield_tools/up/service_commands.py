@@ -48,13 +48,8 @@ class ServiceFlags:
     @property
     def others(self) -> tuple[str, ...]:
         """The services of the host besides featurizer, fuser and channel workers."""
-        return (*self.sources, *self.optional)
-
-    @property
-    def optional(self) -> tuple[str, ...]:
-        """The services of the host that it may also be without."""
-        counts = {"describer": self.describers, "verifier": self.verifiers}
-        return tuple(service for service, count in counts.items() if count)
+        describers = ("describer",) if self.describers else ()
+        return (*self.sources, *describers, *(("verifier",) if self.verifiers else ()))
 
 
 def common_flags(config: Config, folder: Path, *, log_json: bool) -> list[str]:
@@ -89,13 +84,14 @@ def commands_on_map(
     """Return the command line of each service that serves a map, by its name.
 
     There is one worker for each group of channels, one featurizer and one fuser for each group of
-    runs, the describers and verifiers of all runs, one map server, and the gateway. A restarted
+    runs, the describers of all runs, the verifiers, one map server, and the gateway. A restarted
     service opens the version of the map that is there then, and refuses a map of another lineage.
 
     Raises:
         BusError: credentials are missing or not valid.
     """
-    roles = _ROLES | {service: service for service in flags.optional}
+    optional = {"describer": flags.describers, "verifier": flags.verifiers}
+    roles = _ROLES | {name: name for name, count in optional.items() if count}
     credentials = _credentials_beside(config.bus.credentials, roles)
     common, lineage = [str(path), *flags.common], ["--lineage", manifest.lineage]
 
