@@ -77,12 +77,13 @@ def look_files(coarse: object | None) -> Layout:
 
 def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
     """Return the arrays of a map by their files."""
-    parts: list[tuple[str, Any, Layout]] = [("places", built.places, PLACE_FILES)]
+    parts: list[tuple[str, Any, Layout]] = []
     models = built.model.parts
     for folder, model in zip(part_folders(len(models)), models, strict=True):
         parts.append((folder, model, MODEL_FILES))
         if model.network is not None:
             parts.append((folder, model.network, NETWORK_FILES))
+    parts.append(("places", built.places, PLACE_FILES))
     if built.model.mask is not None:
         parts.append((MASK_FOLDER, built.model.mask, MASK_FILES))
     if len(built.graph.links):

@@ -59,6 +59,7 @@ def open_map(
     count = manifest.places
     sizes = {"K": count, "P": count if manifest.pose_frame else 0, "2": 2, "3": 3, "6": STEPS}
     model = _open_model(files)
+    sizes["N"] = model.dimensions
     if fingerprint(model) != manifest.model:
         raise MapError(f"{path}: its descriptor model is not the manifest's; {REBUILD}")
     places = Places(*files.load("places", PLACE_FILES, sizes))

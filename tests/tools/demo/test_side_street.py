@@ -11,8 +11,8 @@ from side_street import JUNCTION, make_junction
 from placefield.config import Config
 from placefield.evaluation.protocols import kidnap
 from placefield.features.descriptor_stage import DescriptorStage
-from placefield.features.descriptors import fit_descriptors
 from placefield.features.extract import feature_of
+from placefield.features.fitting import fit_descriptors
 from placefield.features.frames import Frame
 from placefield.maps.build import build_map
 from placefield.maps.joining_routes import join_routes

@@ -47,9 +47,9 @@ def known(web: Any, tmp_path: Path) -> Model:
 def test_a_fetched_network_gives_features(known: Model, tmp_path: Path, web: Any) -> None:
     file = get(known, tmp_path / "models", ignore)
     assert file.read_bytes() == web.content["/net.onnx"]
-    feature = feature_of(f"onnx:{file}")
-    assert feature.network is not None
-    assert feature.network.input == known.input
+    (part,) = feature_of(f"onnx:{file}").parts
+    assert part.network is not None
+    assert part.network.input == known.input
     assert not (tmp_path / "models" / "net.partial").exists()
     requests = len(web.ranges)
     assert get(known, tmp_path / "models", ignore) == file

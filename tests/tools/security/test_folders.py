@@ -17,6 +17,7 @@ ROLES = {
     "describer",
     "channel",
     "fuser",
+    "verifier",
     "camera",
     "dashboard",
     "mapserver",

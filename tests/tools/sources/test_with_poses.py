@@ -154,7 +154,11 @@ def test_topics_are_for_recordings(folder: Path) -> None:
 
 def test_a_map_has_the_poses_of_the_first_reference(folder: Path, tmp_path: Path) -> None:
     parts = Parts(poses=tum(tmp_path / "poses.txt"))
-    built = build_from([str(folder), str(folder)], CONFIG, parts=parts)
+    darker = tmp_path / "darker"
+    darker.mkdir()
+    for file in folder.iterdir():
+        cv2.imwrite(str(darker / file.name), cv2.imread(str(file)) // 2)
+    built = build_from([str(folder), str(darker)], CONFIG, parts=parts)
     assert built.pose_frame == "route"
     np.testing.assert_allclose(built.places.poses[:, 1], np.arange(COUNT) / 2, atol=1e-9)
 
