@@ -7,15 +7,14 @@ import pytest
 from networks import write_network
 
 from placefield.config import Config
-from placefield.evaluation.truth import Truth
 from placefield.maps.map import fingerprint
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
+from placefield.recognizer import Recognizer
 from placefield_tools.build.added_drive import add_drive
 from placefield_tools.build.map_from_sources import build_from
-from placefield_tools.evaluate.evaluation import Evaluation, evaluate
-from placefield_tools.evaluate.query import Query
-from placefield_tools.sources import NO_PARTS
+from placefield_tools.evaluate.through_services import match_through_services
+from placefield_tools.sources import NO_PARTS, open_source
 
 
 @pytest.fixture(scope="module")
@@ -56,20 +55,13 @@ def test_a_saved_map_has_the_model_that_it_was_built_with(
 def test_services_answer_as_the_library_does(
     config: Config, joined_path: Path, query_dir: Path
 ) -> None:
-    def answers(*, services: bool) -> Evaluation:
-        return evaluate(
-            joined_path,
-            Query(str(query_dir)),
-            lambda queries, places: Truth.within(queries, places, 3),
-            config,
-            services=services,
-        )
-
-    here, there = answers(services=False), answers(services=True)
-    ours, theirs = here.results["filter"], there.results["filter"]
-    np.testing.assert_array_equal(ours.places, theirs.places)
-    np.testing.assert_array_equal(ours.scores, theirs.scores)
-    assert ours.correct.mean() > 0.9
+    recognizer = Recognizer(open_map(joined_path), config)
+    with open_source(str(query_dir)) as source:
+        expected = [recognizer.update_frame(frame) for frame in source]
+        found, _ = match_through_services(joined_path, source, config)
+    assert found == expected
+    places = np.array([match.place for match in found])
+    assert (np.abs(places - np.arange(60)) <= 3).mean() > 0.9
 
 
 def test_a_drive_is_added_with_the_features_of_the_map(joined_path: Path, query_dir: Path) -> None:
