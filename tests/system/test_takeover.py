@@ -23,6 +23,10 @@ from placefield.recognizer import Recognizer
 MOST = 3000
 """Frames of a stream at most: a takeover that has not come by then does not come."""
 
+FAST = 300
+"""Frames at full rate. Later ones are slow: the replay caches have the last 1000, and a new version
+gives the library's bits only if it can match the stream from its first frame on."""
+
 Stream = tuple[list[Answer], list[tuple[int, SmoothedMessage]]]
 
 
@@ -47,8 +51,8 @@ def drive(
         for number in range(MOST):
             if is_over:
                 return
-            if answers and answers[-1][1].missing:
-                time.sleep(0.02)  # a service that returns finds all frames in the replay caches
+            if number >= FAST or (answers and answers[-1][1].missing):
+                time.sleep(0.05)
             yield images[number % len(images)]
 
     with connect(host.endpoint) as client:
