@@ -16,7 +16,7 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
-from placefield.bus.refusing import count_refused
+from placefield.bus.refusing import counting_refused
 from placefield.bus.replay_cache import LENGTH, ReplayCache, fetched_frame
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.errors import FrameError, MessageError, OtherMapError
@@ -216,13 +216,11 @@ class ChannelWorker:
         """Fetch the frames before this one from other replay caches."""
         frames = []
         for old, payload in run.outputs.fetch(header.stream, first, header.sequence).values():
-            try:
+            with counting_refused(run.counts):
                 observed = self._decode(payload)
                 run.outputs.features.store(old, payload)
                 old, is_awaited = fetched_frame(old, header)
                 frames.append(self._accepted(run, old, observed, is_awaited=is_awaited))
-            except MessageError as error:
-                count_refused(run.counts, error)
         run.counts["fetched"] += len(frames)
         return frames
 

@@ -4,7 +4,6 @@ A run may have any number of describers, or none. They have no state: the featur
 the raw features in order, and describes each frame itself whose raw feature does not come.
 """
 
-import logging
 import threading
 from collections import Counter
 from collections.abc import Mapping
@@ -24,8 +23,6 @@ from placefield_services.frame_of_message import frame_of
 from placefield_services.live_describers import SERVICE, LiveDescribers, live_describers
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
-
-log = logging.getLogger(__name__)
 
 _LIVE_FRAMES = 1  # live frames of a run that may wait for this describer; older ones are dropped
 

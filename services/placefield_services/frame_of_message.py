@@ -1,4 +1,4 @@
-"""The frame of a message, as featurizer and describers describe it."""
+"""The frame in a message of a source."""
 
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage

@@ -10,10 +10,9 @@ from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
-from placefield.bus.refusing import count_refused
+from placefield.bus.refusing import counting_refused
 from placefield.bus.replay_cache import ReplicatedCache
 from placefield.bus.streams import Arrival, StreamSwitch
-from placefield.errors import MessageError
 from placefield_services.background_query import BackgroundQuery
 from placefield_services.candidate_decoder import decode_candidates
 from placefield_services.fuser_stream import FuserStream
@@ -196,10 +195,8 @@ class FuserRun:
 
     def _handle_held(self) -> None:
         for candidates in self._held.pop_all():
-            try:
+            with counting_refused(self._counts):  # it must not cost the descriptor
                 self.handle(candidates)
-            except MessageError as error:  # it must not cost the descriptor
-                count_refused(self._counts, error)
 
     def _fetch(self, stream: str, header: Header) -> list[tuple[Header, bytes]]:
         """Fetch what other services know of a stream that is on, before they forget it.
@@ -217,11 +214,9 @@ class FuserRun:
         self._smooth_answered(header.stream, _answered(header))
         now = time.monotonic()
         for old, payload in candidates:
-            try:
+            with counting_refused(self._counts):
                 message = self._parts.decoder.decode(old, payload)
                 self._stream.smoothing.add(old.sequence, message, now)
-            except MessageError as error:
-                count_refused(self._counts, error)
 
     def release(self) -> None:
         """Publish the matches that are due, smoothed ones, and the last one's credit."""

@@ -10,9 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from placefield.errors import FrameError
-
-ASPECT = 0.01
-"""The most relative difference between aspect ratios that count as the same."""
+from placefield.features.aspect import have_one_aspect
 
 WIDEST = math.tan(math.radians(60))
 """The most of half a view's width: more is stretched too much at the border."""
@@ -74,7 +72,7 @@ class Calibration(_Data):
         """
         if (height, width) == (self.height, self.width):
             return self
-        if abs(width * self.height / (height * self.width) - 1) > ASPECT:
+        if not have_one_aspect((height, width), (self.height, self.width)):
             raise FrameError(
                 f"the image is {width}×{height}, and its camera was calibrated for "
                 f"{self.width}×{self.height}, of another aspect ratio"

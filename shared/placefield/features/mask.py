@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError
+from placefield.features.aspect import have_one_aspect
 from placefield.features.images import check_pixels, decode
 
 Pixels = NDArray[np.uint8]
@@ -26,7 +27,6 @@ _LONGEST = 320  # pixels of the longer side of a mask that is learned
 _STILL = 0.2  # of the median range of grey: a pixel whose range is smaller does not change
 _BRIDGED, _IGNORED, _MARGIN = 0.05, 0.01, 0.01  # of the longer side
 _MOST_HIDDEN = 0.6  # of the image
-_ASPECT = 0.01  # most relative difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Mask:
             FrameError: the size has another aspect ratio.
         """
         rows, columns = self.used.shape
-        if abs(width * rows / (height * columns) - 1) > _ASPECT:
+        if not have_one_aspect((height, width), (rows, columns)):
             raise FrameError(
                 f"the image is {width}×{height}, and its mask is {columns}×{rows}, of another "
                 "aspect ratio"
