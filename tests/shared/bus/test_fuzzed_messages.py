@@ -34,6 +34,7 @@ from placefield.bus.messages import (
 )
 from placefield.bus.verified_messages import RelativePoseMessage, VerifiedMessage
 from placefield.errors import MessageError
+from placefield.features.calibration import Calibration
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
 
@@ -53,6 +54,17 @@ EXAMPLES: list[Message] = [
     Header(stream="s" * 32, sequence=2**40, stamp_ns=-5, live=True),
     FrameMessage(image=bytes(range(90)), odometry_m=12.5),
     FrameMessage(image=np.zeros((3, 4, 3), np.uint8)),
+    FrameMessage(
+        image=bytes(90),
+        calibration=Calibration(
+            model="fisheye",
+            width=640,
+            height=480,
+            focal=(300.0, 310.5),
+            centre=(320.0, 240.0),
+            distortion=(0.1, 0.0, -0.1, 0.0),
+        ),
+    ),
     FrameMessage(descriptor=VECTOR.astype(np.float16), odometry_m=2.0),
     RawFeatureMessage(model="0123456789abcdef", raw=VECTOR),
     FeatureMessage(model="0123456789abcdef", descriptor=VECTOR, odometry_m=0.0),
@@ -118,6 +130,7 @@ PARTS = {
     *ChannelCandidate.model_fields,
     *SmoothedFrames.model_fields,
     *RelativePoseMessage.model_fields,
+    *Calibration.model_fields,
     "partial",
     "dtype",
     "shape",
@@ -215,6 +228,12 @@ def check_bounds(message: Message) -> None:
                 assert message.image.dtype == np.uint8
                 assert message.image.ndim in (2, 3)
                 assert message.image.size
+            if message.calibration is not None:
+                check_calibration(message.calibration)
+        case RawFeatureMessage():
+            assert len(message.model) <= 64
+            if message.raw is not None:
+                check_vector(message.raw)
         case FeatureMessage():
             assert len(message.model) <= 64
             assert message.odometry_m is None or 0 <= message.odometry_m < np.inf
@@ -287,6 +306,14 @@ def check_verified(message: VerifiedMessage) -> None:
         assert metres is None or 0 < metres < np.inf
 
 
+def check_calibration(calibration: Calibration) -> None:
+    assert 8 <= calibration.width < 2**16
+    assert 8 <= calibration.height < 2**16
+    assert all(0 < focal <= 1e6 for focal in calibration.focal)
+    assert all(abs(number) <= 1e6 for number in calibration.centre + calibration.distortion)
+    assert len(calibration.distortion) in (0, 4, 5, 8, 12, 14)
+
+
 def check_candidate(candidate: ChannelCandidate) -> None:
     assert 0 <= candidate.channel < 2**16
     assert -1 <= candidate.place < 2**31
@@ -319,6 +346,11 @@ def test_every_kind_of_message_is_among_the_examples() -> None:
         return set().union(*map(leaves, kind.__subclasses__())) or {kind}
 
     assert set(KINDS) >= {kind for kind in leaves(Message) if kind.__module__ in HOMES}
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: type(example).__name__)
+def test_every_example_is_within_bounds(example: Message) -> None:
+    assert decode_or_refuse(type(example), example.encode()) is not None
 
 
 @settings(max_examples=150)
