@@ -20,6 +20,7 @@ from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.common.outputs import make_folder
 from placefield_tools.explore.explored_map import build_explored
+from placefield_tools.up.program import PROGRAM
 from placefield_tools.up.service_commands import GATEWAY
 
 log = logging.getLogger(__name__)
@@ -92,7 +93,9 @@ def explore(
             flush=True,
         )
 
-    run_host(commands, 1, config, stop, ready, others=("mapper", *sources), is_over=is_over)
+    run_host(
+        PROGRAM, commands, 1, config, stop, ready, others=("mapper", *sources), is_over=is_over
+    )
     if stop.is_set():
         on_stop()
     builder.join()
