@@ -128,24 +128,26 @@ class _Deaths:
 
     def __init__(self, services: int) -> None:
         self._most = _MOST_DEATHS + services
-        self._lately: deque[tuple[float, str]] = deque()
+        self._lately: deque[tuple[float, str, int]] = deque()
 
     def note(self, name: str, code: int, now: float) -> None:
         """Note a death at ``now`` (monotonic seconds).
 
+        Services that are lost with the forkserver count one by one, but not all together.
+
         Raises:
             BusError: there have been too many deaths.
         """
-        self._lately.append((now, name))
+        self._lately.append((now, name, code))
         while self._lately[0][0] < now - _WITHIN_S:
             self._lately.popleft()
         within = f"within {_WITHIN_S / 60:g} minutes"
-        own = sum(other == name for _, other in self._lately)
+        own = sum(other == name for _, other, _ in self._lately)
         if own >= _MOST_DEATHS:
             raise BusError(
                 f"{name} {_how_ended(code)} {own} times in a row {within}; see its message above"
             )
-        if len(self._lately) >= self._most:
+        if sum(code != LOST for _, _, code in self._lately) >= self._most:
             raise BusError(
                 f"services died {self._most} times {within}, {name} last; see their messages above"
             )
@@ -209,7 +211,7 @@ class _Child:
 
 def _how_ended(code: int) -> str:
     if code == LOST:
-        return "was lost, as the process that had started it was ended"
+        return "was lost, as the forkserver was killed"
     if code >= 0:
         return f"ended with code {code}"
     with suppress(ValueError):  # real-time signals have no names

@@ -18,6 +18,7 @@ from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield_services import host
+from placefield_services.forkserver import LOST
 from placefield_services.host import run_host
 
 RUNS_ON = "import time\ntime.sleep(60)"
@@ -123,6 +124,17 @@ def test_all_may_die_at_once_and_a_service_now_and_then_for_ever(
         deaths.note(f"worker {number}", -9, 1.0)
     for hour in range(1, 50):
         deaths.note("worker 0", -9, hour * 3600.0)
+
+
+@given(services=st.integers(1, 64))
+def test_a_forkserver_that_dies_with_all_services_ends_the_host_the_fifth_time(
+    services: int,
+) -> None:
+    deaths = host._Deaths(services)
+    for number in range(4 * services):
+        deaths.note(f"worker {number % services}", LOST, 1.0)
+    with pytest.raises(BusError, match=r"worker 0 was lost, .* 5 times in a row within 10 "):
+        deaths.note("worker 0", LOST, 1.0)
 
 
 def test_a_service_that_gives_up_before_all_are_ready_ends_the_host_at_once(

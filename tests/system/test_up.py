@@ -88,7 +88,7 @@ def test_a_forkserver_that_was_killed_is_started_again_with_all_services(
         assert len(own.children()) == len(services)
         own.replay(query_dir)
         assert answers_of(listener.answers()) == offline(route_map, sorted(query_dir.iterdir()))
-        assert own.err.count("was lost, as the process") == len(services)
+        assert own.err.count("was lost, as the forkserver was killed; starting it again") == len(services)
 
 
 def test_a_host_that_is_killed_while_the_forkserver_starts_leaves_nothing(
