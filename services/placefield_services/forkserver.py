@@ -68,6 +68,7 @@ def end_if_lost(process: BaseProcess) -> None:
 
 
 def _run(run: Callable[[Sequence[str]], object], command: Sequence[str]) -> None:
+    os.setsid()  # Linux shares the processors fairly among sessions
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     setproctitle(" ".join(command))
     setthreadtitle(Path(command[0]).name)  # the name of the process, which the title has changed

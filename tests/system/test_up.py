@@ -63,15 +63,14 @@ def test_the_services_of_a_host_that_was_killed_end_by_themselves(
         assert not alive
 
 
-def test_a_service_has_its_command_line_and_ctrl_c_does_not_reach_it(
-    host: Host, map_path: Path
-) -> None:
+def test_a_service_has_its_own_command_line_and_session(host: Host, map_path: Path) -> None:
     (fuser,) = host.service("fuser")
     assert command_line(fuser).startswith(
         f"{sys.executable} -m placefield_tools fuser {map_path} --config "
     )
-    groups = {os.getpgid(process.pid) for process in (fuser, host.forkserver())}
-    assert os.getpgid(host.pid) not in groups
+    started = [host.forkserver(), *host.children()]
+    sessions = {os.getsid(pid) for pid in (host.pid, *(process.pid for process in started))}
+    assert len(sessions) == 1 + len(started)
 
 
 def test_a_forkserver_that_was_killed_is_started_again_with_all_services(
@@ -88,7 +87,9 @@ def test_a_forkserver_that_was_killed_is_started_again_with_all_services(
         assert len(own.children()) == len(services)
         own.replay(query_dir)
         assert answers_of(listener.answers()) == offline(route_map, sorted(query_dir.iterdir()))
-        assert own.err.count("was lost, as the forkserver was killed; starting it again") == len(services)
+        assert own.err.count("was lost, as the forkserver was killed; starting it again") == len(
+            services
+        )
 
 
 def test_a_host_that_is_killed_while_the_forkserver_starts_leaves_nothing(
