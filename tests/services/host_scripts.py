@@ -10,5 +10,5 @@ def _run(command: Sequence[str]) -> None:
     exec(script, {})
 
 
-SCRIPTS = Program(_run)
+SCRIPTS = Program(_run, preload=["pytest"])  # the main module of tests, which each process imports
 """Runs command lines that are one script in Python."""

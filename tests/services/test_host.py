@@ -32,15 +32,16 @@ def config(endpoint: str) -> Config:
 
 def _end_forkserver() -> None:
     for child in psutil.Process().children():
-        if "forkserver" in " ".join(child.cmdline()):
+        if child.name().startswith("placefield fork"):
             child.kill()
 
 
 @pytest.fixture(autouse=True)
 def _leaves_only_the_forkserver_behind() -> Iterator[None]:
+    before = set(psutil.Process().children(recursive=True))
     yield
-    started = psutil.Process().children(recursive=True)
-    services = [each for each in started if each.ppid() != os.getpid()]
+    started = set(psutil.Process().children(recursive=True)) - before
+    services = {each for each in started if each.ppid() != os.getpid()}
     for process in services:
         process.kill()
     assert not services
