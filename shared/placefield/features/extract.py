@@ -1,9 +1,10 @@
 """Raw features of frames, by the kind of feature."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and sl
 
 _DEFAULTS = InferenceConfig()
 _ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
+_NO_PARTS: Mapping[int, NDArray[np.float32]] = MappingProxyType({})
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -105,8 +107,14 @@ class Feature:
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        used = [self.used(pixels_of(image))]
-        rows = [part.describe(used)[0] for part in self.describing]
+        return self._joined(self._describe(pixels_of(image), range(len(self.describing))))
+
+    def _describe(self, pixels: Pixels, numbers: Iterable[int]) -> dict[int, Array]:
+        used = [self.used(pixels)]
+        return {number: self.describing[number].describe(used)[0] for number in numbers}
+
+    def _joined(self, described: Mapping[int, Array]) -> Array:
+        rows = [described[number] for number in range(len(self.describing))]
         return rows[0] if len(rows) == 1 else np.concatenate(list(map(unit_length, rows)))
 
     def used(self, pixels: Pixels) -> Pixels:
@@ -140,14 +148,30 @@ class Feature:
             return self.describe(image), image
         return self.accept(frame.descriptor), None
 
-    def of_frame(self, frame: Frame) -> Array:
+    def of_frame(self, frame: Frame, described: Mapping[int, Array] = _NO_PARTS) -> Array:
         """Return the raw feature of a frame, (D,) float32.
+
+        Args:
+            frame: an image or a given descriptor.
+            described: raw features of parts that are already computed, see ``parts_of_frame``. If
+                they are all, the frame is not read.
 
         Raises:
             FrameError: see ``image_of``; or it is a descriptor where the feature describes images,
                 or the reverse.
         """
-        return self.observe(frame)[0]
+        if not described:
+            return self.observe(frame)[0]
+        missing = [each for each in range(len(self.describing)) if each not in described]
+        return self._joined({**described, **self.parts_of_frame(frame, missing)})
+
+    def parts_of_frame(self, frame: Frame, numbers: Sequence[int]) -> dict[int, Array]:
+        """Return the raw features of some parts of a frame's image, (Dp,) float32, by number.
+
+        Raises:
+            FrameError: see ``image_of``.
+        """
+        return self._describe(image_of(frame, self.view), numbers) if numbers else {}
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:

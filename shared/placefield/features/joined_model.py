@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, kind_of
+from placefield.config import ONNX, FeatureKind, kind_of
 from placefield.features.calibration import View
 from placefield.features.descriptors import (
     Array,
@@ -221,6 +222,16 @@ def fit_parts(
 def parts_of(model: AnyModel) -> tuple[FeaturePart, ...]:
     """Return the parts of the feature of a descriptor model."""
     return tuple(FeaturePart(one.kind, one.network, one.raw_dimensions) for one in model.parts)
+
+
+def part_names(model: AnyModel) -> list[str]:
+    """Return a name of each part: its kind, or for ``onnx:FOLDER/net.onnx`` ``net``.
+
+    If two networks have one name, all names are the kinds.
+    """
+    kinds = [part.kind for part in model.parts]
+    short = [Path(kind).stem if kind.startswith(ONNX) else kind for kind in kinds]
+    return short if len(set(short)) == len(short) else kinds
 
 
 def split_columns(vectors: NDArray[Real], widths: Sequence[int]) -> list[NDArray[Real]]:

@@ -48,8 +48,8 @@ class RawStage:
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
-    raw_dimensions = None
-    """The dimension of the raw features is not known."""
+    raw_dimensions = (None,)
+    """The dimension of the raw features, which have one part, is not known."""
 
     large_frame = large_frame()
     """The shape of a large frame, to warm up with."""
