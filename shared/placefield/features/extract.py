@@ -9,14 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import (
-    DESCRIPTOR,
-    ONNX,
-    FeatureKind,
-    InferenceConfig,
-    kind_of,
-    kinds_of,
-)
+from placefield.config import InferenceConfig
 from placefield.errors import FrameError
 from placefield.features.calibration import View
 from placefield.features.descriptors import unit_length
@@ -26,6 +19,7 @@ from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
 from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.kinds import DESCRIPTOR, ONNX, FeatureKind, kind_of, kinds_of
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network

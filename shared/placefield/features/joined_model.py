@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import ONNX, FeatureKind, kind_of
 from placefield.features.calibration import View
 from placefield.features.descriptors import (
     Array,
@@ -27,6 +26,7 @@ from placefield.features.descriptors import (
     is_blank,
 )
 from placefield.features.fitting import fit_descriptors
+from placefield.features.kinds import ONNX, FeatureKind, kind_of
 from placefield.features.network import Network
 
 if TYPE_CHECKING:  # a router has no OpenCV

@@ -5,11 +5,12 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, InferenceConfig, kinds_of
+from placefield.config import InferenceConfig
 from placefield.errors import ConfigError
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of, network_of
+from placefield.features.kinds import FeatureKind, kinds_of
 
 _DEFAULTS = InferenceConfig()
 

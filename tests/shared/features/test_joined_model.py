@@ -5,12 +5,12 @@ import pytest
 from networks import write_network
 from numpy.typing import NDArray
 
-from placefield.config import kinds_of
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream, Moments
 from placefield.features.extract import feature_of
 from placefield.features.fitting import fit_descriptors
 from placefield.features.joined_model import FeaturePart, JoinedModel, fit_parts
+from placefield.features.kinds import kinds_of
 
 WIDTHS = 20, 7
 KINDS = "gist", "grayscale"
