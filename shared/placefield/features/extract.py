@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,6 @@ GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and sl
 
 _DEFAULTS = InferenceConfig()
 _ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
-_NO_PARTS: Mapping[int, NDArray[np.float32]] = MappingProxyType({})
 
 Array = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -142,13 +140,13 @@ class Feature:
             return self.describe(image), image
         return self.accept(frame.descriptor), None
 
-    def of_frame(self, frame: Frame, described: Mapping[int, Array] = _NO_PARTS) -> Array:
+    def of_frame(self, frame: Frame, described: Mapping[int, Array] | None = None) -> Array:
         """Return the raw feature of a frame, (D,) float32.
 
         Args:
             frame: an image or a given descriptor.
-            described: raw features of parts that are already computed, see ``parts_of_frame``. If
-                they are all, the frame is not read.
+            described: the parts that are computed already, see ``parts_of_frame``. If they are all,
+                the image is not read.
 
         Raises:
             FrameError: see ``image_of``; or it is a descriptor where the feature describes images,

@@ -227,10 +227,12 @@ def parts_of(model: AnyModel) -> tuple[FeaturePart, ...]:
 def part_names(model: AnyModel) -> list[str]:
     """Return a name of each part: its kind, or for ``onnx:FOLDER/net.onnx`` ``net``.
 
-    If two networks have one name, all names are the kinds.
+    If two parts had one name, every name is the kind.
     """
     kinds = [part.kind for part in model.parts]
-    short = [Path(kind).stem if kind.startswith(ONNX) else kind for kind in kinds]
+    short = [
+        Path(kind.removeprefix(ONNX)).stem if kind.startswith(ONNX) else kind for kind in kinds
+    ]
     return short if len(set(short)) == len(short) else kinds
 
 
