@@ -1,7 +1,7 @@
 """Tracks which describers a run has, and which part of which frame each of them describes.
 
 The feature of a map has one part or more. The describers and the featurizer describe the parts of
-the frames in turn, but for parts that describers are bound to: those describe them in turn. Every
+the frames in turn, except parts that describers are bound to: those take turns at them. Every
 process computes the turns from the tokens that it sees. If two processes see different tokens for a
 moment, a part is described twice, or the featurizer describes it although it was not its turn.
 """
