@@ -65,7 +65,7 @@ def build_from(
         MapError: no map can be built of the traverses, see ``build_map``.
     """
     first, *others = drives_of(references, parts, one_drive)
-    used = images.found(parts.camera, partial(open_reference, first, spacing_m, parts))
+    used = images.found(parts, partial(open_reference, first, spacing_m, parts))
     without_poses = replace(parts, poses=None, pose_axes=None)
     drives = [(first, parts), *((other, without_poses) for other in others)]
     described, config, feature = describe_drives(

@@ -58,8 +58,8 @@ Camera = Annotated[
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="calibration of the camera, in YAML: camera_info of ROS, or OpenCV's; the frames are "
-        "rectified",
+        help="calibration of the camera: YAML of ROS or OpenCV, or a recording with CameraInfo; the "
+        "frames are rectified",
         show_default="used as they are",
     ),
 ]

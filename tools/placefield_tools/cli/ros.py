@@ -60,14 +60,14 @@ def _ros(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield.features.camera_file import read_camera
     from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
+    from placefield_tools.sources.calibration_files import calibration_in
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    calibration = None if camera is None else read_camera(camera)
+    calibration = None if camera is None else calibration_in(camera, topic)
     topics = Topics(domain, topic, odometry, spacing, calibration)
     versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())
