@@ -152,6 +152,7 @@ def map_of(
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
+    images: AskedPart = ALL_ASKED,
 ) -> Iterator[Path]:
     """Yield the path of a map: ``reference`` itself, or a temporary map that is built from it.
 
@@ -162,6 +163,7 @@ def map_of(
         spacing_m: see ``build_from``; not used with an existing map.
         parts: likewise.
         leave_out_bad: likewise.
+        images: likewise.
 
     Raises:
         MapError: the existing map has another feature, or another network.
@@ -176,7 +178,12 @@ def map_of(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         built = Path(folder) / f"reference{SUFFIX}"
         built_map = build_from(
-            [reference], config, spacing_m=spacing_m, parts=parts, leave_out_bad=leave_out_bad
+            [reference],
+            config,
+            spacing_m=spacing_m,
+            parts=parts,
+            leave_out_bad=leave_out_bad,
+            images=images,
         )
         save_map(built_map, built)
         yield built

@@ -66,11 +66,17 @@ class AskedPart:
                 there are other cameras, and the one of the frames is not known.
             SourceError: the source fails.
         """
-        view = self._view(parts)
+        view = self.view(parts)
         mask = None if self.mask is None else mask_of(self.mask, first(), view)
         return UsedPart(view, mask)
 
-    def _view(self, parts: Parts) -> View | None:
+    def view(self, parts: Parts) -> View | None:
+        """Return the view that all cameras see; None if that of the frames is not known.
+
+        Raises:
+            ConfigError: see ``found``.
+            SourceError: a recording is refused.
+        """
         if parts.camera is None:
             if self.query_cameras:
                 raise ConfigError("--query-camera: needs the frames' own camera; give --camera")

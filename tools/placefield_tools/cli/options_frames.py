@@ -58,9 +58,19 @@ Camera = Annotated[
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="calibration of the camera: YAML of ROS or OpenCV, or a recording with CameraInfo; the "
-        "frames are rectified",
+        help="calibration of the camera: YAML of ROS or OpenCV, or a recording with CameraInfo; "
+        "the frames are rectified",
         show_default="used as they are",
+    ),
+]
+QueryCamera = Annotated[
+    Path | None,
+    typer.Option(
+        "--query-camera",
+        metavar="FILE",
+        help="calibration of the camera of QUERY, if it is another than that of the frames of REF; "
+        "only what both see is used",
+        show_default="--camera",
     ),
 ]
 PoseAxesOption = Annotated[
