@@ -1,5 +1,6 @@
 """Reads the calibration of a camera from a file of ROS (``camera_info``) or OpenCV, in YAML."""
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -66,6 +67,23 @@ def read_camera(path: Path) -> Calibration:
         return calibration_of(_parse(written))
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def write_camera(calibration: Calibration, path: Path) -> None:
+    """Write the calibration of a camera as ``read_camera`` reads it.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    (fx, fy), (cx, cy) = calibration.focal, calibration.centre
+    written = {
+        "image_width": calibration.width,
+        "image_height": calibration.height,
+        "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
+        "distortion_model": calibration.model,
+        "distortion_coefficients": calibration.distortion,
+    }
+    path.write_text(json.dumps(written))  # which is YAML, too
 
 
 def _parse(written: bytes) -> Mapping[str, Any]:

@@ -1,11 +1,14 @@
 """Options about the frames of a source and their poses."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from placefield.maps.trajectory import PoseAxes
+
+if TYPE_CHECKING:
+    from placefield.features.calibration import Calibration
 
 Spacing = Annotated[
     float | None,
@@ -82,3 +85,12 @@ PoseAxesOption = Annotated[
         show_default="TUM x-forward, KITTI z-forward",
     ),
 ]
+
+
+def calibration_of(camera: Path | None, images: str | None = None) -> "Calibration | None":
+    """Return the calibration that ``--camera`` names, see ``calibration_in``; None without it."""
+    if camera is None:
+        return None
+    from placefield_tools.sources.calibration_files import calibration_in
+
+    return calibration_in(camera, images)

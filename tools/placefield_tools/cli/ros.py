@@ -62,12 +62,11 @@ def _ros(
     begin()
     from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
-    from placefield_tools.sources.calibration_files import calibration_in
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    calibration = None if camera is None else calibration_in(camera, topic)
+    calibration = options_frames.calibration_of(camera, topic)
     topics = Topics(domain, topic, odometry, spacing, calibration)
     versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())
