@@ -165,6 +165,33 @@ def test_what_does_not_fit_is_refused_in_one_line(
         open_source(str(tmp_path / "ref.npy"), parts=Parts(camera=cameras[0]))
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "build FRAMES -o new.pfmap",
+        "add MAP FRAMES -o new.pfmap",
+        "evaluate MAP FRAMES --aligned",
+        "study FRAMES FRAMES --aligned",
+        "loops FRAMES -o loops.csv",
+        "replay FRAMES",
+        "chaos MAP FRAMES",
+        "up --explore new.pfmap",
+    ],
+)
+def test_each_command_that_reads_frames_takes_the_camera(
+    command: str,
+    map_path: Path,
+    reference_dir: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    named = {"MAP": str(map_path), "FRAMES": str(reference_dir)}
+    words = [named.get(word, word) for word in command.split()]
+    done = CliRunner().invoke(app, [*words, "--camera", "no.yaml"])
+    assert str(done.exception) == "no.yaml: cannot be read: No such file or directory"
+
+
 def with_view(path: Path, view: Callable[[dict[str, Any]], None]) -> Path:
     """Change a saved map's manifest, and seal it again."""
     manifest = json.loads((path / "manifest.json").read_text())
