@@ -181,12 +181,12 @@ def test_what_does_not_fit_is_refused_in_one_line(
 def test_each_command_that_reads_frames_takes_the_camera(
     command: str,
     map_path: Path,
-    reference_dir: Path,
+    query_dir: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    named = {"MAP": str(map_path), "FRAMES": str(reference_dir)}
+    named = {"MAP": str(map_path), "FRAMES": str(query_dir)}
     words = [named.get(word, word) for word in command.split()]
     done = CliRunner().invoke(app, [*words, "--camera", "no.yaml"])
     assert str(done.exception) == "no.yaml: cannot be read: No such file or directory"

@@ -81,14 +81,14 @@ class AskedPart:
             if self.query_cameras:
                 raise ConfigError("--query-camera: needs the frames' own camera; give --camera")
             return None
-        own = view_in(parts.camera, parts.topic)
-        return reduce(View.common, map(view_in, self.query_cameras), own)
+        cameras = (parts.camera, *self.query_cameras)
+        return reduce(View.common, (_view_in(camera, parts.topic) for camera in cameras))
 
 
 ALL_ASKED = AskedPart()
 
 
-def view_in(camera: Path, images: str | None = None) -> View:
+def _view_in(camera: Path, images: str | None) -> View:
     """Return the view that a camera fills, see ``calibration_in`` and ``view_of``.
 
     Raises:

@@ -47,7 +47,8 @@ def _ros(
 
     Input: images are a live stream with the stamps of their headers. New images replace old ones if
     the services are too slow. Odometry gives the metres travelled between images. If the map was
-    built with --spacing, give the same --spacing here.
+    built with --spacing, give the same --spacing here. If the map has a camera's view, --camera is
+    the camera of the images; without it, the topic camera_info beside them says it.
 
     Output, if MAP has poses: known matches of the rule filter on /placefield/RUN/pose, and known
     smoothed matches on /placefield/RUN/smoothed_pose (geometry_msgs/PoseWithCovarianceStamped, in
