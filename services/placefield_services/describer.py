@@ -18,7 +18,7 @@ from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.bus.session import Publisher, open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError
-from placefield.features.descriptor_stage import DescriptorStage, warm_up
+from placefield.features.descriptor_stage import DescriptorStage, FrameStage, warm_up
 from placefield.features.extract import Array, Feature
 from placefield.maps.map import Map, fingerprint
 from placefield_services.frame_of_message import frame_of
@@ -30,6 +30,7 @@ from placefield_services.live_describers import (
 )
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.served import Served
 
 _LIVE_FRAMES = 1  # live frames of a run that may wait for this describer; older ones are dropped
 
@@ -51,28 +52,61 @@ def run_describer(
     whole = placemap.model
     model = whole if part is None else replace(whole.parts[part], mask=whole.mask, view=whole.view)
     stage = DescriptorStage(model, config.inference)
+    feature = DescribedFeature(stage, fingerprint(whole), part)
+    serve_describer(feature, placemap, config, stop)
+
+
+@dataclass(frozen=True)
+class DescribedFeature:
+    """What a describer computes.
+
+    Attributes:
+        stage: of the feature, or of one part of it.
+        model: fingerprint of the whole feature's model.
+        part: number of the only part; None: all parts are computed.
+    """
+
+    stage: FrameStage
+    model: str
+    part: int | None = None
+
+    @property
+    def parts(self) -> Sequence[int]:
+        """The numbers of the parts."""
+        all_parts = range(len(self.stage.feature.describing))
+        return all_parts if self.part is None else (self.part,)
+
+
+def serve_describer(
+    described: DescribedFeature, served: Served, config: Config, stop: threading.Event
+) -> None:
+    """Serve until ``stop`` is set.
+
+    Raises:
+        ConfigError: the frames are given descriptors.
+    """
+    stage, parts = described.stage, described.parts
     if not stage.feature.describes_images:
-        raise ConfigError("a map of descriptors needs no describer; leave it out")
+        raise ConfigError("descriptors need no describer; leave it out")
     warm_up(stage)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
         serve_metrics(config.monitoring, process.report)
         inbox = Inbox(process.counts, live_capacity=_LIVE_FRAMES)
-        parts = range(len(whole.parts)) if part is None else (part,)
         outputs = {}
         for run, keys in process.keys.items():
             own = OwnParts(live_describers(bus, keys), process.identity, parts)
             bus.subscribe(keys.frame, partial(own.offer, inbox), process.counts[run])
             outputs[run] = _outputs(bus.publisher(keys.raw(process.identity)), parts)
             process.answers[run] = outputs[run][parts[0]].cache
-        describer = FrameDescriber(stage.feature, fingerprint(whole), outputs, process.counts)
+        describer = FrameDescriber(stage.feature, described.model, outputs, process.counts)
 
         def handle(received: Received) -> None:
-            placemap.check_unchanged()  # the network is memory-mapped from the map's files
+            served.check_unchanged()  # the network is memory-mapped from the map's files
             assert isinstance(received, ReceivedParts)
             describer.handle(received)
 
-        process.declare_ready(identity_of(process.identity, part))
+        process.declare_ready(identity_of(process.identity, described.part))
         process.serve(inbox, handle, stop, at_once=1)
 
 
