@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 
 from placefield_services.forkserver import Program
+from placefield_tools.cli.main import main
 from placefield_tools.common.own_command import PLACEFIELD
 
 
 def _run(command: Sequence[str]) -> None:
-    from placefield_tools.cli.main import main
-
     main(command[len(PLACEFIELD) :])
 
 
