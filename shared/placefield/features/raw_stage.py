@@ -9,7 +9,7 @@ from placefield.config import FeatureKind, InferenceConfig, kinds_of
 from placefield.errors import ConfigError
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
-from placefield.features.extract import feature_of, network_of
+from placefield.features.extract import feature_of, least_side_of, network_of
 
 _DEFAULTS = InferenceConfig()
 
@@ -19,7 +19,8 @@ Array = NDArray[np.float32]
 def raw_fingerprint(kind: FeatureKind) -> str:
     """Return the fingerprint that identifies a kind of feature, 16 hexadecimal digits.
 
-    That of a network depends on its content; the network is read, but not loaded.
+    That of a network depends on its content; the network is read, but not loaded. It depends on the
+    size at which images are decoded, too.
 
     Raises:
         ConfigError: the kind has several parts, or a file of the network is missing or malformed.
@@ -27,7 +28,8 @@ def raw_fingerprint(kind: FeatureKind) -> str:
     check_one_part(kind)
     network = network_of(kind)
     named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
-    return hashlib.sha256(named).hexdigest()[:16]
+    decoded = f" {least_side_of(kind, network)}".encode()
+    return hashlib.sha256(named + decoded).hexdigest()[:16]
 
 
 def check_one_part(kind: FeatureKind) -> None:

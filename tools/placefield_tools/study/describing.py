@@ -101,8 +101,7 @@ def describe_query_frames(
     """
 
     def describe(frame: Frame) -> tuple[Array, _Observation]:
-        decoded = frame.decoded()
-        return feature.of_frame(decoded), _look(decoded, vocabulary)
+        return feature.of_frame(frame), _look(frame, vocabulary)
 
     is_image = source.dimensions is None
     missing = (None, _missing_observation(vocabulary) if is_image else _NO_OBSERVATION)
