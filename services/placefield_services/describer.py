@@ -16,13 +16,14 @@ from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError
-from placefield.features.descriptor_stage import DescriptorStage, warm_up
+from placefield.features.descriptor_stage import DescriptorStage, FrameStage, warm_up
 from placefield.features.extract import Feature
 from placefield.maps.map import Map, fingerprint
 from placefield_services.frame_of_message import frame_of
 from placefield_services.live_describers import SERVICE, LiveDescribers, live_describers
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
+from placefield_services.served import Served
 
 _LIVE_FRAMES = 1  # live frames of a run that may wait for this describer; older ones are dropped
 
@@ -34,8 +35,19 @@ def run_describer(placemap: Map, config: Config, stop: threading.Event) -> None:
         ConfigError: the frames of the map are given descriptors.
     """
     stage = DescriptorStage(placemap.model, config.inference)
+    serve_describer(stage, fingerprint(placemap.model), placemap, config, stop)
+
+
+def serve_describer(
+    stage: FrameStage, model: str, served: Served, config: Config, stop: threading.Event
+) -> None:
+    """Serve with a stage, whose fingerprint is ``model``, until ``stop`` is set.
+
+    Raises:
+        ConfigError: the frames are given descriptors.
+    """
     if not stage.feature.describes_images:
-        raise ConfigError("a map of descriptors needs no describer; leave it out")
+        raise ConfigError("descriptors need no describer; leave it out")
     warm_up(stage)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, config.runs)
@@ -48,12 +60,10 @@ def run_describer(placemap: Map, config: Config, stop: threading.Event) -> None:
             raws = bus.publisher(keys.raw(process.identity))
             outputs[run] = CachedPublisher(raws, ReplayCache(2 * WINDOW))
             process.answers[run] = outputs[run].cache
-        describer = FrameDescriber(
-            stage.feature, fingerprint(placemap.model), outputs, process.counts
-        )
+        describer = FrameDescriber(stage.feature, model, outputs, process.counts)
 
         def handle(received: Received) -> None:
-            placemap.check_unchanged()  # the network is memory-mapped from the map's files
+            served.check_unchanged()  # the network is memory-mapped from the map's files
             describer.handle(received)
 
         process.declare_ready(process.identity)

@@ -111,5 +111,5 @@ def test_garbage_is_refused(stage: Stage) -> None:
 
 def test_a_map_of_descriptors_needs_no_describer(route_map: Map) -> None:
     of_descriptors = replace(route_map, model=replace(route_map.model, kind="descriptor"))
-    with pytest.raises(ConfigError, match="a map of descriptors needs no describer"):
+    with pytest.raises(ConfigError, match="descriptors need no describer"):
         run_describer(of_descriptors, Config(), threading.Event())

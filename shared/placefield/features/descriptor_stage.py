@@ -50,7 +50,7 @@ class FrameStage(Protocol):
 
     @property
     def raw_dimensions(self) -> int | None:
-        """The dimension of the raw features; None if only describing a frame tells it."""
+        """The dimension of the raw features; None if they are not known before a frame comes."""
 
     @property
     def large_frame(self) -> tuple[int, int, int]:
