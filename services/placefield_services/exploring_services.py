@@ -12,7 +12,7 @@ from placefield.features.calibration import Calibration
 from placefield.features.raw_stage import RawStage, raw_fingerprint
 from placefield.features.rectification import view_of
 from placefield.fusion.exploration_stage import ExplorationStage
-from placefield_services.describer import serve_describer
+from placefield_services.describer import DescribedFeature, serve_describer
 from placefield_services.featurizer import serve_featurizer
 from placefield_services.fuser import serve_fuser
 from placefield_services.served import FuserVersion
@@ -60,7 +60,8 @@ def run_exploring_describer(
             view.
     """
     digest = raw_fingerprint(config.features.kind, camera)
-    serve_describer(_stage(config, camera), digest, Exploration(digest), config, stop)
+    feature = DescribedFeature(_stage(config, camera), digest)
+    serve_describer(feature, Exploration(digest), config, stop)
 
 
 def _stage(config: Config, camera: Calibration | None) -> RawStage:

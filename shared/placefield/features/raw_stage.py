@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, InferenceConfig, kinds_of
+from placefield.config import InferenceConfig
 from placefield.errors import ConfigError
 from placefield.features.calibration import Calibration, View
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of, least_side_of, network_of
+from placefield.features.kinds import FeatureKind, kinds_of
 
 _DEFAULTS = InferenceConfig()
 _ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
@@ -77,9 +78,9 @@ class RawStage:
         self.feature = replace(feature_of(kind, inference), view=view)
         """Describes frames by their raw features."""
         self.raw_dimensions = (
-            len(self.feature.describe(_ANY_IMAGE)) if self.feature.describes_images else None
+            len(self.feature.describe(_ANY_IMAGE)) if self.feature.describes_images else None,
         )
-        """The dimension of the raw features; None: the frames are given descriptors."""
+        """The dimension of the only part; None: the frames are given descriptors."""
 
     def new_stream(self, moments: Moments | None = None) -> "RawStream":
         """Begin a stream, or continue one; raw features need no moments."""

@@ -7,11 +7,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from placefield.config import Config, kinds_of
+from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
 from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.kinds import kinds_of
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
