@@ -150,10 +150,14 @@ def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
 
 
 def _open_model(files: MapFiles) -> AnyModel:
-    features, kept = files.manifest.features, files.manifest.variance_kept
+    manifest, features = files.manifest, files.manifest.features
     kinds = kinds_of(features.kind)
-    records = files.manifest.parts or (
-        PartRecord(variance_kept=kept, network=files.manifest.network),
+    records = manifest.parts or (
+        PartRecord(
+            variance_kept=manifest.variance_kept,
+            network=manifest.network,
+            least_side=manifest.least_side,
+        ),
     )
     if len(kinds) != len(records):
         raise MapError(f"{files.path}: its feature has other parts than its manifest; {REBUILD}")
@@ -171,10 +175,11 @@ def _open_model(files: MapFiles) -> AnyModel:
                 record.variance_kept,
                 features.plain_pca,
                 _open_network(files, folder, record.network),
+                least_side=record.least_side,
             )
         )
     model = parts[0] if len(parts) == 1 else JoinedModel(tuple(parts))
-    return replace(model, mask=_open_mask(files), view=files.manifest.view)
+    return replace(model, mask=_open_mask(files), view=manifest.view)
 
 
 def _open_network(files: MapFiles, folder: str, given: NetworkInput | None) -> Network | None:
