@@ -6,6 +6,8 @@ from collections.abc import Collection, Set
 from placefield.bus.keys import service_and_identity
 from placefield.bus.session import MOST_TOKENS
 
+_IN_A_ROW = 8  # frames that fall to one verifier, as each hand-over to another may take a while
+
 
 class LiveVerifiers:
     """The identities of a run's live verifiers, this one's among them."""
@@ -39,4 +41,4 @@ class LiveVerifiers:
             having: the verifiers that were alive when the frame came.
         """
         sharing = sorted(having & self.alive) or [self._own]
-        return sharing[sequence % len(sharing)] == self._own
+        return sharing[sequence // _IN_A_ROW % len(sharing)] == self._own
