@@ -56,3 +56,15 @@ def odometry(position: Sequence[float], order: str = "<") -> bytes:
     message = Cdr(order).header(1, 2, "odom").text("base_link")
     message.put("d", *position, 0, 0, 0, 1, *[0] * 36)  # pose
     return bytes(message.put("d", *[0] * 6, *[0] * 36))  # twist
+
+
+def camera_info(
+    size: tuple[int, int],
+    model: str,
+    matrix: Sequence[float],
+    distortion: Sequence[float],
+) -> bytes:
+    height, width = size
+    message = Cdr().header(1, 2, "camera").put("I", height, width).text(model)
+    message.put("I", len(distortion)).put("d", *distortion, *matrix, *[0] * 9, *[0] * 12)
+    return bytes(message.put("I", 0, 0).put("I", 0, 0, 0, 0).put("B", 0))  # binning, roi

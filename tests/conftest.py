@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import settings
+from lenses import BENT, STRAIGHT
 
 from placefield.config import Config
 from placefield.features.images import decode
@@ -128,6 +129,24 @@ def reference_dir(made_up: Path) -> Path:
 def query_dir(made_up: Path) -> Path:
     """Frames of the same route, darker and from a little further to the side."""
     return _write_pan(made_up / "query", shift=5, brightness=0.7)
+
+
+@pytest.fixture(scope="session")
+def cameras(made_up: Path) -> tuple[Path, Path]:
+    """The files of the cameras of the reference and of ``bent_dir``."""
+    return STRAIGHT.write(made_up / "straight.yaml"), BENT.write(made_up / "bent.yaml")
+
+
+@pytest.fixture(scope="session")
+def bent_dir(made_up: Path, query_dir: Path) -> Path:
+    """The query, as a camera with a fisheye lens takes it."""
+    folder = made_up / "bent"
+    folder.mkdir()
+    for file in sorted(query_dir.glob("*.jpg")):
+        pixels = cv2.cvtColor(decode(file.read_bytes()), cv2.COLOR_BGR2GRAY)
+        bent = BENT.retaken(np.asarray(pixels, np.uint8), STRAIGHT.focal[0])
+        cv2.imwrite(str(folder / f"{file.stem}.png"), bent)
+    return folder
 
 
 @pytest.fixture(scope="session")

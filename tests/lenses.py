@@ -119,3 +119,10 @@ def pinhole(width: int, height: int, focal: float) -> Lens:
     """Return a camera without distortion, whose principal point is in the middle."""
     centre = (width - 1) / 2, (height - 1) / 2
     return Lens("pinhole", (0.0, 0.0), width, height, (focal, focal), centre)
+
+
+STRAIGHT = pinhole(96, 72, 60)
+"""A camera of the frames that the tests make up."""
+
+BENT = Lens("fisheye", (0.0, 0.0, 0.0, 0.0), 96, 72, (78.0, 78.0), (47.5, 35.5))
+"""A camera with a fisheye lens, which takes the same scenes."""

@@ -24,10 +24,9 @@ from placefield.bus.candidate_messages import (
     SmoothedFrames,
 )
 from placefield.bus.message import Header
-from placefield.bus.refusing import count_refused
+from placefield.bus.refusing import counting_refused
 from placefield.bus.replay_cache import LENGTH
 from placefield.config import MatchingConfig, Rule
-from placefield.errors import MessageError
 from placefield.matching.candidate import Candidate
 from placefield.matching.channel_stage import ChannelStage, Compared
 from placefield.matching.matcher import Partial, SmoothedCandidate
@@ -135,15 +134,12 @@ class ChannelStream:
         began: dict[int, int] = {}  # by shard
         stream, first = self._waiting[0].header.stream, self._stream.next
         for header, payload in self._outputs.fetch_halos(stream, first, first + LENGTH):
-            try:
+            with counting_refused(self._outputs.counts):
                 message = HaloMessage.decode(payload)
-            except MessageError as error:
-                count_refused(self._outputs.counts, error)
-                continue
-            if message.map != self._map:  # of another version, or counted when it was published
-                continue
-            self._keep(header.sequence, message)
-            began[message.shard] = min(began.get(message.shard, header.sequence), header.sequence)
+                if message.map == self._map:  # else of another version, or counted when it came
+                    shard, sequence = message.shard, header.sequence
+                    self._keep(sequence, message)
+                    began[shard] = min(began.get(shard, sequence), sequence)
         begin = max(began.values(), default=first)
         if begin > first:  # another shard began again after the next frame
             while self._waiting and self._waiting[0].header.sequence < begin:

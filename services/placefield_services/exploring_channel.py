@@ -28,6 +28,7 @@ from placefield.bus.session import Bus, open_bus
 from placefield.bus.streams import Turn
 from placefield.config import Config, MatchingConfig
 from placefield.errors import FrameError, MessageError
+from placefield.features.calibration import Calibration
 from placefield.features.raw_stage import raw_fingerprint
 from placefield.matching.explored_candidate import to_candidate
 from placefield.matching.exploring import Answer, Explorer, SmoothedAnswer
@@ -45,15 +46,17 @@ _MOST = 2**31  # frames of a stream, so that a place is an int32
 _WARM_UP = 60, 64  # frames, and dimensions
 
 
-def run_exploring_channel(config: Config, stop: threading.Event) -> None:
-    """Explore the drives of a run until ``stop`` is set.
+def run_exploring_channel(
+    config: Config, camera: Calibration | None, stop: threading.Event
+) -> None:
+    """Explore the drives of a run until ``stop`` is set, see ``run_exploring_featurizer``.
 
     Raises:
         ConfigError: a file of the network cannot be read, the rule cannot explore, or there are
             several runs.
     """
     check_exploring(config.matching)
-    digest, run = raw_fingerprint(config.features.kind), config.run
+    digest, run = raw_fingerprint(config.features.kind, camera), config.run
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.maps[run] = digest

@@ -4,7 +4,7 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -17,8 +17,8 @@ from placefield.bus.messages import (
     MissingObservationMessage,
     MomentsMessage,
 )
-from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, Fetch, replicated_cache
-from placefield.bus.session import Publisher, open_bus
+from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, replicated_cache
+from placefield.bus.session import open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError
@@ -32,6 +32,7 @@ from placefield.features.descriptor_stage import (
 from placefield.features.descriptors import Moments
 from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
+from placefield_services.featurizer_outputs import FeaturizerOutputs
 from placefield_services.frame_of_message import frame_of
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
@@ -72,7 +73,7 @@ def serve_featurizer(
                 bus.publisher(keys.unobserved),
                 features.fetch,
                 moments.fetch,
-                raws[run].take,
+                raws[run],
             )
         featurizer = Featurizer(stage, model, outputs, process.counts)
         warm_up(stage)
@@ -85,27 +86,6 @@ def serve_featurizer(
             # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame
             # can still be displaced.
             process.serve(inbox, handle, stop, at_once=1)
-
-
-@dataclass(frozen=True)
-class FeaturizerOutputs:
-    """How a featurizer publishes its results for a run, and gets those of other processes.
-
-    Attributes:
-        features: publishes descriptors.
-        moments: publishes the moments of the stream.
-        unobserved: publishes which frames are missing observations.
-        fetch_features: fetches the descriptors of its predecessor.
-        fetch_moments: fetches the moments of its predecessor.
-        take_raw: takes the raw feature of a frame from the describers, see ``RawFeatures``.
-    """
-
-    features: CachedPublisher
-    moments: CachedPublisher
-    unobserved: Publisher
-    fetch_features: Fetch
-    fetch_moments: Fetch
-    take_raw: Callable[[Header], Array | None]
 
 
 @dataclass
@@ -184,9 +164,10 @@ class Featurizer:
         frame = None if header.end else FrameMessage.decode(received.payload)
         if run.follower.begins(header):
             run.forgets = header.sequence > 0 and not self._ask(run, header)
-        raw = None
+        described: Mapping[int, Array] = {}
         if frame is not None and frame.image is not None and run.follower.awaits(header):
-            raw = run.outputs.take_raw(header)
+            describe = partial(self._stage.feature.parts_of_frame, frame_of(header, frame))
+            described = run.outputs.raws.take(header, describe)
         turn = run.follower.follow(header)
         if turn is Turn.AFTER_GAP and header.live:
             run.follower.skip_to(header.sequence)
@@ -194,7 +175,7 @@ class Featurizer:
         if turn is Turn.AFTER_GAP:
             run.counts["out_of_order"] += 1
         if turn is Turn.NEXT:
-            self._publish(run, header, frame, raw)
+            self._publish(run, header, frame, described)
         if turn is Turn.REPEATED and (header.end or not header.live):
             run.outputs.features.put_again(header)
 
@@ -254,9 +235,13 @@ class Featurizer:
         return _KnownStream(made, Moments(moments.frames, moments.sums) if fits else None)
 
     def _publish(
-        self, run: _FeaturizerRun, header: Header, frame: FrameMessage | None, raw: Array | None
+        self,
+        run: _FeaturizerRun,
+        header: Header,
+        frame: FrameMessage | None,
+        described: Mapping[int, Array],
     ) -> None:
-        feature = None if frame is None else self._describe(run, header, frame, raw)
+        feature = None if frame is None else self._describe(run, header, frame, described)
         moments = run.images.moments if self._stage.standardises else None
         if moments is not None and feature is not None:  # before the descriptor made with them
             message = MomentsMessage(frames=moments.frames, sums=moments.sums)
@@ -264,13 +249,16 @@ class Featurizer:
         run.outputs.features.put(header, feature)
 
     def _describe(
-        self, run: _FeaturizerRun, header: Header, message: FrameMessage, raw: Array | None
+        self,
+        run: _FeaturizerRun,
+        header: Header,
+        message: FrameMessage,
+        described: Mapping[int, Array],
     ) -> FeatureMessage:
-        """Return the descriptor of a frame; ``raw`` is its raw feature if a describer sent it."""
+        """Return the descriptor of a frame, of which some parts may be described already."""
         descriptor = None
         try:
-            if raw is None:
-                raw = self._stage.feature.of_frame(frame_of(header, message))
+            raw = self._stage.feature.of_frame(frame_of(header, message), described)
             descriptor = run.images.update_raw(raw)
             if descriptor is None:
                 run.counts["blank"] += 1

@@ -19,11 +19,14 @@ from placefield.bus.replay_cache import Fetch, fetcher
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import FrameError
-from placefield.features.images import pixels_of, small_jpeg
+from placefield.features.calibration import Calibration, View
+from placefield.features.images import small_jpeg
 from placefield.features.raw_stage import raw_fingerprint
+from placefield.features.rectification import image_of, view_of
 from placefield.maps.drive_file import Drive, DriveFile, DriveFrame
 from placefield.maps.traverse import THUMBNAIL
 from placefield_services.background_query import BackgroundQuery
+from placefield_services.frame_of_message import frame_of
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.whole_stream import StreamFrame, WholeStream
@@ -36,19 +39,24 @@ _THUMBNAILS = 2 * WINDOW  # of frames that are not described yet
 _NO_PICTURE = small_jpeg(np.zeros((8, 8), np.uint8), 8)
 
 
-def run_mapper(path: Path, config: Config, stop: threading.Event) -> None:
+def run_mapper(
+    path: Path, config: Config, camera: Calibration | None, stop: threading.Event
+) -> None:
     """Keep the drive of a run in a file until ``stop`` is set.
 
     Args:
         path: of the map that will be built, see ``drive_path`` and ``ended_path``.
         config: its run, bus and feature count.
+        camera: whose view the frames are rectified to; None: they are used as they are.
         stop: ends the service.
 
     Raises:
-        ConfigError: a file of the network cannot be read, or there are several runs.
+        ConfigError: a file of the network cannot be read, the camera has no view, or there are
+            several runs.
         MapError: the file is of no drive, or another process explores it.
     """
-    digest, run = raw_fingerprint(config.features.kind), config.run
+    digest, run = raw_fingerprint(config.features.kind, camera), config.run
+    view = None if camera is None else view_of(camera)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
         process.maps[run] = digest
@@ -56,7 +64,7 @@ def run_mapper(path: Path, config: Config, stop: threading.Event) -> None:
         inbox = Inbox(process.counts)
         keys, counts = process.keys[run], process.counts[run]
         features = keys.cache(keys.feature)
-        mapper = Mapper(path, digest, BackgroundQuery(fetcher(bus, features)), counts)
+        mapper = Mapper(path, digest, view, BackgroundQuery(fetcher(bus, features)), counts)
         bus.subscribe(keys.frame, inbox.offer, counts)
         bus.subscribe(keys.feature, inbox.offer, counts)
         bus.answer(features, lambda _, asked: mapper.reply(asked))
@@ -86,12 +94,15 @@ class Mapper:
     and those ``without_image`` among the kept.
     """
 
-    def __init__(self, path: Path, digest: str, fetch: Fetch, counts: Counter[str]) -> None:
+    def __init__(
+        self, path: Path, digest: str, view: View | None, fetch: Fetch, counts: Counter[str]
+    ) -> None:
         """Keep a drive for the map at ``path``, or go on with the one that is there.
 
         Args:
             path: of the map.
             digest: of the exploration.
+            view: that the images are rectified to; None: they are used as they are.
             fetch: fetches the raw features of some frames from other services, or raises
                 ``NotYet``.
             counts: of the run.
@@ -101,6 +112,7 @@ class Mapper:
         """
         self._path = path
         self._digest = digest
+        self._view = view
         self._counts = counts
         self._stream = WholeStream(digest, fetch, self._begin, self._keep, counts)
         self._thumbnails: dict[tuple[str, int], bytes] = {}
@@ -117,11 +129,11 @@ class Mapper:
         header = received.header
         if header.end:
             return
-        image = FrameMessage.decode(received.payload).image
-        if image is None:
+        message = FrameMessage.decode(received.payload)
+        if message.image is None:
             return
         try:
-            thumbnail = small_jpeg(pixels_of(image), THUMBNAIL)
+            thumbnail = small_jpeg(image_of(frame_of(header, message), self._view), THUMBNAIL)
         except FrameError:
             return
         self._thumbnails[header.stream, header.sequence] = thumbnail

@@ -13,10 +13,16 @@ from placefield.bus.ros_node import RosNode
 from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
-from placefield.features.calibration import Calibration
+from placefield.features.calibration import Calibration, View
 from placefield.features.distance_sampler import DistanceSampler, check_spacing
 from placefield.features.rectification import check_calibrated
 from placefield.maps.map import Map
+from placefield.ros.camera_info import (
+    CAMERA_INFO,
+    RECTIFIED,
+    camera_info_topic,
+    is_rectified,
+)
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, DIAGNOSTICS, IMAGE, ODOMETRY, POSE
 from placefield.ros.topic_keys import check_name, check_topic
 from placefield_services.map_versions import MapVersions, PreparedVersions
@@ -50,7 +56,8 @@ class Topics:
         image: the topic of images.
         odometry: the topic of odometry; None: no odometry.
         spacing_m: use an image every so many metres by odometry; None: use every image.
-        calibration: of the camera; None: it is not known.
+        calibration: of the camera; None: if the map has a camera's view, that of the ``CameraInfo``
+            beside the images.
     """
 
     domain: int
@@ -84,7 +91,7 @@ def run_ros(
         ConfigError: there are several runs, a name is not valid in ROS, a spacing has no odometry,
             the bus has credentials, or rosbags is missing.
         SourceError: the spacing is not a distance.
-        FrameError: the camera does not fit the map's view, or there is no map.
+        FrameError: the camera does not fit the map's view.
     """
     if config.bus.credentials:
         raise ConfigError("--credentials: the ROS 2 gateway cannot use them; leave them out")
@@ -99,7 +106,7 @@ def run_ros(
         return MapPoses(placemap.places.poses, config.matching.tolerance, placemap.digest)
 
     opened = None if versions is None else versions.open()
-    check_calibrated(topics.calibration, None if opened is None else opened.model.view)
+    camera_topic = None if opened is None else _camera_topic(topics, opened.model.view)
     first = None if opened is None else prepare(opened)
     with open_bus(config.bus, stop) as bus:
         process = ServiceProcess(SERVICE, bus, [run])
@@ -116,6 +123,9 @@ def run_ros(
         kind = COMPRESSED_IMAGE if topics.image.endswith("/compressed") else IMAGE
         images = _offering(inbox, keys.frame, _IMAGE, source.publish_image)
         node.subscribe(topics.image, kind, images)
+        if camera_topic is not None:
+            cameras = _offering(inbox, keys.frame, _OTHER, source.receive_calibration)
+            node.subscribe(camera_topic, CAMERA_INFO, cameras)
         if topics.odometry is not None:
             positions = _offering(inbox, keys.odometry, _OTHER, source.publish_odometry)
             node.subscribe(topics.odometry, ODOMETRY, positions)
@@ -145,6 +155,21 @@ def run_ros(
         with process.sole():
             process.serve(inbox, _handle, stop, at_once=1, after_batch=after_batch)
             source.end()
+
+
+def _camera_topic(topics: Topics, view: View | None) -> str | None:
+    """Return the topic of the camera's calibration; None: it is known, or not needed.
+
+    Raises:
+        ConfigError: the images are rectified, so that this topic is not about them.
+        FrameError: the known calibration does not fit the view.
+    """
+    if view is None or topics.calibration is not None:
+        check_calibrated(topics.calibration, view)
+        return None
+    if is_rectified(topics.image):
+        raise ConfigError(f"--topic {topics.image}: {RECTIFIED}")
+    return camera_info_topic(topics.image)
 
 
 def _offering(

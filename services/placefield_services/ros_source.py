@@ -14,7 +14,7 @@ from placefield.bus.replay_cache import CachedPublisher
 from placefield.errors import MessageError
 from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler
-from placefield.ros.ros_messages import read_image, read_position
+from placefield.ros.ros_messages import read_calibration, read_image, read_position
 
 log = logging.getLogger(__name__)
 
@@ -69,6 +69,14 @@ class RosSource:
         self._is_published = True
         self._sent += 1
         self._counts["frames"] += 1
+
+    def receive_calibration(self, kind: str, data: bytes) -> None:
+        """Take the calibration of the camera for the next images.
+
+        Raises:
+            MessageError: the message says none.
+        """
+        self._calibration = read_calibration(kind, data)
 
     def _is_due(self) -> bool:
         if self._spacing is None:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
-from placefield.bus.refusing import count_refused
+from placefield.bus.refusing import counting_refused
 from placefield.bus.replay_cache import LENGTH, Fetch, Fetched, fetched_frame
 from placefield.bus.streams import StreamFollower, Turn
-from placefield.errors import MessageError, OtherMapError
+from placefield.errors import OtherMapError
 from placefield_services.background_query import NotYet
 
 _PAGE = 100  # frames that are fetched and handed on before the service looks around again
@@ -124,11 +124,8 @@ class WholeStream:
 
     def _hand_on_fetched(self, header: Header, fetched: Fetched) -> None:
         for old, payload in fetched.values():
-            try:
+            with counting_refused(self._counts):
                 feature = self._decode(payload)
-            except MessageError as error:
-                count_refused(self._counts, error)
-                continue
-            old, is_awaited = fetched_frame(old, header)
-            self._hand_on(StreamFrame(old, feature, is_awaited))
+                old, is_awaited = fetched_frame(old, header)
+                self._hand_on(StreamFrame(old, feature, is_awaited))
         self._counts["fetched"] += len(fetched)

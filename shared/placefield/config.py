@@ -1,7 +1,5 @@
 """The configuration of a run: one frozen value."""
 
-import re
-from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import tomli_w
@@ -17,22 +15,9 @@ from pydantic_core import PydanticCustomError
 from pydantic_settings import NoDecode
 
 from placefield.errors import ConfigError
+from placefield.features.kinds import FeatureKind
+from placefield.metric.push import Push
 from placefield.presets import Preset
-
-ONNX = "onnx:"
-"""Prefix of a network's file in a feature's kind."""
-
-CROSS_VALIDATION = "cross-validation"
-"""Stands for a number that cross-validation chooses."""
-
-
-DESCRIPTOR = "descriptor"
-"""The kind of feature of frames that are given descriptors, and no images."""
-
-FEATURES = ("grayscale", "gist", DESCRIPTOR)
-"""The kinds of features that need neither a network nor another package."""
-
-_PLUGIN = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 
 
 def _split(names: object) -> object:
@@ -44,48 +29,6 @@ def _check_distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         raise PydanticCustomError("distinct", "give each name once")
     return names
-
-
-# Not each plus sign joins kinds, since the name of a network's file may have some.
-_JOINED = re.compile(r"\+(?=onnx:|(?![^+]*\.onnx(?:\+|$))[A-Za-z][A-Za-z0-9_.-]*(?:\+|$))")
-
-
-def kinds_of(kind: str) -> tuple[str, ...]:
-    """Return the kinds of the parts of a feature, of ``gist+onnx:FILE`` ``gist`` and the other."""
-    return tuple(_JOINED.split(kind))
-
-
-def kind_of(kinds: Iterable[str]) -> str:
-    """Return the kind of a feature by the kinds of its parts."""
-    return "+".join(kinds)
-
-
-def _check_kind(kind: str) -> str:
-    kinds = kinds_of(kind)
-    for part in kinds:
-        is_network = part.startswith(ONNX) and len(part) > len(ONNX)
-        if not is_network and not _PLUGIN.fullmatch(part):  # built-in kinds are such names, too
-            choice = "give grayscale, gist, descriptor, onnx:FILE, or several as gist+onnx:FILE"
-            raise PydanticCustomError("feature_kind", choice)
-    if len(kinds) > 1 and DESCRIPTOR in kinds:
-        raise PydanticCustomError("feature_kind", "descriptors are not joined with other features")
-    _check_distinct(kinds)
-    return kind
-
-
-FeatureKind = Annotated[str, AfterValidator(_check_kind)]
-
-
-def _check_push(push: float | str) -> float | str:
-    if push == CROSS_VALIDATION:
-        return push
-    try:
-        fraction = float(push)
-    except ValueError:
-        fraction = -1
-    if not 0 <= fraction <= 1:
-        raise PydanticCustomError("push", f"give a fraction from 0 to 1, or {CROSS_VALIDATION}")
-    return fraction
 
 
 RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
@@ -207,7 +150,7 @@ class MetricConfig(_Section):
     neighbours: int = Field(
         3, ge=1, description="lmnn: target neighbours of a frame (k); lfda: its k"
     )
-    push: Annotated[float | str, AfterValidator(_check_push)] = Field(
+    push: Push = Field(
         0.5,
         description="fraction of lmnn's push term; the paper's λ: push / (1 - push); "
         "cross-validation chooses it",

@@ -14,8 +14,9 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from placefield.config import FEATURES, ONNX, Config, kinds_of
+from placefield.config import Config
 from placefield.errors import ConfigError
+from placefield.features.kinds import FEATURES, ONNX, kinds_of
 from placefield.plugins import has_plugin
 from placefield.presets import PRESETS
 from placefield.toml import parse_toml

@@ -17,6 +17,7 @@ from placefield.bus.messages import (
     FrameMessage,
     MissingObservationMessage,
     MomentsMessage,
+    RawFeatureMessage,
 )
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
@@ -24,11 +25,16 @@ from placefield.features.calibration import Calibration
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorStream
 from placefield.features.extract import feature_of, feature_of_model
+from placefield.features.fitting import fit_descriptors
 from placefield.features.frames import Frame
+from placefield.features.joined_model import JoinedModel
 from placefield.features.rectification import view_of
 from placefield.maps.map import Map, fingerprint
 from placefield_services import featurizer as featurizer_module
-from placefield_services.featurizer import Featurizer, FeaturizerOutputs
+from placefield_services.featurizer import Featurizer
+from placefield_services.featurizer_outputs import FeaturizerOutputs
+from placefield_services.live_describers import LiveDescribers
+from placefield_services.raw_features import RawFeatures, RawKind
 
 KEY = Keys("test").frame
 
@@ -59,16 +65,17 @@ class Stage:
         self.moments = RecordingPublisher(MomentsMessage)
         self.unobserved = RecordingPublisher(MissingObservationMessage)
         self.features_elsewhere, self.moments_elsewhere = PeerCache(), PeerCache()
-        self.raws: dict[int, NDArray[np.float32]] = {}
-        """What describers have sent, by frame."""
         self.counts: Counter[str] = Counter()
+        self.model = fingerprint(placemap.model)
+        kind = RawKind(self.model, tuple(part.raw_dimensions for part in placemap.model.parts))
+        self.raws = RawFeatures(LiveDescribers(), kind, 1.0, self.counts)
         outputs = FeaturizerOutputs(
             CachedPublisher(self.publisher, ReplayCache()),
             CachedPublisher(self.moments, ReplayCache()),
             self.unobserved,
             self.features_elsewhere.fetch,
             self.moments_elsewhere.fetch,
-            lambda about: self.raws.get(about.sequence),
+            self.raws,
         )
         other = FeaturizerOutputs(
             CachedPublisher(RecordingPublisher(FeatureMessage), ReplayCache()),
@@ -76,11 +83,11 @@ class Stage:
             RecordingPublisher(MissingObservationMessage),
             PeerCache().fetch,
             PeerCache().fetch,
-            lambda about: None,
+            RawFeatures(LiveDescribers(), kind, 1.0, Counter()),
         )
         self._featurizer = Featurizer(
             DescriptorStage(placemap.model),
-            fingerprint(placemap.model),
+            self.model,
             {"test": outputs, "other": other},
             {"test": self.counts, "other": Counter()},
         )
@@ -90,6 +97,11 @@ class Stage:
 
     def send(self, about: Header, image: bytes, odometry_m: float | None = None) -> None:
         self.handle(received(KEY, about, FrameMessage(image=image, odometry_m=odometry_m)))
+
+    def send_raw(self, sequence: int, part: int, raw: NDArray[np.float32]) -> None:
+        """Let a describer send a raw feature."""
+        message = RawFeatureMessage(model=self.model, part=part, raw=raw)
+        self.raws.receive(received(Keys("test").raw("a"), header(sequence), message), str)
 
     @property
     def features(self) -> list[FeatureMessage | None]:
@@ -132,11 +144,35 @@ def test_the_raw_feature_of_a_describer_gives_the_same_descriptor_as_the_image(
 ) -> None:
     alone = Stage(route_map)
     for sequence, image in enumerate(images):
-        if sequence in (1, 2, 4):
-            stage.raws[sequence] = feature_of_model(route_map.model).describe(image)
-        stage.send(header(sequence), b"not looked at" if sequence in stage.raws else image)
+        is_described = sequence in (1, 2, 4)
+        if is_described:
+            stage.send_raw(sequence, 0, feature_of_model(route_map.model).describe(image))
+        stage.send(header(sequence), b"not looked at" if is_described else image)
         alone.send(header(sequence), image)
     assert stage.descriptors == alone.descriptors
+
+
+def test_parts_of_describers_in_any_number_give_the_same_descriptor_as_the_image(
+    route_map: Map, images: list[bytes]
+) -> None:
+    grey = fit_descriptors(
+        [np.stack([feature_of("grayscale").describe(image) for image in images])],
+        "grayscale",
+        dimensions=3,
+        standardise=True,
+        plain=False,
+    )[0]
+    joined = replace(route_map, model=JoinedModel((route_map.model, grey)))
+    stage, alone = Stage(joined), Stage(joined)
+    described: list[tuple[str, ...]] = [(), ("gist",), ("grayscale",), ("grayscale", "gist")]
+    for sequence, (image, kinds) in enumerate(zip(images, described, strict=False)):
+        for kind in kinds:
+            raw = feature_of(kind).describe(image)
+            stage.send_raw(sequence, ("gist", "grayscale").index(kind), raw)
+        stage.send(header(sequence), b"not looked at" if len(kinds) == 2 else image)
+        alone.send(header(sequence), image)
+    assert stage.descriptors == alone.descriptors
+    assert None not in stage.descriptors
 
 
 @pytest.fixture

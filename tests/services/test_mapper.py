@@ -35,7 +35,7 @@ class Stage:
     def __init__(self, path: Path) -> None:
         self.elsewhere = PeerCache()
         self.counts: Counter[str] = Counter()
-        self.mapper = Mapper(path, MODEL, self.elsewhere.fetch, self.counts)
+        self.mapper = Mapper(path, MODEL, None, self.elsewhere.fetch, self.counts)
 
     def show(self, header: Header, image: NDArray[np.uint8]) -> None:
         frame = FrameMessage(image=image)

@@ -1,14 +1,17 @@
 """What the featurizer waits for, and that it never waits for long."""
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
 from bus_doubles import header, received
+from numpy.typing import NDArray
 
 from placefield.bus.keys import Keys
 from placefield.bus.message import Message
 from placefield.bus.messages import FeatureMessage, RawFeatureMessage
+from placefield.errors import FrameError
 from placefield_services import raw_features as raw_features_module
 from placefield_services.background_query import NotYet
 from placefield_services.live_describers import LiveDescribers
@@ -28,14 +31,16 @@ class Clock:
 class Run:
     """Two describers, ``a`` and ``b``, which describe the frames 0, 3, … and 1, 4, …."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, parts: int = 1) -> None:
         self.clock = clock
         self.counts: Counter[str] = Counter()
         self.describers = LiveDescribers()
         self.released: list[str] = []
         for identity in ("a", "b"):
             self.describers.change(KEYS.alive("describer", identity), True)
-        kind = RawKind("model", 3)
+        self.described: list[Sequence[int]] = []
+        """The parts that the featurizer described while it waited for others."""
+        kind = RawKind("model", (3,) * parts)
         self.raws = RawFeatures(self.describers, kind, PATIENCE_S, self.counts)
 
     def leave(self, *sequences: int) -> None:
@@ -48,12 +53,25 @@ class Run:
         sent = received(KEYS.raw(describer), header(sequence), message)
         self.raws.receive(sent, self.released.append)
 
-    def take(self, sequence: int) -> float | str | None:
+    def send_part(self, describer: str, sequence: int, part: int) -> None:
+        raw = np.full(3, 10 * sequence + part, np.float32)
+        self.send(describer, sequence, RawFeatureMessage(model="model", part=part, raw=raw))
+
+    def take_parts(self, sequence: int) -> dict[int, float] | str:
         try:
-            raw = self.raws.take(header(sequence))
+            raws = self.raws.take(header(sequence), self.describe)
         except NotYet:
             return "wait"
-        return None if raw is None else float(raw[0])
+        return {part: float(raw[0]) for part, raw in raws.items()}
+
+    def describe(self, parts: Sequence[int]) -> Mapping[int, NDArray[np.float32]]:
+        if parts:
+            self.described.append(parts)
+        return {part: np.full(3, -part, np.float32) for part in parts}
+
+    def take(self, sequence: int) -> float | str | None:
+        parts = self.take_parts(sequence)
+        return parts.get(0) if isinstance(parts, dict) else parts
 
     def die(self, describer: str) -> None:
         self.describers.change(KEYS.alive("describer", describer), False)
@@ -79,6 +97,56 @@ def test_a_raw_feature_is_taken_once_whether_it_came_before_its_frame_or_after(r
     run.send("b", 4)
     assert (run.take(3), run.take(4), run.take(4)) == (3, 4, None)
     assert not run.counts
+
+
+@pytest.fixture
+def joined(monkeypatch: pytest.MonkeyPatch) -> Run:
+    """A run with three parts, of which each describer and the featurizer describe one."""
+    clock = Clock()
+    monkeypatch.setattr(raw_features_module, "time", clock)
+    run = Run(clock, parts=3)
+    run.send_part("a", 0, 0)
+    run.send_part("b", 0, 1)
+    assert run.take_parts(0) == {0: 0, 1: 1}
+    run.leave(3)
+    return run
+
+
+def test_while_a_part_is_awaited_the_others_are_described_once(joined: Run) -> None:
+    assert [joined.take_parts(3), joined.take_parts(3)] == ["wait", "wait"]
+    joined.send_part("b", 3, 1)
+    assert joined.take_parts(3) == "wait"
+    joined.send_part("a", 3, 0)
+    assert joined.take_parts(3) == {0: 30, 1: 31, 2: -2}
+    assert joined.described == [[2]]
+    assert joined.released == ["test"]
+    assert not joined.counts
+
+
+def test_the_part_of_a_dead_describer_is_described_while_that_of_another_is_awaited(
+    joined: Run,
+) -> None:
+    joined.die("a")
+    assert joined.take_parts(3) == "wait"
+    joined.send_part("b", 3, 1)
+    assert joined.take_parts(3) == {0: 0, 1: 31, 2: -2}
+    assert joined.described == [[0, 2]]
+    assert joined.counts == {"described_here": 1}
+
+
+def test_if_a_part_cannot_be_described_no_other_is_awaited(
+    joined: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(parts: Sequence[int]) -> Mapping[int, NDArray[np.float32]]:
+        raise FrameError("no image")
+
+    monkeypatch.setattr(joined, "describe", fail)
+    assert joined.take_parts(3) == {}
+
+
+def test_a_part_that_the_feature_does_not_have_is_refused(run: Run) -> None:
+    run.send_part("a", 0, 1)
+    assert run.counts == {"malformed": 1}
 
 
 def test_the_featurizers_own_turn_is_waited_for_by_nobody(run: Run) -> None:

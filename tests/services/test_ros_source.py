@@ -3,7 +3,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from bus_doubles import RecordingPublisher
-from cdr_by_hand import compressed_image, image, odometry
+from cdr_by_hand import camera_info, compressed_image, image, odometry
 from lenses import pinhole
 
 from placefield.bus.messages import FrameMessage, OdometryMessage
@@ -11,6 +11,7 @@ from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.errors import MessageError
 from placefield.features.calibration import Calibration
 from placefield.features.distance_sampler import DistanceSampler
+from placefield.ros.camera_info import CAMERA_INFO
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, IMAGE, ODOMETRY
 from placefield_services.ros_source import RosSource
 
@@ -57,6 +58,26 @@ def test_each_image_has_the_calibration_of_the_camera() -> None:
     stage = Stage(calibration=calibration)
     stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 5), b"first"))
     assert [message.calibration for _, message in stage.frames.sent if message] == [calibration]
+
+
+def test_an_image_has_the_calibration_that_came_last() -> None:
+    stage, lens = Stage(), pinhole(9, 8, 7)
+    matrix = 7, 0, 4, 0, 7, 3.5, 0, 0, 1
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((1, 0), b"before"))
+    info = camera_info((8, 9), "plumb_bob", matrix, lens.calibration.distortion)
+    stage.source.receive_calibration(CAMERA_INFO, info)
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((2, 0), b"first"))
+    not_calibrated = camera_info((8, 9), "", [0] * 9, [])
+    for kind, data, reason in (
+        (CAMERA_INFO, not_calibrated, "k: is 0: this camera has not been calibrated"),
+        (CAMERA_INFO, info[:-40], "not CDR"),
+        (IMAGE, info, f"give a topic of {CAMERA_INFO}"),
+    ):
+        with pytest.raises(MessageError, match=reason):
+            stage.source.receive_calibration(kind, data)
+    stage.source.publish_image(COMPRESSED_IMAGE, compressed_image((3, 0), b"second"))
+    calibrations = [message.calibration for _, message in stage.frames.sent if message]
+    assert calibrations == [None, lens.calibration, lens.calibration]
 
 
 def test_an_image_that_cannot_be_read_leaves_no_gap(stage: Stage) -> None:

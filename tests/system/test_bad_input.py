@@ -82,6 +82,10 @@ def test_without_a_router_a_command_says_where_it_looked(
             ("fetch", "maps/route"),
             "'maps/route': give the name of a map; give its folder with --to",
         ),
+        (
+            ("describer", "{map}", "--part", "sift"),
+            "--part sift: the map has no such feature; give",
+        ),
         (("replay", "no-folder"), "no-folder: no such folder or file"),
         (("replay", "{query}", "--stride", "0"), "--stride 0: must be 1 or more"),
         (("replay", "{query}", "--start", "60"), "--start 60"),

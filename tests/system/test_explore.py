@@ -14,6 +14,7 @@ from cdr_by_hand import compressed_image, odometry
 from hosting import PATIENCE_S, Host, Listener, Process, placefield, refusal, wait_until
 from hosting import Answer as Received
 from laps import FRAMES, images_of_laps
+from lenses import Lens
 from numpy.typing import NDArray
 
 import placefield as library
@@ -21,6 +22,7 @@ from placefield.bus.messages import OdometryMessage
 from placefield.bus.ros_node import RosNode
 from placefield.config import MatchingConfig
 from placefield.features.extract import feature_of
+from placefield.features.rectification import rectify, view_of
 from placefield.maps.opening import open_map
 from placefield.matching.exploring import Answer, Explorer
 from placefield.ros.ros_messages import COMPRESSED_IMAGE, ODOMETRY
@@ -47,11 +49,14 @@ def said(answers: Sequence[Answer]) -> list[Said]:
     return [(each.place, each.probability, each.new, each.known) for each in answers]
 
 
-def explored() -> tuple[list[Said], list[Said]]:
-    """Return what the library says of the laps, causal and smoothed."""
+def explored(lens: Lens | None = None) -> tuple[list[Said], list[Said]]:
+    """Return what the library says of the laps, as a lens takes them, causal and smoothed."""
     describe = feature_of("gist").describe
+    images = IMAGES
+    if lens is not None:
+        images = [rectify(image, lens.calibration, view_of(lens.calibration)) for image in IMAGES]
     explorer = Explorer(MatchingConfig())
-    causal = [explorer.update(describe(image)) for image in IMAGES]
+    causal = [explorer.update(describe(image)) for image in images]
     smoothed = [*explorer.smoothed(), *explorer.finish()]
     return said(causal), said([each.answer for each in smoothed])
 
@@ -108,6 +113,30 @@ def test_a_drive_is_explored_as_the_library_does_and_its_map_is_served_whoever_i
             header, match = listener.next_match()
             assert (header.sequence, match and match.map) == (0, placemap.digest)
     assert not drive_path(path).exists()
+
+
+def test_a_drive_of_a_camera_is_explored_rectified_and_its_describers_take_part(
+    tmp_path: Path, folder: Path
+) -> None:
+    height, width = IMAGES[0].shape[:2]
+    lens = Lens("pinhole", (-0.2, 0.02), width, height, (0.7 * width,) * 2, (width / 2, height / 2))
+    camera, path = lens.write(tmp_path / "front.yaml"), tmp_path / "laps.pfmap"
+    flags = Path(f"--explore={path}"), "--camera", camera, "--describers", "1"
+    with Host(tmp_path, *flags) as host, host.listener() as listener:
+        replayed = placefield("replay", folder, "--camera", camera, "--endpoint", host.endpoint)
+        assert replayed.returncode == 0, replayed.stderr
+        answers = listener.answers()
+        matches = [match for _, match in answers]
+        smoothed = [match for _, match in listener.smoothed(answers[0][0].stream)]
+        for got, expected in zip((matches, smoothed), explored(lens), strict=True):
+            assert [(m.place, m.probability, m.new, m.known) for m in got] == expected
+        assert listener.count("describer", "received") > FRAMES / 3
+        assert listener.count("featurizer", "described_here") < FRAMES / 3
+        wait_until(lambda: host.out.count("ready: ") == 2, "the map is served")
+    placemap = open_map(path)
+    assert placemap.model.view == view_of(lens.calibration)
+    assert placemap.places.count == FRAMES
+    assert explored(lens) != explored()
 
 
 def test_images_of_ros_are_explored_until_the_host_is_ended_and_the_map_has_their_metres(

@@ -1,20 +1,24 @@
 """A map of a network and GIST, from its frames to the answers of the services."""
 
+import signal
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hosting import Host, Process, answers_of, offline, wait_until
 from networks import write_network
 
+import placefield
+from placefield.bus.messages import RawFeatureMessage
 from placefield.config import Config
 from placefield.maps.map import fingerprint
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
-from placefield.recognizer import Recognizer
 from placefield_tools.build.added_drive import add_drive
 from placefield_tools.build.map_from_sources import build_from
-from placefield_tools.evaluate.through_services import match_through_services
-from placefield_tools.sources import NO_PARTS, open_source
+from placefield_tools.sources import NO_PARTS
 
 
 @pytest.fixture(scope="module")
@@ -52,16 +56,41 @@ def test_a_saved_map_has_the_model_that_it_was_built_with(
     ]
 
 
-def test_services_answer_as_the_library_does(
-    config: Config, joined_path: Path, query_dir: Path
+def test_services_answer_as_the_library_does_whichever_of_them_are_killed(
+    joined_path: Path, query_dir: Path, logs: Path
 ) -> None:
-    recognizer = Recognizer(open_map(joined_path), config)
-    with open_source(str(query_dir)) as source:
-        expected = [recognizer.update_frame(frame) for frame in source]
-        found, _ = match_through_services(joined_path, source, config)
-    assert found == expected
-    places = np.array([match.place for match in found])
-    assert (np.abs(places - np.arange(60)) <= 3).mean() > 0.9
+    images = sorted(query_dir.iterdir())
+    parts: defaultdict[str, set[int]] = defaultdict(set)  # that each describer has sent
+    with (
+        Host(logs, joined_path, "--workers", "1", "--describers", "1") as host,
+        Process(
+            logs, "describer", joined_path, "--part", "net", "--endpoint", host.endpoint
+        ) as of_network,
+        host.listener() as listener,
+        placefield.connect(host.endpoint) as client,
+    ):
+        wait_until(lambda: len(listener.alive("describer")) == 2, "both are ready")
+        listener.bus.subscribe_raw(
+            listener.keys.all_raws,
+            lambda key, payload: parts[key].add(RawFeatureMessage.decode(payload).part),
+        )
+
+        def sent() -> Iterator[Path]:
+            faults: dict[int, Callable[[], object]] = {
+                20: lambda: host.service("featurizer")[0].kill(),
+                40: lambda: host.service("describer")[0].kill(),
+                50: lambda: of_network.stop(signal.SIGKILL),
+            }
+            for number, image in enumerate(images):
+                if number in faults:
+                    faults[number]()
+                yield image
+
+        assert len(list(client.stream(sent()))) == len(images)
+        assert answers_of(listener.answers()) == offline(open_map(joined_path), images)
+        assert {0} in parts.values(), "the describer of any part takes the part that is left"
+        assert {1} in parts.values(), "the describer of the network describes only that"
+        assert "defect" not in host.err + of_network.err
 
 
 def test_a_drive_is_added_with_the_features_of_the_map(joined_path: Path, query_dir: Path) -> None:

@@ -19,6 +19,7 @@ from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.build.routes_from_sources import RouteOptions, build_routes
 from placefield_tools.evaluate.evaluation import evaluate
 from placefield_tools.evaluate.query import Query
+from placefield_tools.explore.explored_map import AskedMap
 from placefield_tools.explore.exploring_host import check_explored
 from placefield_tools.loops.finding import find_loops
 from placefield_tools.sources import NO_PARTS, open_source
@@ -38,8 +39,8 @@ def described_by(frames: str, path: Path, config: Config) -> list[Callable[[], o
         lambda: build_routes([frames], config, NO_PARTS, RouteOptions()),
         lambda: build_map(sorted(Path(frames).iterdir()), config=config),
         lambda: evaluate(path, query, no_truth, config, services=False),
-        lambda: check_explored(path.with_name("new.pfmap"), config),
-        lambda: run_exploring_featurizer(config, stop),
+        lambda: check_explored(AskedMap(path.with_name("new.pfmap"), config)),
+        lambda: run_exploring_featurizer(config, None, stop),
         lambda: run_featurizer(placemap, config, stop),
         lambda: find_loops(open_source((frames,)), frames, config),
         lambda: Recognizer(placemap, config),

@@ -38,14 +38,16 @@ class FrameMessage(Message):
 
 
 class RawFeatureMessage(Message):
-    """The raw feature of a frame, of a describer.
+    """The raw feature of a frame, or of a part of the feature, of a describer.
 
     Attributes:
         model: fingerprint of the model whose feature it is.
-        raw: (D,), finite; None: the describer could not describe the frame.
+        part: number of the part of the feature.
+        raw: (D,) of the part, finite; None: the describer could not describe the frame.
     """
 
     model: str = Field(max_length=64)
+    part: int = Field(0, ge=0, lt=2**16)
     raw: FloatVector | None
 
 

@@ -1,5 +1,6 @@
 """Reads the calibration of a camera from a file of ROS (``camera_info``) or OpenCV, in YAML."""
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -63,9 +64,26 @@ def read_camera(path: Path) -> Calibration:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     try:
-        return _calibration(_parse(written))
+        return calibration_of(_parse(written))
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def write_camera(calibration: Calibration, path: Path) -> None:
+    """Write the calibration of a camera as ``read_camera`` reads it.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    (fx, fy), (cx, cy) = calibration.focal, calibration.centre
+    written = {
+        "image_width": calibration.width,
+        "image_height": calibration.height,
+        "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
+        "distortion_model": calibration.model,
+        "distortion_coefficients": calibration.distortion,
+    }
+    path.write_text(json.dumps(written))  # which is YAML, too
 
 
 def _parse(written: bytes) -> Mapping[str, Any]:
@@ -90,10 +108,17 @@ def _parse(written: bytes) -> Mapping[str, Any]:
     return loaded
 
 
-def _calibration(given: Mapping[str, Any]) -> Calibration:
-    """Make a calibration of the keys of a file; raises ValueError."""
+def calibration_of(given: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that the keys of a file, or the fields of a message, say.
+
+    Raises:
+        ValueError: it is none; the reason begins with the key.
+    """
     width, height = _size(given)
     matrix = _numbers(given, _MATRIX)
+    if not any(matrix):
+        raise ValueError(f"{_key(given, _MATRIX)}: is 0: this camera has not been calibrated")
+    _check_whole(given, width, height)
     if len(matrix) != 9 or matrix[1] or matrix[3] or matrix[6:] != (0, 0, 1):
         raise ValueError(
             f"{_key(given, _MATRIX)}: has to be fx, 0, cx, 0, fy, cy, 0, 0, 1, in 3 rows"
@@ -112,6 +137,19 @@ def _calibration(given: Mapping[str, Any]) -> Calibration:
         first = error.errors()[0]
         field = first["loc"][0] if first["loc"] else "distortion"
         raise ValueError(f"{_key(given, _NAMES[str(field)])}: {first['msg']}") from None
+
+
+def _check_whole(given: Mapping[str, Any], width: object, height: object) -> None:
+    """Refuse the camera of images that are a part of the calibrated ones; raises ValueError."""
+    roi = given.get("roi")
+    if not isinstance(roi, Mapping):
+        return
+    part = roi.get("width", 0), roi.get("height", 0)
+    if part not in ((0, 0), (width, height)):
+        raise ValueError(
+            f"roi: the images are a part of {part[0]}×{part[1]} of the calibrated {width}×{height},"
+            " which is not supported; record whole images"
+        )
 
 
 def _model(given: Mapping[str, Any]) -> str:

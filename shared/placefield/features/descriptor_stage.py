@@ -49,8 +49,8 @@ class FrameStage(Protocol):
         """Whether a descriptor depends on the frames before it."""
 
     @property
-    def raw_dimensions(self) -> int | None:
-        """The dimension of the raw features; None if only describing a frame tells it."""
+    def raw_dimensions(self) -> tuple[int | None, ...]:
+        """The dimension of each part of the raw features; None before a frame tells it."""
 
     @property
     def large_frame(self) -> tuple[int, int, int]:
@@ -94,8 +94,8 @@ class DescriptorStage:
         self._model = model
         self.standardises = model.follows_query
         """Whether a descriptor depends on the frames before it."""
-        self.raw_dimensions: int | None = model.raw_dimensions
-        """The dimension of the raw features."""
+        self.raw_dimensions = tuple(part.raw_dimensions for part in model.parts)
+        """The dimension of each part of the raw features."""
         self.large_frame = large_frame(model.mask)
         """The shape of a large frame, to warm up with."""
         self.feature = feature_of_model(model, inference)

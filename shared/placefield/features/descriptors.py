@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
-from placefield.config import FeatureKind
 from placefield.errors import FrameError
 from placefield.features.calibration import View
+from placefield.features.kinds import FeatureKind
 from placefield.features.network import Network
 
 if TYPE_CHECKING:  # a router has no OpenCV

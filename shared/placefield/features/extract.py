@@ -1,6 +1,6 @@
 """Raw features of frames, by the kind of feature."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,14 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import (
-    DESCRIPTOR,
-    ONNX,
-    FeatureKind,
-    InferenceConfig,
-    kind_of,
-    kinds_of,
-)
+from placefield.config import InferenceConfig
 from placefield.errors import FrameError
 from placefield.features.calibration import View
 from placefield.features.descriptors import unit_length
@@ -25,6 +18,7 @@ from placefield.features.grayscale import grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
 from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.kinds import DESCRIPTOR, ONNX, FeatureKind, kind_of, kinds_of
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
 from placefield.features.network_sandbox import try_network
@@ -105,8 +99,14 @@ class Feature:
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        used = [self.used(pixels_of(image))]
-        rows = [part.describe(used)[0] for part in self.describing]
+        return self._joined(self._describe(pixels_of(image), range(len(self.describing))))
+
+    def _describe(self, pixels: Pixels, numbers: Iterable[int]) -> dict[int, Array]:
+        used = [self.used(pixels)]
+        return {number: self.describing[number].describe(used)[0] for number in numbers}
+
+    def _joined(self, described: Mapping[int, Array]) -> Array:
+        rows = [described[number] for number in range(len(self.describing))]
         return rows[0] if len(rows) == 1 else np.concatenate(list(map(unit_length, rows)))
 
     def used(self, pixels: Pixels) -> Pixels:
@@ -140,14 +140,30 @@ class Feature:
             return self.describe(image), image
         return self.accept(frame.descriptor), None
 
-    def of_frame(self, frame: Frame) -> Array:
+    def of_frame(self, frame: Frame, described: Mapping[int, Array] | None = None) -> Array:
         """Return the raw feature of a frame, (D,) float32.
+
+        Args:
+            frame: an image or a given descriptor.
+            described: the parts that are computed already, see ``parts_of_frame``. If they are all,
+                the image is not read.
 
         Raises:
             FrameError: see ``image_of``; or it is a descriptor where the feature describes images,
                 or the reverse.
         """
-        return self.observe(frame)[0]
+        if not described:
+            return self.observe(frame)[0]
+        missing = [each for each in range(len(self.describing)) if each not in described]
+        return self._joined({**described, **self.parts_of_frame(frame, missing)})
+
+    def parts_of_frame(self, frame: Frame, numbers: Sequence[int]) -> dict[int, Array]:
+        """Return the raw features of some parts of a frame's image, (Dp,) float32, by number.
+
+        Raises:
+            FrameError: see ``image_of``.
+        """
+        return self._describe(image_of(frame, self.view), numbers) if numbers else {}
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:

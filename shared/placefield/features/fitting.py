@@ -6,7 +6,6 @@ from itertools import chain
 import numpy as np
 
 from placefield.blocks import blocks
-from placefield.config import FeatureKind
 from placefield.features.descriptors import (
     BLOCK,
     Array,
@@ -14,6 +13,7 @@ from placefield.features.descriptors import (
     moments_of_raws,
     standardised,
 )
+from placefield.features.kinds import FeatureKind
 from placefield.features.network import Network
 
 _FARTHEST = 4.0  # plain PCA: a query's descriptor may be this many times as long as any place's

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, kind_of
 from placefield.features.calibration import View
 from placefield.features.descriptors import (
     Array,
@@ -26,6 +26,7 @@ from placefield.features.descriptors import (
     is_blank,
 )
 from placefield.features.fitting import fit_descriptors
+from placefield.features.kinds import ONNX, FeatureKind, kind_of
 from placefield.features.network import Network
 
 if TYPE_CHECKING:  # a router has no OpenCV
@@ -221,6 +222,18 @@ def fit_parts(
 def parts_of(model: AnyModel) -> tuple[FeaturePart, ...]:
     """Return the parts of the feature of a descriptor model."""
     return tuple(FeaturePart(one.kind, one.network, one.raw_dimensions) for one in model.parts)
+
+
+def part_names(model: AnyModel) -> list[str]:
+    """Return a name of each part: its kind, or for ``onnx:FOLDER/net.onnx`` ``net``.
+
+    If two parts had one name, every name is the kind.
+    """
+    kinds = [part.kind for part in model.parts]
+    short = [
+        Path(kind.removeprefix(ONNX)).stem if kind.startswith(ONNX) else kind for kind in kinds
+    ]
+    return short if len(set(short)) == len(short) else kinds
 
 
 def split_columns(vectors: NDArray[Real], widths: Sequence[int]) -> list[NDArray[Real]]:

@@ -1,25 +1,33 @@
 """The stage from frame to raw feature, in place of ``DescriptorStage`` where there is no map."""
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import FeatureKind, InferenceConfig, kinds_of
+from placefield.config import InferenceConfig
 from placefield.errors import ConfigError
+from placefield.features.calibration import Calibration, View
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
 from placefield.features.extract import feature_of, network_of
+from placefield.features.kinds import FeatureKind, kinds_of
 
 _DEFAULTS = InferenceConfig()
+_ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
 
 Array = NDArray[np.float32]
 
 
-def raw_fingerprint(kind: FeatureKind) -> str:
+def raw_fingerprint(kind: FeatureKind, camera: Calibration | None = None) -> str:
     """Return the fingerprint that identifies a kind of feature, 16 hexadecimal digits.
 
     That of a network depends on its content; the network is read, but not loaded.
+
+    Args:
+        kind: of the feature.
+        camera: whose view the frames are rectified to; None: they are used as they are.
 
     Raises:
         ConfigError: the kind has several parts, or a file of the network is missing or malformed.
@@ -27,6 +35,8 @@ def raw_fingerprint(kind: FeatureKind) -> str:
     check_one_part(kind)
     network = network_of(kind)
     named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
+    if camera is not None:
+        named += b" of camera " + camera.model_dump_json().encode()
     return hashlib.sha256(named).hexdigest()[:16]
 
 
@@ -48,21 +58,27 @@ class RawStage:
     standardises = False
     """Whether a descriptor depends on the frames before it."""
 
-    raw_dimensions = None
-    """The dimension of the raw features is not known."""
-
     large_frame = large_frame()
     """The shape of a large frame, to warm up with."""
 
-    def __init__(self, kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> None:
-        """Load the feature of a kind.
+    def __init__(
+        self,
+        kind: FeatureKind,
+        view: View | None = None,
+        inference: InferenceConfig = _DEFAULTS,
+    ) -> None:
+        """Load the feature of a kind, of frames that are rectified to a view if there is one.
 
         Raises:
             ConfigError: the kind has several parts, or see ``feature_of``.
         """
         check_one_part(kind)
-        self.feature = feature_of(kind, inference)
+        self.feature = replace(feature_of(kind, inference), view=view)
         """Describes frames by their raw features."""
+        self.raw_dimensions = (
+            len(self.feature.describe(_ANY_IMAGE)) if self.feature.describes_images else None,
+        )
+        """The dimension of the only part; None: the frames are given descriptors."""
 
     def new_stream(self, moments: Moments | None = None) -> "RawStream":
         """Begin a stream, or continue one; raw features need no moments."""

@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config, FeatureConfig, MetricConfig, kinds_of
+from placefield.config import Config, FeatureConfig, MetricConfig
 from placefield.errors import MapError
 from placefield.features.extract import default_dimensions
 from placefield.features.joined_model import AnyModel, FeaturePart, fit_parts
+from placefield.features.kinds import kinds_of
 from placefield.maps.gathering import (
     alignment_of,
     centred,

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import kinds_of
 from placefield.errors import MapError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.joined_model import AnyModel, JoinedModel
+from placefield.features.kinds import kinds_of
 from placefield.features.network import Network, NetworkInput
 from placefield.maps.array_layout import (
     CHANCE_FILES,

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import DESCRIPTOR, FeatureKind
 from placefield.errors import MapError
 from placefield.features.extract import default_dimensions, feature_of
 from placefield.features.fitting import fit_descriptors
+from placefield.features.kinds import DESCRIPTOR, FeatureKind
 from placefield.maps.alignment import align_by_number, align_by_poses, align_by_smoother
 from placefield.maps.geography import Origin
 from placefield.maps.map import Map, MapMetric

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError, MessageError
+from placefield.features.calibration import Calibration
+from placefield.ros.camera_info import CAMERA_INFO, calibration_of_message
 from placefield.ros.image_messages import decode_image
 
 if TYPE_CHECKING:
@@ -131,6 +133,21 @@ def read_position(kind: str, data: bytes) -> NDArray[np.float64]:
     if not np.isfinite(position).all():
         raise MessageError(f"{kind}: the position is not finite")
     return position
+
+
+def read_calibration(kind: str, data: bytes) -> Calibration:
+    """Read the calibration of a camera.
+
+    Raises:
+        MessageError: the message is no ``CAMERA_INFO``, or says no calibration.
+    """
+    if kind != CAMERA_INFO:
+        raise MessageError(f"{kind:.80}: give a topic of {CAMERA_INFO}")
+    message = _decode(kind, data)
+    try:
+        return calibration_of_message(message)
+    except ValueError as error:
+        raise MessageError(f"{kind}: {error}") from None
 
 
 def _decode(kind: str, data: bytes) -> Any:

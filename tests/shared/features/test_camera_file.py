@@ -8,7 +8,7 @@ import pytest
 from lenses import Lens
 
 from placefield.errors import ConfigError
-from placefield.features.camera_file import read_camera
+from placefield.features.camera_file import read_camera, write_camera
 
 PINHOLE = Lens("pinhole", (-0.25, 0.05), 320, 240, (190.0, 200.5), (155.0, 124.0))
 FISHEYE = Lens("fisheye", (0.04, -0.01, 2e-05, 0.0), 320, 240, (150.0, 148.0), (161.0, 117.0))
@@ -47,6 +47,9 @@ k:
 - 1.0
 binning_x: 0
 roi:
+  x_offset: 0
+  height: 0
+  width: 0
   do_rectify: false
 ---
 """
@@ -129,3 +132,12 @@ def test_any_other_file_is_refused(content: bytes, reason: str, tmp_path: Path) 
         read_camera(file)
     with pytest.raises(ConfigError, match=r"no\.yaml: cannot be read: No such file"):
         read_camera(tmp_path / "no.yaml")
+
+
+@pytest.mark.parametrize("lens", [PINHOLE, FISHEYE])
+def test_a_calibration_that_was_written_is_read_to_the_same_bits(
+    lens: Lens, tmp_path: Path
+) -> None:
+    third = lens.calibration.model_copy(update={"focal": (100 / 3, 1e-5 / 3)})
+    write_camera(third, tmp_path / "camera.yaml")
+    assert read_camera(tmp_path / "camera.yaml") == third

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from placefield.errors import ConfigError, FrameError
 from placefield.features.extract import Feature, feature_of
+from placefield.features.frames import Frame
 
 
 @pytest.fixture
@@ -51,3 +52,14 @@ def test_a_damaged_image_is_refused(image: NDArray[np.uint8], feature: Feature) 
 def test_a_network_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=rf"^{tmp_path}/no\.onnx: no such network"):
         feature_of(f"onnx:{tmp_path}/no.onnx")
+
+
+def test_a_frame_has_the_same_feature_whichever_parts_are_described_before(
+    image: NDArray[np.uint8],
+) -> None:
+    feature, frame = feature_of("gist+grayscale"), Frame(0, 0, "", png(image))
+    whole = feature.describe(image).tobytes()
+    grey = feature.parts_of_frame(frame, [1])
+    assert feature.of_frame(frame, grey).tobytes() == whole
+    both = {**grey, **feature.parts_of_frame(frame, [0])}
+    assert feature.of_frame(Frame(0, 0, "", b"not read"), both).tobytes() == whole

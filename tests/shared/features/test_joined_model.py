@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -5,12 +6,11 @@ import pytest
 from networks import write_network
 from numpy.typing import NDArray
 
-from placefield.config import kinds_of
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream, Moments
 from placefield.features.extract import feature_of
 from placefield.features.fitting import fit_descriptors
-from placefield.features.joined_model import FeaturePart, JoinedModel, fit_parts
+from placefield.features.joined_model import FeaturePart, JoinedModel, fit_parts, part_names
 
 WIDTHS = 20, 7
 KINDS = "gist", "grayscale"
@@ -114,16 +114,15 @@ def test_the_raw_feature_of_several_parts_has_each_at_unit_length(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("kind", "parts"),
+    ("kinds", "names"),
     [
-        ("gist", ["gist"]),
-        ("gist+onnx:net.onnx", ["gist", "onnx:net.onnx"]),
-        ("onnx:a+b.onnx", ["onnx:a+b.onnx"]),
-        ("onnx:/c+d/a+b.onnx+gist+own", ["onnx:/c+d/a+b.onnx", "gist", "own"]),
-        ("onnx:a.onnx+onnx:b.onnx", ["onnx:a.onnx", "onnx:b.onnx"]),
+        (("gist", "onnx:/c/net.onnx"), ["gist", "net"]),
+        (("onnx:a/net.onnx", "onnx:b/net.onnx"), ["onnx:a/net.onnx", "onnx:b/net.onnx"]),
+        (("gist", "onnx:gist.onnx"), ["gist", "onnx:gist.onnx"]),
     ],
 )
-def test_plus_signs_join_kinds_but_may_be_in_the_name_of_a_file(
-    kind: str, parts: list[str]
+def test_each_part_has_a_name_that_no_other_part_has(
+    kinds: tuple[str, ...], names: list[str]
 ) -> None:
-    assert list(kinds_of(kind)) == parts
+    parts = zip(fitted().parts, kinds, strict=True)
+    assert part_names(JoinedModel(tuple(replace(part, kind=kind) for part, kind in parts))) == names

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lenses import pinhole
 from networks import write_network
 
 from placefield.errors import FrameError
@@ -37,3 +38,9 @@ def test_the_fingerprint_names_the_feature_and_of_a_network_its_content(tmp_path
     assert len(fingerprints) == 3
     assert all(len(each) == 16 and int(each, 16) >= 0 for each in fingerprints)
     assert raw_fingerprint(f"onnx:{second}") in fingerprints
+
+
+def test_a_camera_has_a_fingerprint_of_its_own() -> None:
+    one, other = pinhole(64, 48, 50).calibration, pinhole(64, 48, 51).calibration
+    assert len({raw_fingerprint("gist", camera) for camera in (None, one, other)}) == 3
+    assert raw_fingerprint("gist", None) == raw_fingerprint("gist")

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from placefield.config import Config, FeatureKind, MatchingConfig, Rule
+from placefield.config import Config, MatchingConfig, Rule
 from placefield.features.extract import feature_of
+from placefield.features.kinds import FeatureKind
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.recognizer import Recognizer

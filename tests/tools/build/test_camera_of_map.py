@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from lenses import Lens, Pixels, pinhole
+from lenses import BENT, STRAIGHT, Pixels
 from typer.testing import CliRunner
 
 from placefield import Frame, FrameError, Recognizer, build_map
@@ -27,31 +27,12 @@ from placefield_tools.inspect.map_facts import map_facts
 from placefield_tools.sources import Parts, open_source
 
 CONFIG = Config.model_validate({"metric": {"kind": "identity"}, "scales": {"channels": 1}})
-STRAIGHT = pinhole(96, 72, 60)
-BENT = Lens("fisheye", (0.0, 0.0, 0.0, 0.0), 96, 72, (78.0, 78.0), (47.5, 35.5))
 
 
 def read(file: Path) -> Pixels:
     pixels = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
     assert pixels is not None
     return np.asarray(pixels, np.uint8)
-
-
-@pytest.fixture(scope="module")
-def cameras(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The files of the cameras of the reference and of the query."""
-    folder = tmp_path_factory.mktemp("cameras")
-    return STRAIGHT.write(folder / "straight.yaml"), BENT.write(folder / "bent.yaml")
-
-
-@pytest.fixture(scope="module")
-def bent_dir(query_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The query, as a camera with a fisheye lens takes it."""
-    folder = tmp_path_factory.mktemp("made") / "bent"
-    folder.mkdir()
-    for file in sorted(query_dir.glob("*.jpg")):
-        cv2.imwrite(str(folder / f"{file.stem}.png"), BENT.retaken(read(file), 60))
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -98,10 +79,25 @@ def test_a_query_of_another_camera_is_evaluated_with_its_file_only(
     found = evaluated(map_path, bent_dir, "--camera", bent, *output)
     assert json.loads(found[found.index("{") :])["rules"], found
     assert "give the camera's calibration, as by --camera" in evaluated(map_path, bent_dir, *output)
+    refused = evaluated(map_path, bent_dir, "--query-camera", bent, *output)
+    assert f"{map_path} is built already; give the camera of QUERY as --camera" in refused
     text = straight.read_text().replace("image_width: 96", "image_width: 128")
     (tmp_path / "other.yaml").write_text(text)
     said = evaluated(map_path, query_dir, "--camera", tmp_path / "other.yaml", *output)
     assert "the image is 96×72, and its camera was calibrated for 128×72" in said
+
+
+def test_frames_of_two_cameras_are_evaluated_as_on_a_map_of_what_both_see(
+    map_path: Path, reference_dir: Path, bent_dir: Path, cameras: tuple[Path, Path], tmp_path: Path
+) -> None:
+    straight, bent = cameras
+    how = ("--channels", "1", "--metric", "identity", "-o", tmp_path / "plots")
+    each = (
+        evaluated(reference_dir, bent_dir, "--camera", straight, "--query-camera", bent, *how),
+        evaluated(map_path, bent_dir, "--camera", bent, "-o", tmp_path / "plots"),
+    )
+    of_frames, of_map = (json.loads(said[said.index("{") :])["rules"] for said in each)
+    assert of_frames == of_map
 
 
 def test_a_drive_is_added_with_the_camera_that_took_it(
@@ -167,6 +163,33 @@ def test_what_does_not_fit_is_refused_in_one_line(
     np.save(tmp_path / "ref.npy", np.eye(12, dtype=np.float32))
     with pytest.raises(ConfigError, match=r"straight\.yaml: needs images"):
         open_source(str(tmp_path / "ref.npy"), parts=Parts(camera=cameras[0]))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "build FRAMES -o new.pfmap",
+        "add MAP FRAMES -o new.pfmap",
+        "evaluate MAP FRAMES --aligned",
+        "study FRAMES FRAMES --aligned",
+        "loops FRAMES -o loops.csv",
+        "replay FRAMES",
+        "chaos MAP FRAMES",
+        "up --explore new.pfmap",
+    ],
+)
+def test_each_command_that_reads_frames_takes_the_camera(
+    command: str,
+    map_path: Path,
+    query_dir: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    named = {"MAP": str(map_path), "FRAMES": str(query_dir)}
+    words = [named.get(word, word) for word in command.split()]
+    done = CliRunner().invoke(app, [*words, "--camera", "no.yaml"])
+    assert str(done.exception) == "no.yaml: cannot be read: No such file or directory"
 
 
 def with_view(path: Path, view: Callable[[dict[str, Any]], None]) -> Path:

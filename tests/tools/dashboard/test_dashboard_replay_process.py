@@ -11,7 +11,7 @@ def test_a_replay_that_fails_says_why_in_one_line(endpoint: str, tmp_path: Path)
     replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
     assert replay.status == "no replay was started here"
     source = tmp_path / "--help"  # no flag, whatever it is called
-    replay.start(str(source), None, loop=False)
+    replay.start(str(source), None, "", loop=False)
     assert replay.status == f"replaying {source}"
     wait_until(lambda: not replay.status.startswith("replaying"), "the replay has failed")
     assert str(source) in replay.status
@@ -20,12 +20,23 @@ def test_a_replay_that_fails_says_why_in_one_line(endpoint: str, tmp_path: Path)
     assert replay.status == "no replay was started here"
 
 
+def test_a_replay_has_the_calibration_of_the_camera(
+    endpoint: str, reference_dir: Path, tmp_path: Path
+) -> None:
+    replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
+    camera = tmp_path / "no.yaml"
+    replay.start(str(reference_dir), None, str(camera), loop=False)
+    wait_until(lambda: not replay.status.startswith("replaying"), "the replay has failed")
+    assert replay.status == f"{camera}: cannot be read: No such file or directory"
+    replay.close()
+
+
 def test_a_replay_is_ended_with_the_dashboard(endpoint: str, reference_dir: Path) -> None:
     replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
     others = set(psutil.Process().children())
-    replay.start(str(reference_dir), 5, loop=True)  # waits for a router
+    replay.start(str(reference_dir), 5, "", loop=True)  # waits for a router
     [child] = set(psutil.Process().children()) - others
-    replay.start("another", None, loop=False)  # while one is on
+    replay.start("another", None, "", loop=False)  # while one is on
     assert set(psutil.Process().children()) - others == {child}
     replay.close()
     assert not child.is_running()

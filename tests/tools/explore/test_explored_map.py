@@ -15,7 +15,7 @@ from placefield.features.images import small_jpeg
 from placefield.maps.drive_file import Drive, DriveFile, DriveFrame
 from placefield.maps.map import Map
 from placefield_tools.build.map_from_sources import build_from
-from placefield_tools.explore.explored_map import build_explored, places_of
+from placefield_tools.explore.explored_map import AskedMap, build_explored, places_of
 
 CONFIG = Config.model_validate({"scales": {"channels": 2}})
 IMAGES = images_of_laps()
@@ -42,7 +42,7 @@ def built(path: Path, drive: Sequence[DriveFrame]) -> Map:
     for frame in drive:
         file.append(frame)
     file.close()
-    return build_explored(path, "laps", CONFIG)
+    return build_explored(path, AskedMap(path.with_name("laps.pfmap"), CONFIG))
 
 
 def test_the_map_is_that_of_the_same_images_in_a_folder(tmp_path: Path) -> None:

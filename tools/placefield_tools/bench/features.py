@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import DESCRIPTOR
 from placefield.features.descriptor_stage import DescriptorStage
 from placefield.features.descriptors import DescriptorModel, DescriptorStream
 from placefield.features.extract import GIST_SIZE, default_dimensions, feature_of
 from placefield.features.fitting import fit_descriptors
 from placefield.features.gist import DIMENSIONS, gist
 from placefield.features.images import decode
+from placefield.features.kinds import DESCRIPTOR
 from placefield.features.shrink import small_grey
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.naive_gist import NaiveGist

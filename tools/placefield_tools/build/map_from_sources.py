@@ -7,11 +7,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from placefield.config import Config, kinds_of
+from placefield.config import Config
 from placefield.errors import MapError, SourceError
 from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
 from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.kinds import kinds_of
 from placefield.maps.build import adaptive_channels, build_map
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
@@ -65,7 +66,7 @@ def build_from(
         MapError: no map can be built of the traverses, see ``build_map``.
     """
     first, *others = drives_of(references, parts, one_drive)
-    used = images.found(parts.camera, partial(open_reference, first, spacing_m, parts))
+    used = images.found(parts, partial(open_reference, first, spacing_m, parts))
     without_poses = replace(parts, poses=None, pose_axes=None)
     drives = [(first, parts), *((other, without_poses) for other in others)]
     described, config, feature = describe_drives(
@@ -152,6 +153,7 @@ def map_of(
     spacing_m: float | None = None,
     parts: Parts = NO_PARTS,
     leave_out_bad: bool = False,
+    images: AskedPart = ALL_ASKED,
 ) -> Iterator[Path]:
     """Yield the path of a map: ``reference`` itself, or a temporary map that is built from it.
 
@@ -162,6 +164,7 @@ def map_of(
         spacing_m: see ``build_from``; not used with an existing map.
         parts: likewise.
         leave_out_bad: likewise.
+        images: likewise.
 
     Raises:
         MapError: the existing map has another feature, or another network.
@@ -176,7 +179,12 @@ def map_of(
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         built = Path(folder) / f"reference{SUFFIX}"
         built_map = build_from(
-            [reference], config, spacing_m=spacing_m, parts=parts, leave_out_bad=leave_out_bad
+            [reference],
+            config,
+            spacing_m=spacing_m,
+            parts=parts,
+            leave_out_bad=leave_out_bad,
+            images=images,
         )
         save_map(built_map, built)
         yield built

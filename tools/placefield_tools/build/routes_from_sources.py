@@ -77,7 +77,7 @@ def build_routes(
         )
     drives = [((reference,), parts) for reference in references]
     first, _ = drives[0]
-    used = images.found(parts.camera, partial(open_reference, first, spacing_m, parts))
+    used = images.found(parts, partial(open_reference, first, spacing_m, parts))
     described, config, feature = describe_drives(
         drives,
         config,

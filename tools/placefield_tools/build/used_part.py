@@ -7,13 +7,13 @@ from pathlib import Path
 
 from placefield.errors import ConfigError
 from placefield.features.calibration import View
-from placefield.features.camera_file import read_camera
 from placefield.features.extract import Feature
 from placefield.features.mask import Mask
 from placefield.features.rectification import view_of
 from placefield.maps.map import Map
 from placefield_tools.build.mask_from_source import mask_of
-from placefield_tools.sources import Source
+from placefield_tools.sources import Parts, Source
+from placefield_tools.sources.calibration_files import calibration_in
 
 
 @dataclass(frozen=True)
@@ -47,41 +47,55 @@ class AskedPart:
     Attributes:
         mask: an image whose black part is not used, or ``auto``, see ``mask_of``; None: all is
             used.
-        query_cameras: files of other cameras that will drive the route: the view is what all see.
+        query_cameras: files of other cameras that will drive the route, or recordings, see
+            ``calibration_in``: the view is what all see.
     """
 
     mask: str | None = None
     query_cameras: Sequence[Path] = ()
 
-    def found(self, camera: Path | None, first: Callable[[], Source]) -> UsedPart:
+    def found(self, parts: Parts, first: Callable[[], Source]) -> UsedPart:
         """Return the part, whose mask is of the rectified images of the first source.
 
         Args:
-            camera: the file of the camera of the frames; None: it is not known.
+            parts: say the camera of the frames.
             first: opens the first source.
 
         Raises:
-            ConfigError: a file is refused, see ``read_camera``, ``view_of`` and ``mask_of``, or
+            ConfigError: a file is refused, see ``calibration_in``, ``view_of`` and ``mask_of``, or
                 there are other cameras, and the one of the frames is not known.
             SourceError: the source fails.
         """
-        view = self._view(camera)
+        view = self.view(parts)
         mask = None if self.mask is None else mask_of(self.mask, first(), view)
         return UsedPart(view, mask)
 
-    def _view(self, camera: Path | None) -> View | None:
-        if camera is None:
+    def view(self, parts: Parts) -> View | None:
+        """Return the view that all cameras see; None if that of the frames is not known.
+
+        Raises:
+            ConfigError: see ``found``.
+            SourceError: a recording is refused.
+        """
+        if parts.camera is None:
             if self.query_cameras:
                 raise ConfigError("--query-camera: needs the frames' own camera; give --camera")
             return None
-        return reduce(View.common, map(_view_of_file, (camera, *self.query_cameras)))
+        cameras = (parts.camera, *self.query_cameras)
+        return reduce(View.common, (_view_in(camera, parts.topic) for camera in cameras))
 
 
 ALL_ASKED = AskedPart()
 
 
-def _view_of_file(camera: Path) -> View:
-    calibration = read_camera(camera)
+def _view_in(camera: Path, images: str | None) -> View:
+    """Return the view that a camera fills, see ``calibration_in`` and ``view_of``.
+
+    Raises:
+        ConfigError: the file is refused, or the camera has no view.
+        SourceError: the recording is refused.
+    """
+    calibration = calibration_in(camera, images)
     try:
         return view_of(calibration)
     except ConfigError as error:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from placefield_tools.cli import options, options_map
+from placefield_tools.cli import options, options_frames, options_map
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,6 +34,7 @@ def _chaos(
     ] = None,
     rate: Annotated[float, typer.Option(min=0.01, help="frames per second")] = 12.0,
     seed: Annotated[int, typer.Option(min=0, help="seed of the schedule of faults")] = 0,
+    camera: options_frames.Camera = None,
     as_json: options.Json = False,
     preset: options_map.PresetOption = None,
     rule: options_map.RuleOption = None,
@@ -58,7 +59,7 @@ def _chaos(
     from placefield_tools.chaos.disturbed_run import disturbed_replay
     from placefield_tools.chaos.schedule import APART, schedule
     from placefield_tools.common.parallel import cores
-    from placefield_tools.sources import open_source
+    from placefield_tools.sources import Parts, open_source
     from placefield_tools.sources.secrets import without_secrets
     from placefield_tools.up.service_commands import partition
 
@@ -69,10 +70,10 @@ def _chaos(
     metrics = [channel.metric for channel in read_manifest(map_path).channels]
     count = frames or (faults + 1) * APART
     drawn = schedule(seed, count, faults)
-    with open_source(source) as opened:
+    with open_source(source, parts=Parts(camera=camera)) as opened:
         if opened.live:
-            camera = without_secrets(source)
-            raise ConfigError(f"{camera}: a camera cannot be replayed; give a folder or a video")
+            shown = without_secrets(source)
+            raise ConfigError(f"{shown}: a camera cannot be replayed; give a folder or a video")
         verdict = disturbed_replay(
             map_path,
             opened,

@@ -53,6 +53,7 @@ def _evaluate(
     poses: options_frames.PoseFile = None,
     pose_axes: options_frames.PoseAxesOption = None,
     camera: options_frames.Camera = None,
+    query_camera: options_frames.QueryCamera = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
     channels: options_map.Channels = None,
@@ -75,6 +76,7 @@ def _evaluate(
       placefield evaluate day/ dusk/ --protocol kidnap --seed 1
     """
     from placefield_tools.build.map_from_sources import map_of
+    from placefield_tools.build.used_part import AskedPart
     from placefield_tools.common.outputs import make_folder
     from placefield_tools.common.progress import CONSOLE
     from placefield_tools.evaluate.evaluation import evaluate
@@ -109,12 +111,19 @@ def _evaluate(
     if Path(reference).suffix == SUFFIX:
         options_map.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
+        if query_camera is not None:
+            raise ConfigError(
+                f"--query-camera {query_camera}: {reference} is built already; give the camera of "
+                "QUERY as --camera"
+            )
 
     feature_asked = feature is not None
     parts_of_query = Parts(
         topic, odometry_topic, start=start, stop=stop, stride=stride, camera=camera
     )
-    asked_query = Query(query, spacing, protocol, other, effective.seed, parts_of_query, every)
+    asked_query = Query(
+        query, spacing, protocol, other, effective.seed, parts_of_query, every, query_camera
+    )
     parts = Parts(topic, odometry_topic, poses, pose_axes, camera=camera)
     with map_of(
         reference,
@@ -123,6 +132,7 @@ def _evaluate(
         spacing_m=spacing,
         parts=parts,
         leave_out_bad=leave_out_bad,
+        images=AskedPart(query_cameras=asked_query.other_cameras),
     ) as map_path:
         right_within = effective.matching.tolerance
         near = options_truth.places_near_in(map_path, right_within)

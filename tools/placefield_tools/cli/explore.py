@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from placefield_tools.cli import options, options_map
+from placefield_tools.cli import options, options_frames, options_map
 
-_Service = Literal["featurizer", "channel", "fuser", "mapper"]
+_Service = Literal["featurizer", "describer", "channel", "fuser", "mapper"]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,6 +31,7 @@ def _explore(
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     feature: options_map.Feature = None,
+    camera: options_frames.Camera = None,
     precision: options_map.Precision = None,
     metrics_port: options.MetricsPort = None,
     log_json: options.LogJson = False,
@@ -39,7 +40,8 @@ def _explore(
 ) -> None:
     """Serve a drive without a map, as one of the services that 'placefield up --explore' starts.
 
-    Several workers (channel) answer the same. The mapper keeps the frames of the drive.
+    Several workers (channel) answer the same. The mapper keeps the frames of the drive. All
+    services need the same --feature and --camera.
 
     Examples:
       placefield explore channel --endpoint tcp/robot:7557
@@ -50,6 +52,7 @@ def _explore(
     begin()
     from placefield_services.exploring_channel import run_exploring_channel
     from placefield_services.exploring_services import (
+        run_exploring_describer,
         run_exploring_featurizer,
         run_exploring_fuser,
     )
@@ -66,16 +69,19 @@ def _explore(
         matching__precision=precision,
         monitoring__port=metrics_port,
     )
+    calibration = options_frames.calibration_of(camera)
     stop = stop_of_service()
     if service == "mapper":
         if output is None:
             raise ConfigError("--output: say which map the mapper keeps the frames for")
         check_folder_of(output)
-        run_mapper(output, effective, stop)
-    elif service == "featurizer":
-        run_exploring_featurizer(effective, stop)
-    elif service == "channel":
-        run_exploring_channel(effective, stop)
+        run_mapper(output, effective, calibration, stop)
     else:
-        run_exploring_fuser(effective, stop)
+        serve = {
+            "featurizer": run_exploring_featurizer,
+            "describer": run_exploring_describer,
+            "channel": run_exploring_channel,
+            "fuser": run_exploring_fuser,
+        }[service]
+        serve(effective, calibration, stop)
     leave()

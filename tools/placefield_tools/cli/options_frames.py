@@ -1,11 +1,14 @@
 """Options about the frames of a source and their poses."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from placefield.maps.trajectory import PoseAxes
+
+if TYPE_CHECKING:
+    from placefield.features.calibration import Calibration
 
 Spacing = Annotated[
     float | None,
@@ -58,9 +61,19 @@ Camera = Annotated[
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="calibration of the camera, in YAML: camera_info of ROS, or OpenCV's; the frames are "
-        "rectified",
+        help="calibration of the camera: YAML of ROS or OpenCV, or a recording with CameraInfo; "
+        "the frames are rectified",
         show_default="used as they are",
+    ),
+]
+QueryCamera = Annotated[
+    Path | None,
+    typer.Option(
+        "--query-camera",
+        metavar="FILE",
+        help="calibration of the camera of QUERY, if it is another than that of the frames of REF; "
+        "only what both see is used",
+        show_default="--camera",
     ),
 ]
 PoseAxesOption = Annotated[
@@ -72,3 +85,12 @@ PoseAxesOption = Annotated[
         show_default="TUM x-forward, KITTI z-forward",
     ),
 ]
+
+
+def calibration_of(camera: Path | None, images: str | None = None) -> "Calibration | None":
+    """Return the calibration that ``--camera`` names, see ``calibration_in``; None without it."""
+    if camera is None:
+        return None
+    from placefield_tools.sources.calibration_files import calibration_in
+
+    return calibration_in(camera, images)

@@ -47,7 +47,8 @@ def _ros(
 
     Input: images are a live stream with the stamps of their headers. New images replace old ones if
     the services are too slow. Odometry gives the metres travelled between images. If the map was
-    built with --spacing, give the same --spacing here.
+    built with --spacing, give the same --spacing here. If the map has a camera's view, --camera is
+    the camera of the images; without it, the topic camera_info beside them says it.
 
     Output, if MAP has poses: known matches of the rule filter on /placefield/RUN/pose, and known
     smoothed matches on /placefield/RUN/smoothed_pose (geometry_msgs/PoseWithCovarianceStamped, in
@@ -60,14 +61,13 @@ def _ros(
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
-    from placefield.features.camera_file import read_camera
     from placefield_services.map_versions import MapVersions
     from placefield_services.ros_gateway import Topics, run_ros
 
     effective = options.effective_config(
         config, settings, runs=run, bus__endpoint=endpoint, monitoring__port=metrics_port
     )
-    calibration = None if camera is None else read_camera(camera)
+    calibration = options_frames.calibration_of(camera, topic)
     topics = Topics(domain, topic, odometry, spacing, calibration)
     versions = None if map_path is None else MapVersions(map_path, lineage=lineage)
     run_ros(versions, topics, effective, stop_of_service())

@@ -1,6 +1,7 @@
 """``placefield featurizer``, ``channel``, ``fuser`` and the like: one service, on any host."""
 
 import re
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -56,6 +57,14 @@ def _featurizer(
 
 def _describer(
     map_path: options.MapPath,
+    part: Annotated[
+        str | None,
+        typer.Option(
+            help="describe only this part of the feature, as gist or mobilenetv2 of "
+            "gist+mobilenetv2; then it falls to the describers with this flag alone",
+            show_default=False,
+        ),
+    ] = None,
     run: options.Runs = None,
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
@@ -68,14 +77,17 @@ def _describer(
     """Serve as describer: compute the features of a share of the frames for the featurizer.
 
     Describers are optional. Start as many as the feature needs, on any host: they describe the
-    frames in turn. The matches are the same.
+    frames in turn, and the parts of a feature such as gist+mobilenetv2 at the same time. The
+    matches are the same.
 
     Examples:
       placefield describer route.pfmap
+      placefield describer route.pfmap --part mobilenetv2 --set inference.provider=cuda
     """
     from placefield_services.process import begin, leave, stop_of_service
 
     begin()
+    from placefield.features.joined_model import part_names
     from placefield.maps.opening import open_map
     from placefield_services.describer import run_describer
 
@@ -88,8 +100,15 @@ def _describer(
         monitoring__port=metrics_port,
     )
     placemap = open_map(map_path, channels=(), lineage=lineage)
-    run_describer(placemap, effective, stop_of_service())
+    number = None if part is None else _part(part, part_names(placemap.model))
+    run_describer(placemap, effective, stop_of_service(), part=number)
     leave()
+
+
+def _part(name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise ConfigError(f"--part {name}: the map has no such feature; give {' or '.join(names)}")
+    return names.index(name)
 
 
 def _channel(

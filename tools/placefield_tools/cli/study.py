@@ -38,6 +38,8 @@ def _study(
     spacing: options_frames.Spacing = None,
     topic: options_frames.Topic = None,
     odometry_topic: options_frames.OdometryTopic = None,
+    camera: options_frames.Camera = None,
+    query_camera: options_frames.QueryCamera = None,
     preset: options_map.PresetOption = None,
     feature: options_map.Feature = None,
     channels: options_map.Channels = None,
@@ -50,7 +52,8 @@ def _study(
 ) -> None:
     """Match QUERY against REF by every method and write a report.
 
-    Placefield's own rules also run with one part left out at a time.
+    Placefield's own rules also run with one part left out at a time. --camera is that of REF and
+    of QUERY; all methods get the rectified frames.
 
     With --preset paper, run the experiments of the AMS paper instead, with both of its features or
     with the one of --feature.
@@ -96,9 +99,8 @@ def _study(
             f"{reference}: a map has no frames, and other methods need them; give the frames"
         )
     make_folder(output)
-    asked_query = Query(
-        query, spacing, protocol, other, effective.seed, Parts(topic, odometry_topic), every
-    )
+    parts = Parts(topic, odometry_topic, camera=camera)
+    asked_query = Query(query, spacing, protocol, other, effective.seed, parts, every, query_camera)
     truth_of = partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth)
     if effective.preset == "paper":
         features = None if feature is None else (feature,)

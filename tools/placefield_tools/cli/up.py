@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from placefield_tools.cli import options, options_map
+from placefield_tools.cli import options, options_frames, options_map
 
 if TYPE_CHECKING:
     from placefield.config import Config
+    from placefield.features.calibration import Calibration
     from placefield_tools.up.service_commands import ServiceFlags
 
 
@@ -48,6 +49,7 @@ def _up(
     endpoint: options.Endpoint = None,
     credentials: options.Credentials = None,
     feature: options_map.Feature = None,
+    camera: options_frames.Camera = None,
     preset: options_map.PresetOption = None,
     rule: options_map.RuleOption = None,
     precision: options_map.Precision = None,
@@ -95,6 +97,9 @@ def _up(
     map is built of the frames and saved; further streams are matched with it. With --ros, too, the
     images of ROS are explored until Ctrl-C. --feature is for --explore.
 
+    --camera is that of the explored drive, and of the images of --ros. Other frames have that of
+    'placefield replay --camera'.
+
     Examples:
       placefield up route.pfmap --precision 0.99
       placefield up --explore warehouse.pfmap
@@ -102,7 +107,7 @@ def _up(
     """
     from placefield.errors import ConfigError
     from placefield_services.process import stop_event
-    from placefield_tools.up.service_commands import ServiceFlags, common_flags
+    from placefield_tools.up.service_commands import ServiceFlags, camera_flags, common_flags
 
     stop = stop_event()
     effective = options.effective_config(
@@ -122,19 +127,24 @@ def _up(
     gateway = _gateway_flags(ros, ros_odometry, ros_spacing, ros_domain)
     if explore is None and feature is not None:
         raise ConfigError("--feature: is for --explore; a map has its own feature")
-    if explore is not None and describers:
-        raise ConfigError("--describers: need a map; leave them out with --explore")
+    if explore is None and ros is None and camera is not None:
+        raise ConfigError(
+            "--camera: is for --explore and --ros; give it to 'placefield replay', whose frames "
+            "the services rectify"
+        )
     if explore is not None and (verifiers or effective.build.local_features):
         flag = "--verifiers" if verifiers else "setting build.local_features"
         raise ConfigError(
             f"{flag}: an explored drive keeps no images, so its map has no local features; build a "
             "map of the frames with 'placefield build'"
         )
+    calibration = options_frames.calibration_of(camera, ros)
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         common = common_flags(effective, Path(folder), log_json=log_json)
-        flags = ServiceFlags(common, gateway, workers, describers, verifiers)
+        own = camera_flags(calibration, Path(folder))
+        flags = ServiceFlags(common, gateway, workers, describers, verifiers, own)
         if explore is not None and map_path is None:
-            if not _explored(explore, effective, flags, stop):
+            if not _explored(explore, effective, calibration, flags, stop):
                 return
             map_path = explore
         elif map_path is None or explore is not None:
@@ -163,15 +173,21 @@ def _gateway_flags(
 
 
 def _explored(
-    path: Path, effective: "Config", flags: "ServiceFlags", stop: threading.Event
+    path: Path,
+    effective: "Config",
+    camera: "Calibration | None",
+    flags: "ServiceFlags",
+    stop: threading.Event,
 ) -> bool:
     """Explore a drive; return whether its map is there, and is to be served."""
+    from placefield_tools.explore.explored_map import AskedMap
     from placefield_tools.explore.exploring_host import check_explored, explore
     from placefield_tools.up.service_commands import exploring_commands
 
-    check_explored(path, effective)
+    asked = AskedMap(path, effective, camera)
+    check_explored(asked)
     commands = exploring_commands(path, effective, flags)
-    return explore(path, effective, commands, stop, _end_at_next_signal) and not stop.is_set()
+    return explore(asked, commands, stop, _end_at_next_signal) and not stop.is_set()
 
 
 def _end_at_next_signal() -> None:

@@ -43,13 +43,21 @@ class ReplayChild:
         """Whether a replay is running."""
         return self._process is not None and self._process.poll() is None
 
-    def start(self, source: str, rate: float | None, *, loop: bool) -> None:
-        """Start to replay a source; does nothing if a replay is running."""
+    def start(self, source: str, rate: float | None, camera: str, *, loop: bool) -> None:
+        """Start to replay a source; does nothing if a replay is running.
+
+        Args:
+            source: of the frames.
+            rate: frames per second; None: as fast as they are answered.
+            camera: the file of the camera; empty: there is none.
+            loop: whether it repeats from the start.
+        """
         if self.runs:
             return
         self.close()
         command = [*PLACEFIELD, "replay", *self._flags]
         command += ["--rate", f"{rate:g}"] if rate is not None else []
+        command += [f"--camera={camera}"] if camera else []
         command += ["--loop"] if loop else []
         self._process = subprocess.Popen(
             [*command, "--", source],

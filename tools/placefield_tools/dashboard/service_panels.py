@@ -115,6 +115,9 @@ class ReplayPanel:
             self._rate = ui.number("Frames per second; blank: as fast as answered", min=0.01).props(
                 "dense outlined clearable data-shown=rate"
             )
+            self._camera = ui.input("Calibration of the camera, a file; blank: none").props(
+                "dense outlined data-shown=camera"
+            )
             self._loop = ui.checkbox("repeat from the start")
             with ui.element("div").classes("controls"):
                 self._start = ui.button("Start", on_click=self._start_replay)
@@ -127,7 +130,9 @@ class ReplayPanel:
 
     def _start_replay(self) -> None:
         if self._source.value:
-            self._replay.start(self._source.value, self._rate.value, loop=self._loop.value)
+            self._replay.start(
+                self._source.value, self._rate.value, self._camera.value, loop=self._loop.value
+            )
         self._draw()
 
     def _draw(self) -> None:

@@ -3,6 +3,7 @@
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 from placefield.config import MatchingConfig
 from placefield.evaluation.protocols import DEFAULT_EVERY, Protocol, Resampling
@@ -20,8 +21,9 @@ class Query:
         protocol: order of the frames in the drive.
         other: source of another route, for the protocol ``off-route`` only.
         seed: of the protocol.
-        parts: selects topics and frames of both sources.
+        parts: selects topics and frames of both sources, and says the camera of the reference.
         every: n of a protocol with every n-th frame; None: its default.
+        camera: the file of the query's camera; None: it is the reference's.
     """
 
     where: str
@@ -31,6 +33,12 @@ class Query:
     seed: int = 0
     parts: Parts = NO_PARTS
     every: int | None = None
+    camera: Path | None = None
+
+    @property
+    def other_cameras(self) -> tuple[Path, ...]:
+        """The files of the cameras besides the reference's."""
+        return () if self.camera is None else (self.camera,)
 
     def open(self) -> Source:
         """Open the frames, in the order of the drive.
@@ -38,7 +46,8 @@ class Query:
         Raises:
             SourceError: a source cannot be read, or is live and the protocol reorders frames.
         """
-        opened = partial(open_source, spacing_m=self.spacing_m, parts=self.parts)
+        parts = replace(self.parts, camera=self.camera or self.parts.camera)
+        opened = partial(open_source, spacing_m=self.spacing_m, parts=parts)
         if self.protocol == "aligned":
             return opened(self.where)
         with ExitStack() as stack:

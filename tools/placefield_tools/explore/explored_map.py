@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,23 +10,59 @@ from numpy.typing import NDArray
 
 from placefield.config import Config
 from placefield.errors import MapError
+from placefield.features.calibration import Calibration, View
 from placefield.features.extract import feature_of
 from placefield.features.local_descriptors import LocalDescriptors
+from placefield.features.raw_stage import raw_fingerprint
+from placefield.features.rectification import view_of
 from placefield.maps.drive_file import DriveFrame, read_drive
 from placefield.maps.map import Map
 from placefield.maps.traverse import DescribedFrame, Traverse, traverse_of
 from placefield_tools.build.map_from_sources import built_of
+from placefield_tools.build.used_part import UsedPart
 
 log = logging.getLogger(__name__)
 
 
-def build_explored(drive: Path, name: str, config: Config) -> Map:
+@dataclass(frozen=True)
+class AskedMap:
+    """The map that an exploration is to make.
+
+    Attributes:
+        path: of the map.
+        config: of the services and of the map.
+        camera: whose view the frames are rectified to; None: they are used as they are.
+    """
+
+    path: Path
+    config: Config
+    camera: Calibration | None = None
+
+    @property
+    def feature(self) -> str:
+        """The fingerprint of the feature of its drive.
+
+        Raises:
+            ConfigError: see ``raw_fingerprint``.
+        """
+        return raw_fingerprint(self.config.features.kind, self.camera)
+
+    @property
+    def view(self) -> View | None:
+        """The view that the frames are rectified to.
+
+        Raises:
+            ConfigError: the camera has none.
+        """
+        return None if self.camera is None else view_of(self.camera)
+
+
+def build_explored(drive: Path, asked: AskedMap) -> Map:
     """Build a map of the frames of a drive that became places, showing progress.
 
     Args:
         drive: its file.
-        name: of the drive, for the record.
-        config: of the map; its feature is that of the drive.
+        asked: the map.
 
     Raises:
         MapError: the file is of no drive, or the drive is too short for a map.
@@ -36,8 +73,10 @@ def build_explored(drive: Path, name: str, config: Config) -> Map:
     places = places_of([*frames.values()])
     if not places:
         raise MapError(f"{drive}: the views of {len(frames)} frames change too little for a map")
+    name = f"{asked.path.stem}, explored"
     traverse = _traverse(name, [frames[number] for number in places])
-    return built_of([traverse], config, feature_of(config.features.kind).parts)
+    parts = feature_of(asked.config.features.kind).parts
+    return UsedPart(asked.view).in_map(built_of([traverse], asked.config, parts))
 
 
 def places_of(frames: Sequence[DriveFrame]) -> list[int]:

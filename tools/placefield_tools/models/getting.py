@@ -6,8 +6,8 @@ from pathlib import Path
 
 import tomli_w
 
-from placefield.config import ONNX, kind_of, kinds_of
 from placefield.errors import ConfigError, SourceError
+from placefield.features.kinds import ONNX, kind_of, kinds_of
 from placefield.files import write_whole
 from placefield_tools.datasets.downloading import Progress, download
 from placefield_tools.datasets.getting import alone, disk_errors_reported

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-from placefield.config import DESCRIPTOR, kinds_of
 from placefield.errors import MapError
+from placefield.features.kinds import DESCRIPTOR, kinds_of
 from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES, look_files
 from placefield.maps.manifest import REBUILD, Manifest
 from placefield_tools.plan.placement import Core, Hosts, Limit, Placement, placements

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from placefield.errors import SourceError
 from placefield_tools.sources.one_drive import goes_on
+from placefield_tools.sources.recording_files import holds_recordings
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source
 from placefield_tools.sources.source_factory import (
     Parts,
-    holds_recordings,
     is_descriptor_source,
     name_of,
     open_source,

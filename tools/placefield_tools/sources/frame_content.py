@@ -2,10 +2,11 @@
 
 import logging
 
-from placefield.config import DESCRIPTOR, Config
+from placefield.config import Config
 from placefield.errors import ConfigError, FrameError, SourceError
 from placefield.features.calibration import View
 from placefield.features.joined_model import AnyModel
+from placefield.features.kinds import DESCRIPTOR
 from placefield.features.rectification import check_calibrated, seen
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Source

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -19,7 +19,7 @@ from placefield_tools.sources.recorded_images import IMAGES, Read, check_decoder
 from placefield_tools.sources.recorded_poses import FOXGLOVE_POSES, ROS_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.source import Span
-from placefield_tools.sources.topics import image_topic
+from placefield_tools.sources.topics import Types, image_topic
 
 log = logging.getLogger(__name__)
 
@@ -33,23 +33,7 @@ class _McapRecording(Recording):
     poses = (*ROS_POSES, *FOXGLOVE_POSES)
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        left_out = 0
-        for read in _messages(self.path, topic):
-            try:
-                message = read()
-            except PlacefieldError:
-                raise
-            except Exception:  # parsers raise errors of any kind
-                left_out += 1
-                continue
-            yield message
-        if left_out:
-            log.warning(
-                "%s: %s on %s cannot be parsed: left out",
-                self.path,
-                counted(left_out, "message"),
-                topic,
-            )
+        return messages_in_mcap(self.path, topic)
 
     def _images(self) -> Iterator[Callable[[], Stamped]]:
         name = f"{self.path.name}:{self._topic}"
@@ -79,22 +63,60 @@ def open_mcap_recording(
     """
     with known_errors(path):
         topics, span = _contents(path)
-    types = {name: held.kind for name, held in topics.items()}
+    types = _types(topics)
     images = image_topic(str(path), types, IMAGES, topic)
     check_decoder(path, types[images])
     total = topics[images].messages
     return _McapRecording(path, images, total, types, span, start=start, stride=stride, stop=stop)
 
 
-def lists_topics(path: Path) -> bool:
-    """Return whether the summary of an MCAP file lists its topics, which a writer may leave out.
+def types_in_mcap(path: Path) -> Types:
+    """Return the topics that hold messages, and the types of these.
 
     Raises:
         SourceError: the file cannot be read.
     """
     with known_errors(path):
+        topics, _ = _contents(path)
+    return _types(topics)
+
+
+def messages_in_mcap(path: Path, topic: str) -> Iterator[tuple[int, Any]]:
+    """Yield the stamp, nanoseconds, and the fields, for each message of a topic.
+
+    Messages that cannot be parsed are left out; their number is logged.
+    """
+    left_out = 0
+    for read in _messages(path, topic):
+        try:
+            message = read()
+        except PlacefieldError:
+            raise
+        except Exception:  # parsers raise errors of any kind
+            left_out += 1
+            continue
+        yield message
+    if left_out:
+        log.warning(
+            "%s: %s on %s cannot be parsed: left out", path, counted(left_out, "message"), topic
+        )
+
+
+def lists_topics(path: Path) -> bool:
+    """Return whether a file is MCAP, and its summary lists its topics; a writer may leave it out.
+
+    Raises:
+        SourceError: the file cannot be read.
+    """
+    if path.suffix.lower() != ".mcap":
+        return False
+    with known_errors(path):
         summary = read_summary(path)
     return summary is None or summary.statistics is None or bool(summary.channels)
+
+
+def _types(topics: Mapping[str, _Topic]) -> Types:
+    return {name: held.kind for name, held in topics.items()}
 
 
 def _contents(path: Path) -> tuple[dict[str, _Topic], Span]:

@@ -1,7 +1,8 @@
 """A recording of ROS 1 or ROS 2 as a source of frames, without a ROS installation."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from placefield_tools.sources.recorded_poses import ROS_POSES
 from placefield_tools.sources.recording import Recording, Stamped, known_errors
 from placefield_tools.sources.ros_types import parser_of
 from placefield_tools.sources.source import Span
-from placefield_tools.sources.topics import image_topic
+from placefield_tools.sources.topics import Types, image_topic
 
 _DEFINITIONS = {"ros2msg", "ros2idl", "omgidl", ""}  # schema encodings in MCAP that rosbags reads
 
@@ -29,9 +30,7 @@ class _RosRecording(Recording):
     poses = ROS_POSES
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        with _reader(self.path) as reader:
-            for read in _messages(reader, topic):
-                yield read()
+        return messages_in_ros(self.path, topic)
 
     def _images(self) -> Iterator[Callable[[], Stamped]]:
         name = f"{self.path.name}:{self._topic}"
@@ -62,12 +61,9 @@ def open_ros_recording(
     Raises:
         SourceError: the recording cannot be read, has no such topic, or ends before ``start``.
     """
-    with known_errors(path):
-        _check_files(path)
-    with known_errors(path), _reader(path) as reader:
-        _check_listed(path)
-        held = [each for each in reader.connections if each.msgcount]
-        types = {each.topic: each.msgtype for each in held}
+    with _checked_reader(path) as reader:
+        held = _held(reader)
+        types = _types(held)
         images = image_topic(str(path), types, IMAGES, topic)
         check_decoder(path, types[images])
         total = sum(each.msgcount for each in held if each.topic == images)
@@ -75,6 +71,45 @@ def open_ros_recording(
         return _RosRecording(
             path, images, total, types, span, start=start, stride=stride, stop=stop
         )
+
+
+def types_in_ros(path: Path) -> Types:
+    """Return the topics that hold messages, and the types of these.
+
+    Raises:
+        SourceError: the recording cannot be read.
+    """
+    with _checked_reader(path) as reader:
+        return _types(_held(reader))
+
+
+def messages_in_ros(path: Path, topic: str) -> Iterator[tuple[int, Any]]:
+    """Yield the stamp, nanoseconds, and the message, for each message of a topic."""
+    with _reader(path) as reader:
+        for read in _messages(reader, topic):
+            yield read()
+
+
+@contextmanager
+def _checked_reader(path: Path) -> Iterator[Reader1 | Reader2]:
+    """Open a recording that can be read as a whole.
+
+    Raises:
+        SourceError: it cannot, or the block fails.
+    """
+    with known_errors(path):
+        _check_files(path)
+        with _reader(path) as reader:
+            _check_listed(path)
+            yield reader
+
+
+def _held(reader: Reader1 | Reader2) -> list[Connection]:
+    return [each for each in reader.connections if each.msgcount]
+
+
+def _types(connections: Sequence[Connection]) -> Types:
+    return {each.topic: each.msgtype for each in connections}
 
 
 def _check_files(path: Path) -> None:

@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from placefield.errors import ConfigError, SourceError
-from placefield.features.camera_file import read_camera
+from placefield.errors import SourceError
 from placefield.features.distance_sampler import check_spacing
 from placefield.features.frames import Frame
 from placefield.maps.trajectory import PoseAxes
 from placefield.plugins import has_plugin, load_plugin
-from placefield_tools.common.natural_sort import in_natural_order
 from placefield_tools.sources.calibrated import Calibrated
+from placefield_tools.sources.calibration_files import calibration_in
 from placefield_tools.sources.camera import Camera
 from placefield_tools.sources.descriptor_files import is_descriptor_file
 from placefield_tools.sources.descriptors import Descriptors, holds_descriptors
 from placefield_tools.sources.distance_sampled import DistanceSampled
-from placefield_tools.sources.folder import IMAGE_SUFFIXES, LISTING, Folder
+from placefield_tools.sources.folder import IMAGE_SUFFIXES, Folder
 from placefield_tools.sources.frame_content import check_images
 from placefield_tools.sources.one_drive import OneDrive, in_order_of_time
 from placefield_tools.sources.pose_files import read_pose_file
 from placefield_tools.sources.pose_line_check import PoseLineCheck
+from placefield_tools.sources.recording_files import is_recording, not_installed, recordings_in
 from placefield_tools.sources.secrets import without_secrets
 from placefield_tools.sources.source import Ended, Source
 from placefield_tools.sources.video import Video
@@ -41,11 +41,8 @@ _URL = re.compile(r"(?:rtsps?|https?)://.+", re.IGNORECASE)
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*):")
 """The scheme of a source from another package."""
 
-_RECORDINGS = (".bag", ".db3", ".mcap")
 _UNFINISHED = (".active", ".part", ".partial", ".tmp")
 """Suffixes of files that a recorder or a download has not finished."""
-
-_BAG_FOLDER = "metadata.yaml"
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,8 @@ class Parts:
         start: index of the first frame.
         stop: index after the last frame; None: the end of the source.
         stride: step from one frame to the next.
-        camera: a file with the calibration of the camera; None: it is not known.
+        camera: a file with the calibration of the camera, or a recording, see ``calibration_in``;
+            None: it is not known.
     """
 
     topic: str | None = None
@@ -107,7 +105,7 @@ def open_source(
             not fit. That a video ends before ``start`` is found only when it is read, because its
             container's count may be wrong.
         ConfigError: a library that reads the source is not installed, or the camera's file is
-            refused, see ``read_camera``.
+            refused, see ``calibration_in``.
     """
     start, stride = parts.start, parts.stride
     if start < 0:
@@ -137,7 +135,7 @@ def open_source(
         source = Ended(source, start, parts.stop, stride)
     if parts.camera is not None:
         check_images(source, f"--camera {parts.camera}")
-        source = Calibrated(source, read_camera(parts.camera))
+        source = Calibrated(source, calibration_in(parts.camera, parts.topic))
     if source.live and metres is not None:
         source = WithOdometry(source, metres)
     return source if spacing_m is None else DistanceSampled(source, spacing_m)
@@ -147,9 +145,9 @@ def _open(
     where: str, start: int, stride: int, parts: Parts, stop: threading.Event | None
 ) -> Source:
     path = Path(where)
-    if _is_recording(path):
+    if is_recording(path):
         return _open_recordings(where, [path], start, stride, parts, stop)
-    if recordings := _recordings_in(path):
+    if recordings := recordings_in(path):
         return _open_recordings(where, recordings, start, stride, parts, stop)
     if parts.topic is not None or parts.odometry_topic is not None:
         shown = without_secrets(where)
@@ -167,20 +165,9 @@ def _open(
     return _open_path(path, start, stride, stop)
 
 
-def _is_recording(path: Path) -> bool:
-    if path.suffix.lower() in _RECORDINGS:
-        return path.is_file()
-    return (path / _BAG_FOLDER).is_file()
-
-
 def name_of(parts: Sequence[str]) -> str:
     """Return the name of a source, or of a drive in several parts: the first and the last."""
     return parts[0] if len(parts) == 1 else f"{parts[0]} to {parts[-1]}"
-
-
-def holds_recordings(path: Path) -> bool:
-    """Return whether a source is a recording, or a folder of recordings."""
-    return _is_recording(path) or bool(_recordings_in(path))
 
 
 def is_descriptor_source(path: Path) -> bool:
@@ -190,23 +177,12 @@ def is_descriptor_source(path: Path) -> bool:
     return path.is_dir() and holds_descriptors(path)
 
 
-def _recordings_in(path: Path) -> list[Path]:
-    """Return the recordings in a folder without images; a bag's own folder is none."""
-    if not path.is_dir():
-        return []
-    files = [file for file in path.iterdir() if not file.name.startswith(".")]
-    if any(file.suffix.lower() in IMAGE_SUFFIXES or file.name == LISTING for file in files):
-        return []
-    by_name = {str(file): file for file in files if _is_recording(file)}
-    return [by_name[name] for name in in_natural_order(by_name)]
-
-
 def _open_parts(
     wheres: Sequence[str], start: int, stride: int, parts: Parts, stop: threading.Event | None
 ) -> Source:
     """Open the parts of one drive."""
     name = name_of(wheres)
-    if all(_is_recording(Path(where)) for where in wheres):
+    if all(is_recording(Path(where)) for where in wheres):
         paths = [Path(where) for where in wheres]
         return _open_recordings(name, paths, start, stride, parts, stop)
     opened = [_open(where, 0, 1, parts, stop) for where in wheres]
@@ -231,7 +207,7 @@ def _open_recordings(
         from placefield_tools.sources.recorded_poses import with_poses
         from placefield_tools.sources.ros_recording import mixed_files
     except ModuleNotFoundError as missing:
-        raise _not_installed(name, missing) from None
+        raise not_installed(name, missing) from None
     if len(paths) == 1:
         paths = mixed_files(paths[0]) or paths
     if len(paths) == 1:
@@ -250,14 +226,9 @@ def _open_recording(
         from placefield_tools.sources.mcap_recording import lists_topics, open_mcap_recording
         from placefield_tools.sources.ros_recording import open_ros_recording
     except ModuleNotFoundError as missing:
-        raise _not_installed(str(path), missing) from None
-    is_mcap = path.suffix.lower() == ".mcap" and lists_topics(path)
-    opened = open_mcap_recording if is_mcap else open_ros_recording
+        raise not_installed(str(path), missing) from None
+    opened = open_mcap_recording if lists_topics(path) else open_ros_recording
     return opened(path, parts.topic, start=start, stride=stride, stop=stop)
-
-
-def _not_installed(name: str, missing: ModuleNotFoundError) -> ConfigError:
-    return ConfigError(f"{name} needs {missing.name}: pip install 'placefield[ros]'")
 
 
 def _open_path(path: Path, start: int, stride: int, stop: threading.Event | None) -> Source:

@@ -1,6 +1,7 @@
 """Describes frames once for all methods."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 from placefield.baselines.fabmap import Vocabulary, learn_words
 from placefield.baselines.seqslam import HEIGHT, WIDTH, seqslam_image
 from placefield.errors import FrameError, SourceError
+from placefield.features.calibration import View
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import grey
+from placefield.features.rectification import image_of
 from placefield.maps.traverse import ROUTE, DescribedFrame, Traverse, describe_frame, traverse_of
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
@@ -53,14 +56,19 @@ class Described:
         return np.array([raw is not None for raw in self.raws], np.bool_)
 
 
-def learn_vocabulary(source: Source, seed: int) -> Vocabulary:
+def learn_vocabulary(source: Source, view: View | None, seed: int) -> Vocabulary:
     """Learn FAB-MAP's words from the readable frames of the reference.
+
+    Args:
+        source: of the frames.
+        view: that they are rectified to; None: they are used as they are.
+        seed: of the clustering.
 
     Raises:
         MapError: no frame has a keypoint.
     """
     with tracked(source, "learning words", source.count) as frames:
-        images = map_in_order(_grey_or_none, frames)
+        images = map_in_order(partial(_grey_or_none, view), frames)
         return learn_words((image for image in images if image is not None), WORDS, seed)
 
 
@@ -76,7 +84,10 @@ def describe_reference(
 
     def describe(frame: Frame) -> tuple[DescribedFrame, _Observation]:
         try:
-            return describe_frame(frame, feature), _look(frame, vocabulary)
+            described = describe_frame(frame, feature)
+            is_image = frame.descriptor is None
+            image = image_of(frame, feature.view) if is_image else None
+            return described, _look(image, vocabulary)
         except FrameError as error:
             raise SourceError(f"{error}; a study's reference needs every frame") from None
 
@@ -101,8 +112,8 @@ def describe_query_frames(
     """
 
     def describe(frame: Frame) -> tuple[Array, _Observation]:
-        decoded = frame.decoded()
-        return feature.of_frame(decoded), _look(decoded, vocabulary)
+        raw, image = feature.observe(frame)
+        return raw, _look(image, vocabulary)
 
     is_image = source.dimensions is None
     missing = (None, _missing_observation(vocabulary) if is_image else _NO_OBSERVATION)
@@ -116,10 +127,10 @@ def _described(raws: list[RawFeature], observations: list[_Observation]) -> Desc
     return Described(raws, np.stack(images), np.stack(words))
 
 
-def _look(frame: Frame, vocabulary: Vocabulary | None) -> _Observation:
-    if frame.descriptor is not None:
+def _look(image: NDArray[np.uint8] | None, vocabulary: Vocabulary | None) -> _Observation:
+    if image is None:
         return _NO_OBSERVATION
-    shades = grey(frame.pixels())
+    shades = grey(image)
     small = seqslam_image(shades)
     return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(shades))
 
@@ -129,9 +140,9 @@ def _missing_observation(vocabulary: Vocabulary | None) -> _Observation:
     return np.zeros((HEIGHT, WIDTH), np.float32), np.zeros(words, np.bool_)
 
 
-def _grey_or_none(frame: Frame) -> NDArray[np.uint8] | None:
+def _grey_or_none(view: View | None, frame: Frame) -> NDArray[np.uint8] | None:
     try:
-        return _rounded(grey(frame.pixels()))
+        return _rounded(grey(image_of(frame, view)))
     except FrameError:
         return None
 

@@ -10,10 +10,12 @@ from placefield.config import Config
 from placefield.errors import MapError, SourceError, TruthError
 from placefield.evaluation.protocols import TAKES_EVERY, THINS_REFERENCE, default_every
 from placefield.evaluation.truth import Truth
+from placefield.features.calibration import View
 from placefield.features.extract import feature_of
 from placefield.features.joined_model import FeaturePart
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
+from placefield_tools.build.used_part import AskedPart, UsedPart
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.drive_matching import Metres, descriptors_of
 from placefield_tools.evaluate.evaluation import drive_in
@@ -98,7 +100,8 @@ def prepare(
     """
     with open_source(reference, spacing_m=query.spacing_m, parts=query.parts) as whole:
         config = with_feature_of(whole, reference, config)
-        feature = feature_of(config.features.kind, config.inference)
+        used = UsedPart(AskedPart(query_cameras=query.other_cameras).view(query.parts))
+        feature = used.of(feature_of(config.features.kind, config.inference))
         if whole.live:
             camera = without_secrets(reference)
             raise SourceError(
@@ -106,7 +109,7 @@ def prepare(
             )
         query, source = _agreed(query, whole)
         has_words = words and whole.dimensions is None
-        vocabulary = _vocabulary(source, config.seed) if has_words else None
+        vocabulary = _vocabulary(source, used.view, config.seed) if has_words else None
         traverse, described_reference = describe_reference(source, reference, feature, vocabulary)
 
     with query.open() as opened:
@@ -116,7 +119,8 @@ def prepare(
     if drive.odometry is not None:  # which assumes one metre from place to place
         traverse = replace(traverse, travelled=np.arange(len(traverse.raw), dtype=np.float64))
     CONSOLE.print("building our map")
-    placemap, fitting = _fitting_map(traverse, config, feature.parts, thinned=drive.every > 1)
+    built, fitting = _fitting_map(traverse, config, feature.parts, thinned=drive.every > 1)
+    placemap = used.in_map(built)
     references = source.unthinned_count if isinstance(source, Thinned) else placemap.places.count
     ground = find_truth(
         TruthSides(placemap, references, whole_drive, drive, poses, opened.origin, readings),
@@ -176,9 +180,9 @@ def _fitting_map(
         CONSOLE.print(f"the thinned reference is short: trying --min-scale {shorter}")
 
 
-def _vocabulary(source: Source, seed: int) -> Vocabulary | None:
+def _vocabulary(source: Source, view: View | None, seed: int) -> Vocabulary | None:
     """Learn FAB-MAP's words; None if the reference has no keypoints."""
     try:
-        return learn_vocabulary(source, seed)
+        return learn_vocabulary(source, view, seed)
     except MapError:
         return None

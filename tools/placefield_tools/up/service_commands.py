@@ -6,6 +6,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from placefield.config import Config, MonitoringConfig
+from placefield.features.calibration import Calibration
+from placefield.features.camera_file import write_camera
 from placefield.maps.manifest import Manifest
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.common.parallel import cores
@@ -32,6 +34,7 @@ class ServiceFlags:
         workers: the number of channel workers; None: as many as suit the host.
         describers: the number of describers.
         verifiers: the number of verifiers.
+        camera: flags that say the camera of the explored drive, and of the images of ROS.
     """
 
     common: Sequence[str]
@@ -39,6 +42,7 @@ class ServiceFlags:
     workers: int | None = None
     describers: int = 0
     verifiers: int = 0
+    camera: Sequence[str] = ()
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -59,6 +63,15 @@ def common_flags(config: Config, folder: Path, *, log_json: bool) -> list[str]:
     of_services = config.model_copy(update={"monitoring": MonitoringConfig()})
     file.write_text(of_services.to_toml())
     return ["--config", str(file), *(["--log-json"] if log_json else [])]
+
+
+def camera_flags(camera: Calibration | None, folder: Path) -> list[str]:
+    """Return the flags that say a camera, whose calibration is written to a file in a folder."""
+    if camera is None:
+        return []
+    file = folder / "camera.yaml"
+    write_camera(camera, file)
+    return ["--camera", str(file)]
 
 
 def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
@@ -116,7 +129,7 @@ def commands_on_map(
         commands[f"verifier {number}"] = command("verifier", *lineage)
     commands["map server"] = command("serve")  # it sends any map
     if flags.gateway is not None:
-        commands[GATEWAY] = command("ros", *flags.gateway, *lineage)
+        commands[GATEWAY] = command("ros", *flags.gateway, *flags.camera, *lineage)
     return commands
 
 
@@ -131,22 +144,24 @@ def exploring_commands(path: Path, config: Config, flags: ServiceFlags) -> dict[
     Raises:
         BusError: credentials are missing or not valid.
     """
-    services = ("featurizer", "channel", "fuser", "mapper")
+    describer = ("describer",) if flags.describers else ()
+    services = ("featurizer", *describer, "channel", "fuser", "mapper")
     credentials = _credentials_beside(config.bus.credentials, {each: each for each in services})
 
     def command(service: str, *own: str) -> list[str]:
         if service in credentials:
             own = (*own, "--credentials", str(credentials[service]))
-        return [*PLACEFIELD, "explore", service, *flags.common, *own]
+        return [*PLACEFIELD, "explore", service, *flags.common, *flags.camera, *own]
 
     commands = {
         "featurizer": command("featurizer"),
+        **{f"describer {number}": command("describer") for number in range(flags.describers)},
         **{f"channel worker {number}": command("channel") for number in range(flags.workers or 1)},
         "fuser": command("fuser"),
         "mapper": command("mapper", "--output", str(path)),
     }
     if flags.gateway is not None:
-        commands[GATEWAY] = [*PLACEFIELD, "ros", *flags.common, *flags.gateway]
+        commands[GATEWAY] = [*PLACEFIELD, "ros", *flags.common, *flags.gateway, *flags.camera]
     return commands
 
 

@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from placefield.config import DESCRIPTOR, Config
+from placefield.config import Config
 from placefield.errors import MapError
+from placefield.features.kinds import DESCRIPTOR
 from placefield.maps.map import Map, MapChannel
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.judging import Judged, judge
