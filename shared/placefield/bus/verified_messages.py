@@ -99,7 +99,7 @@ class VerifiedMessage(SmoothedMessage):
         if posterior is None:
             return self
         if posterior.size != STATES or posterior.min() < 0:
-            raise PydanticCustomError("posterior", f"not {STATES} probabilities")
+            raise PydanticCustomError("posterior", f"the posterior is not {STATES} probabilities")
         if not abs(posterior.sum() - 1) <= _TOLERANCE:
-            raise PydanticCustomError("posterior", "the probabilities do not sum to 1")
+            raise PydanticCustomError("posterior", "the posterior does not sum to 1")
         return self
