@@ -160,6 +160,13 @@ class MetricConfig(_Section):
         "placefield",
         description="whose lmnn: placefield's, or metric-learn's, which is slower",
     )
+    kept: float = Field(
+        0.99,
+        gt=0,
+        le=1,
+        description="part of the squared distances between segments that a learned metric keeps, "
+        "in as few dimensions as it takes; 1: the paper",
+    )
     gate: bool = Field(
         True,
         description="keep a metric only if it recognises another traverse better; false: the paper",

@@ -2,9 +2,9 @@
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from placefield.config import FeatureConfig, MetricConfig, ScaleConfig
 from placefield.errors import MapError
@@ -47,6 +47,11 @@ Name = Annotated[str, AfterValidator(printable)]
 
 AlignedBy = Literal["smoother", "poses", "number"]
 """The method that aligned the frames of a drive; with ``number``, frame i shows place i."""
+
+
+def _kept_all_unless_told(metric: Any) -> Any:
+    """Return the settings of a metric; a map that does not say what it kept has kept everything."""
+    return {"kept": 1.0, **metric} if isinstance(metric, dict) else metric
 
 
 class _Record(BaseModel):
@@ -173,7 +178,7 @@ class Manifest(_Record):
     seed: int
     features: FeatureConfig
     scales: ScaleConfig
-    metric: MetricConfig
+    metric: Annotated[MetricConfig, BeforeValidator(_kept_all_unless_told)]
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None

@@ -12,6 +12,7 @@ from placefield.metric.gate import Probes, passes_gate, probe_score
 from placefield.metric.learners import NothingLearnedError, fit_reference_learner
 from placefield.metric.lmnn import fit_lmnn, loss, target_distances, target_neighbours
 from placefield.metric.metric_learn_lmnn import fit_lmnn_by_metric_learn
+from placefield.metric.rank import reduce_rank
 
 __all__ = ["LearnedMetric", "Probes", "held_back_frames", "learn_projection"]
 
@@ -31,7 +32,8 @@ class LearnedMetric:
     """A channel's projection and how it was learned.
 
     Attributes:
-        projection: (N, N) float32, the paper's v; the identity if nothing better was learned.
+        projection: (R, N) float32, the paper's v, of as few rows as keep ``MetricConfig.kept`` of
+            the distances; the (N, N) identity if nothing better was learned.
         refusal: why it is the identity; empty if it was learned and passed the gate.
         curve: (n, 2) float64, validation loss and gate score: of the identity, and of the learned
             metric, by LMNN after each step, by the other learners at the end.
@@ -111,6 +113,7 @@ def learn_projection(
             validate(best)
     except NothingLearnedError as nothing:
         return LearnedMetric(identity, str(nothing), np.array(curve))
+    best = reduce_rank(best, descriptors, labels, config.kept)
     if config.gate and probes is not None and not passes_gate(best, probes):
         return LearnedMetric(identity, _REFUSAL, np.array(curve))
     return LearnedMetric(_rescale(best, descriptors), "", np.array(curve))

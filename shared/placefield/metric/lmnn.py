@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from placefield.blocks import blocks
-from placefield.metric.impostors import mark_invasions, sum_hinges
+from placefield.metric.impostors import push_impostors, sum_hinges
 from placefield.metric.squared_distances import Floats, squared_distances
 
 Labels = NDArray[np.integer[Any]]
@@ -195,24 +195,23 @@ def _push(projected: Floats, labels: Labels, radii: Floats) -> tuple[Floats, Flo
     """
     triplets = np.zeros_like(radii)
     forces = np.zeros_like(projected)
+    squares = np.einsum("km,km->k", projected, projected)
     for rows in blocks(len(projected), _BLOCK):
         for columns in blocks(len(projected), _BLOCK):
             if columns.start < rows.start:
                 continue
-            pairs = squared_distances(projected[rows], projected[columns])
-            invaded = mark_invasions(
-                pairs,
-                labels[rows],
-                labels[columns],
-                radii[:, rows],
-                radii[:, columns],
-                triplets[:, rows],
-                triplets[:, columns],
-                rows == columns,
+            products = projected[rows] @ projected[columns].T
+            push_impostors(
+                products,
+                rows.start,
+                columns.start,
+                projected,
+                squares,
+                labels,
+                radii,
+                triplets,
+                forces,
             )
-            if invaded:
-                forces[rows] += _laplacian_product(pairs, projected[rows], projected[columns])
-                forces[columns] += _laplacian_product(pairs.T, projected[columns], projected[rows])
     return triplets, forces
 
 
@@ -231,8 +230,3 @@ def _laplacian(targets: NDArray[np.intp], weights: Floats) -> csr_array:
     pairs = csr_array((weights[points, columns], ends), shape=(len(targets), len(targets)))
     pairs = pairs + pairs.T
     return csr_array(diags_array(pairs.sum(axis=1)) - pairs)
-
-
-def _laplacian_product(pairs: Floats, rows: Floats, columns: Floats) -> Floats:
-    """Return the sum of each row's offsets from all columns, weighted by the pairs' weights."""
-    return np.asarray(pairs.sum(axis=1)[:, None] * rows - pairs @ columns)

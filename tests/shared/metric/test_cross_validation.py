@@ -14,7 +14,7 @@ from placefield.metric.learn import learn_projection
 Array = NDArray[np.float32]
 Labels = NDArray[np.int64]
 
-LMNN = MetricConfig(kind="lmnn", push="cross-validation", gate=False, steps=12)
+LMNN = MetricConfig(kind="lmnn", push="cross-validation", kept=1, gate=False, steps=12)
 
 
 def made_route(seed: int, traverses: int = 1, apart: float = 1.0) -> tuple[Array, Labels, Labels]:

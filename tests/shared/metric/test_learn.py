@@ -68,6 +68,18 @@ def test_the_mean_squared_distance_of_the_reference_stays():
     assert mean_distance(descriptors @ projection.T) == pytest.approx(expected, rel=1e-4)
 
 
+def test_a_learned_metric_keeps_only_the_dimensions_that_it_was_asked_for():
+    descriptors, labels, held_back, probes = made_route(weather_is_random=True)
+    whole, part = (
+        learned(descriptors, labels, held_back, probes, settings, 0).projection
+        for settings in (
+            LMNN.model_copy(update={"kept": kept, "gate": False}) for kept in (1.0, 0.96)
+        )
+    )
+    assert whole.shape == (12, 12)
+    assert part.shape[0] < part.shape[1] == 12
+
+
 def test_the_unit_of_the_descriptors_does_not_matter():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
     unit = np.float32(256)  # a power of two: no rounding
@@ -98,7 +110,7 @@ def test_segments_that_are_held_back_whole_do_not_validate():
 
 def test_the_curve_starts_with_the_identity_and_ends_soon_after_the_best_validation_loss():
     descriptors, labels, held_back, probes = made_route(weather_is_random=True)
-    settings = LMNN.model_copy(update={"steps": 500})
+    settings = LMNN.model_copy(update={"steps": 500, "kept": 1.0})
     observed = []
     metric = learned(
         descriptors,
