@@ -8,7 +8,7 @@ the parts and standardises the raw features in order, and describes itself what 
 import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 from placefield.bus.credits import WINDOW
@@ -20,6 +20,7 @@ from placefield.config import Config
 from placefield.errors import ConfigError, FrameError
 from placefield.features.descriptor_stage import DescriptorStage, FrameStage, warm_up
 from placefield.features.extract import Array, Feature
+from placefield.features.joined_model import model_of_part
 from placefield.maps.map import Map, fingerprint
 from placefield_services.frame_of_message import frame_of
 from placefield_services.live_describers import (
@@ -50,7 +51,7 @@ def run_describer(
         ConfigError: the frames of the map are given descriptors.
     """
     whole = placemap.model
-    model = whole if part is None else replace(whole.parts[part], mask=whole.mask, view=whole.view)
+    model = whole if part is None else model_of_part(whole, part)
     stage = DescriptorStage(model, config.inference)
     feature = DescribedFeature(stage, fingerprint(whole), part)
     serve_describer(feature, placemap, config, stop)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -91,6 +92,21 @@ def test_files_bytes_and_pixels_are_alike(files: list[Path]) -> None:
     maps = [build_map(images) for images in (files, in_bytes, in_pixels)]
     for other in maps[1:]:
         np.testing.assert_array_equal(other.metrics[0].places, maps[0].metrics[0].places)
+
+
+def test_large_jpegs_are_recognised_as_their_pixels_are(files: list[Path], query_dir: Path) -> None:
+    def enlarged(file: Path) -> bytes:
+        large = cv2.resize(decode(file.read_bytes()), (1440, 1080), interpolation=cv2.INTER_CUBIC)
+        return cv2.imencode(".jpg", large)[1].tobytes()
+
+    reference = [enlarged(file) for file in files[:30]]
+    query = [enlarged(file) for file in sorted(query_dir.iterdir())[:30]]
+    in_parts = Recognizer(build_map(reference))
+    whole = Recognizer(build_map([decode(jpeg) for jpeg in reference]))
+    matches = [(in_parts.update(jpeg), whole.update(decode(jpeg))) for jpeg in query]
+    assert [one.place for one, _ in matches] == [other.place for _, other in matches]
+    right = [abs(match.place - frame) <= 3 for frame, (match, _) in enumerate(matches)]
+    assert np.mean(right) > 0.9
 
 
 def test_frames_bring_their_stamps_and_poses(files: list[Path]) -> None:

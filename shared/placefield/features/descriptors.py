@@ -58,6 +58,8 @@ class DescriptorModel:
         network: the network that gives the raw features, if one does.
         mask: hides a part of each image first; None: nothing is hidden.
         view: that each image is rectified to before; None: images are used as they are.
+        least_side: pixels that the shorter side of an image has at least if it is decoded to a part
+            of its size, see ``images.decode``; None: images are decoded whole.
     """
 
     kind: FeatureKind
@@ -70,6 +72,7 @@ class DescriptorModel:
     network: Network | None = None
     mask: Mask | None = None
     view: View | None = None
+    least_side: int | None = None
 
     def __repr__(self) -> str:
         reduced, raw = self.components.shape

@@ -14,10 +14,10 @@ from placefield.features.calibration import View
 from placefield.features.descriptors import unit_length
 from placefield.features.frames import Frame, GivenDescriptor
 from placefield.features.gist import gist
-from placefield.features.grayscale import grayscale
+from placefield.features.grayscale import HEIGHT, WIDTH, grayscale
 from placefield.features.images import pixels_of
 from placefield.features.inference import NetworkFeature
-from placefield.features.joined_model import AnyModel, FeaturePart
+from placefield.features.joined_model import AnyModel, FeaturePart, least_side_for
 from placefield.features.kinds import DESCRIPTOR, ONNX, FeatureKind, kind_of, kinds_of
 from placefield.features.mask import Mask
 from placefield.features.network import Network, read_network
@@ -27,6 +27,10 @@ from placefield.features.shrink import small_grey
 from placefield.plugins import load_plugin
 
 GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
+
+# A JPEG that is decoded to a part of its size has lost where an edge lies within its pixels. Each
+# pixel of a feature is the mean of 4 x 4 of them and more, so that this changes little.
+_DECODED_PER_PIXEL = 4
 
 _DEFAULTS = InferenceConfig()
 _ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
@@ -46,11 +50,14 @@ class DescribingPart:
         kind: of the part.
         network: the network that it runs; None if it needs none.
         describe: B images to their raw features (B, D).
+        least_side: pixels that the shorter side of an image has at least if it is decoded to a part
+            of its size; None: images are decoded whole.
     """
 
     kind: FeatureKind
     network: Network | None
     describe: Describe
+    least_side: int | None = None
 
 
 @dataclass(frozen=True)
@@ -80,11 +87,18 @@ class Feature:
         """Its parts; those of several describe an image to learn how wide they are."""
         if len(self.describing) == 1:
             (only,) = self.describing
-            return (FeaturePart(only.kind, only.network, None),)
+            return (FeaturePart(only.kind, only.network, None, only.least_side),)
         return tuple(
-            FeaturePart(part.kind, part.network, part.describe([_ANY_IMAGE]).shape[1])
+            FeaturePart(
+                part.kind, part.network, part.describe([_ANY_IMAGE]).shape[1], part.least_side
+            )
             for part in self.describing
         )
+
+    @cached_property
+    def least_side(self) -> int | None:
+        """The least side of an image that is enough for all parts, see ``DescribingPart``."""
+        return least_side_for([part.least_side for part in self.describing])
 
     @property
     def describes_images(self) -> bool:
@@ -99,7 +113,8 @@ class Feature:
         Raises:
             FrameError: the image cannot be read, or has another aspect ratio than the mask.
         """
-        return self._joined(self._describe(pixels_of(image), range(len(self.describing))))
+        pixels = pixels_of(image, self.least_side)
+        return self._joined(self._describe(pixels, range(len(self.describing))))
 
     def _describe(self, pixels: Pixels, numbers: Iterable[int]) -> dict[int, Array]:
         used = [self.used(pixels)]
@@ -128,15 +143,16 @@ class Feature:
         return np.asarray(descriptor, np.float32)
 
     def observe(self, frame: Frame) -> tuple[Array, Pixels | None]:
-        """Return the raw feature of a frame, (D,) float32, and its image, see ``image_of``.
+        """Return the raw feature of a frame, (D,) float32, and the image that was described.
 
-        A frame that is a given descriptor has no image.
+        The image may have been decoded to a part of its size, see ``image_of``. A frame that is a
+        given descriptor has no image.
 
         Raises:
             FrameError: see ``of_frame``.
         """
         if frame.descriptor is None or frame.fault:
-            image = image_of(frame, self.view)
+            image = image_of(frame, self.view, self.least_side)
             return self.describe(image), image
         return self.accept(frame.descriptor), None
 
@@ -163,7 +179,9 @@ class Feature:
         Raises:
             FrameError: see ``image_of``.
         """
-        return self._describe(image_of(frame, self.view), numbers) if numbers else {}
+        if not numbers:
+            return {}
+        return self._describe(image_of(frame, self.view, self.least_side), numbers)
 
 
 def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Feature:
@@ -175,18 +193,21 @@ def feature_of(kind: FeatureKind, inference: InferenceConfig = _DEFAULTS) -> Fea
         ConfigError: a file of the network is missing or malformed, onnxruntime cannot run the
             network (see ``try_network``), or no installed package has a feature of this name.
     """
-    parts = kinds_of(kind)
-    return Feature(tuple(_part(part, network_of(part), inference) for part in parts))
+    return Feature(tuple(_new_part(part, inference) for part in kinds_of(kind)))
 
 
 def feature_of_model(model: AnyModel, inference: InferenceConfig = _DEFAULTS) -> Feature:
-    """Return the feature that a descriptor model was fitted on, with its network, mask and view.
+    """Return the feature that a descriptor model was fitted on.
+
+    Its network, mask and view, and the size at which images are decoded, are those of the model.
 
     Raises:
         ConfigError: onnxruntime cannot run the network (see ``try_network``), or the package with
             the feature is not installed.
     """
-    parts = tuple(_part(part.kind, part.network, inference) for part in model.parts)
+    parts = tuple(
+        _part(part.kind, part.network, part.least_side, inference) for part in model.parts
+    )
     return Feature(parts, model.mask, model.view)
 
 
@@ -199,13 +220,33 @@ def network_of(kind: FeatureKind) -> Network | None:
     return read_network(Path(kind.removeprefix(ONNX))) if kind.startswith(ONNX) else None
 
 
-def _part(kind: FeatureKind, network: Network | None, inference: InferenceConfig) -> DescribingPart:
+def least_side_of(kind: FeatureKind, network: Network | None) -> int | None:
+    """Return the least side of an image that new maps of a kind of one part need.
+
+    It is four times the longer side of the image that the feature makes of it. A feature of another
+    package gets whole images: None.
+    """
+    if network is not None:
+        return _DECODED_PER_PIXEL * max(network.input.width, network.input.height)
+    sides = {"grayscale": max(WIDTH, HEIGHT), "gist": GIST_SIZE}
+    return _DECODED_PER_PIXEL * sides[kind] if kind in sides else None
+
+
+def _new_part(kind: FeatureKind, inference: InferenceConfig) -> DescribingPart:
+    network = network_of(kind)
+    return _part(kind, network, least_side_of(kind, network), inference)
+
+
+def _part(
+    kind: FeatureKind, network: Network | None, least_side: int | None, inference: InferenceConfig
+) -> DescribingPart:
     if network is not None:
         try_network(kind, network)
         run = NetworkFeature(kind, network, inference).describe
-        return DescribingPart(kind, network, _one_by_one(run))
+        return DescribingPart(kind, network, _one_by_one(run), least_side)
     built_in = {"grayscale": grayscale, "gist": _gist, DESCRIPTOR: _no_image}.get(kind)
-    return DescribingPart(kind, None, _one_by_one(built_in) if built_in else _of_plugin(kind))
+    describe = _one_by_one(built_in) if built_in else _of_plugin(kind)
+    return DescribingPart(kind, None, describe, least_side)
 
 
 def _one_by_one(describe: Callable[[Pixels], Array]) -> Describe:

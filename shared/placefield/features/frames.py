@@ -1,6 +1,6 @@
 """Frames: an image or a given descriptor, with its stamp, pose and odometry."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,11 @@ class Frame:
         about = f"{self.name!r}, {held}" + (f", {self.pose}" if self.pose is not None else "")
         return f"Frame({self.index}, {about})"
 
-    def pixels(self) -> NDArray[np.uint8]:
+    def pixels(self, least_side: int | None = None) -> NDArray[np.uint8]:
         """Return the image decoded, (H, W) grey or (H, W, 3) BGR.
+
+        Args:
+            least_side: see ``images.decode``; None: the whole image.
 
         Raises:
             FrameError: the image cannot be read, or there is a descriptor instead.
@@ -63,14 +66,4 @@ class Frame:
             raise FrameError(self.fault)
         if self.descriptor is not None:
             raise FrameError("a descriptor, where an image is needed")
-        return pixels_of(self.image)
-
-    def decoded(self) -> "Frame":
-        """Return the frame with its image decoded; a frame with a descriptor stays as it is.
-
-        Raises:
-            FrameError: the frame cannot be read.
-        """
-        if self.descriptor is not None and not self.fault:
-            return self
-        return replace(self, image=self.pixels())
+        return pixels_of(self.image, least_side)

@@ -24,7 +24,14 @@ MAX_SCANS = 100
 _JPEG_QUALITY = 80
 
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # and rotated by EXIF
+# The flags say grayscale, but with ANYCOLOR colours stay.
+_REDUCED = {
+    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
+    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
+    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
+}
 
+_JPEG_SIGNATURE = b"\xff\xd8"
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 # ITU-T T.81, table B.1. Inside a scan 0xFF also comes stuffed with 0x00, as a restart marker
@@ -50,12 +57,20 @@ def load(image: Image) -> bytes | NDArray[np.uint8]:
     return image
 
 
-def decode(data: bytes) -> NDArray[np.uint8]:
+def decode(data: bytes, least_side: int | None = None) -> NDArray[np.uint8]:
     """Decode an image (JPEG, PNG, BMP, PNM, TIFF, WebP) to (H, W) grey or (H, W, 3) BGR uint8.
+
+    A JPEG may be decoded to 1/2, 1/4 or 1/8 of its size, which costs less than to decode it whole,
+    see ``reduction``.
 
     16-bit values are scaled by 1/257, so that full range stays full range; alpha is dropped;
     palettes are resolved. Bytes after the end of the image are ignored. The size of JPEG and PNG is
     checked before any pixel is decoded, that of other formats afterwards.
+
+    Args:
+        data: the encoded image.
+        least_side: pixels that the shorter side has at least after a reduction; None: the image is
+            decoded whole.
 
     Raises:
         FrameError: the data are empty, no image, cut off, not of 8 or 16 bits, less than
@@ -63,9 +78,12 @@ def decode(data: bytes) -> NDArray[np.uint8]:
             ``MAX_SCANS`` scans.
     """
     declared = _declared_size(data)
+    flags = _AS_IT_IS
     if declared is not None:
         _check_size(*declared)
-    pixels = _decode(data)
+        if least_side is not None and data.startswith(_JPEG_SIGNATURE):
+            flags |= _REDUCED.get(reduction(*declared, least_side), 0)
+    pixels = _decode(data, flags)
     _check_size(*pixels.shape[:2])
     if pixels.dtype == np.uint16:
         pixels = cv2.convertScaleAbs(pixels, alpha=1 / 257)
@@ -74,13 +92,29 @@ def decode(data: bytes) -> NDArray[np.uint8]:
     return np.asarray(pixels, np.uint8)
 
 
-def pixels_of(image: bytes | NDArray[np.uint8]) -> NDArray[np.uint8]:
+def reduction(height: int, width: int, least_side: int) -> int:
+    """Return the largest n of 1, 2, 4 and 8 to which a JPEG may be decoded as 1/n of its size.
+
+    The shorter side keeps at least ``least_side`` pixels, and n divides both sides. So the aspect
+    ratio stays the same, and a calibration or a mask fits as well as before.
+    """
+    for n in _REDUCED:
+        if min(height, width) >= n * least_side and height % n == 0 and width % n == 0:
+            return n
+    return 1
+
+
+def pixels_of(image: bytes | NDArray[np.uint8], least_side: int | None = None) -> NDArray[np.uint8]:
     """Return the pixels of an image: an encoded one is decoded, and pixels are returned unchanged.
+
+    Args:
+        image: encoded, or pixels.
+        least_side: see ``decode``.
 
     Raises:
         FrameError: the image does not decode, see ``decode``.
     """
-    return decode(image) if isinstance(image, bytes) else image
+    return decode(image, least_side) if isinstance(image, bytes) else image
 
 
 def small_jpeg(pixels: NDArray[np.uint8], longest: int) -> bytes:
@@ -125,7 +159,7 @@ def check_pixels(image: NDArray[np.uint8]) -> None:
 
 def _declared_size(data: bytes) -> tuple[int, int] | None:
     """Return the (height, width) in the header of a JPEG or a PNG; None for other formats."""
-    if data.startswith(b"\xff\xd8"):
+    if data.startswith(_JPEG_SIGNATURE):
         return _jpeg_size(data)
     if data.startswith(_PNG_SIGNATURE):
         return int.from_bytes(data[20:24], "big"), int.from_bytes(data[16:20], "big")
@@ -160,9 +194,9 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
     raise FrameError(f"the JPEG of {len(data)} bytes is cut off: its end marker is missing")
 
 
-def _decode(data: bytes) -> MatLike:
+def _decode(data: bytes, flags: int) -> MatLike:
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), _AS_IT_IS)
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:  # empty data, or more pixels than OpenCV allows
         pixels = None
     if pixels is None:

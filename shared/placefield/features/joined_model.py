@@ -8,7 +8,7 @@ is the mean of the squared distances of their parts.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -43,11 +43,13 @@ class FeaturePart(NamedTuple):
         kind: of the part.
         network: the network that it runs; None if it needs none.
         width: D, how many numbers of the raw feature are its own; None if it is the only part.
+        least_side: see ``DescriptorModel``.
     """
 
     kind: FeatureKind
     network: Network | None
     width: int | None
+    least_side: int | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,11 @@ class JoinedModel:
     def plain(self) -> bool:
         """See ``DescriptorModel``."""
         return self.parts[0].plain
+
+    @property
+    def least_side(self) -> int | None:
+        """See ``DescriptorModel``."""
+        return least_side_for([part.least_side for part in self.parts])
 
     @property
     def follows_query(self) -> bool:
@@ -213,15 +220,34 @@ def fit_parts(
         )
         for number, (part, largest) in enumerate(zip(parts, dimensions, strict=True))
     ]
-    if len(fitted) == 1:
-        return fitted[0]
-    models, described = zip(*fitted, strict=True)
+    models = tuple(
+        replace(model, least_side=part.least_side)
+        for (model, _), part in zip(fitted, parts, strict=True)
+    )
+    if len(models) == 1:
+        return models[0], fitted[0][1]
+    described = [own for _, own in fitted]
     return JoinedModel(models), [join(own) for own in zip(*described, strict=True)]
 
 
 def parts_of(model: AnyModel) -> tuple[FeaturePart, ...]:
     """Return the parts of the feature of a descriptor model."""
-    return tuple(FeaturePart(one.kind, one.network, one.raw_dimensions) for one in model.parts)
+    return tuple(
+        FeaturePart(one.kind, one.network, one.raw_dimensions, one.least_side)
+        for one in model.parts
+    )
+
+
+def model_of_part(model: AnyModel, number: int) -> DescriptorModel:
+    """Return the model of one part, which gets the images that it gets among all parts."""
+    own = model.parts[number]
+    return replace(own, mask=model.mask, view=model.view, least_side=model.least_side)
+
+
+def least_side_for(sides: Sequence[int | None]) -> int | None:
+    """Return the least side of an image that is enough for all parts; None: it is decoded whole."""
+    known = [side for side in sides if side is not None]
+    return max(known) if len(known) == len(sides) else None
 
 
 def part_names(model: AnyModel) -> list[str]:

@@ -11,7 +11,7 @@ from placefield.errors import ConfigError
 from placefield.features.calibration import Calibration, View
 from placefield.features.descriptor_stage import large_frame
 from placefield.features.descriptors import Moments, is_blank
-from placefield.features.extract import feature_of, network_of
+from placefield.features.extract import feature_of, least_side_of, network_of
 from placefield.features.kinds import FeatureKind, kinds_of
 
 _DEFAULTS = InferenceConfig()
@@ -23,7 +23,8 @@ Array = NDArray[np.float32]
 def raw_fingerprint(kind: FeatureKind, camera: Calibration | None = None) -> str:
     """Return the fingerprint that identifies a kind of feature, 16 hexadecimal digits.
 
-    That of a network depends on its content; the network is read, but not loaded.
+    That of a network depends on its content; the network is read, but not loaded. It depends on the
+    size at which images are decoded, too.
 
     Args:
         kind: of the feature.
@@ -35,6 +36,7 @@ def raw_fingerprint(kind: FeatureKind, camera: Calibration | None = None) -> str
     check_one_part(kind)
     network = network_of(kind)
     named = f"raw {kind}".encode() if network is None else b"raw network " + network.digest
+    named += f" {least_side_of(kind, network)}".encode()
     if camera is not None:
         named += b" of camera " + camera.model_dump_json().encode()
     return hashlib.sha256(named).hexdigest()[:16]

@@ -1,5 +1,6 @@
 """Rectification: the image of a calibrated camera, rendered into the view of a pinhole camera."""
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -70,18 +71,34 @@ def rectify(pixels: Pixels, calibration: Calibration, view: View) -> Pixels:
     return np.asarray(rectified, np.uint8)
 
 
-def image_of(frame: Frame, view: View | None) -> Pixels:
+def image_of(frame: Frame, view: View | None, least_side: int | None = None) -> Pixels:
     """Return the image of a frame, decoded, and rectified if there is a view.
+
+    Args:
+        frame: with an image.
+        view: of the result; None: the image is not rectified.
+        least_side: pixels that the result's shorter side has at least if the image is decoded to a
+            part of its size, see ``images.decode``; None: the image is decoded whole.
 
     Raises:
         FrameError: the frame cannot be read, is a descriptor, or its camera does not fit the view
             (see ``check_calibrated``) or the image.
     """
-    pixels = frame.pixels()
-    check_calibrated(frame.calibration, view)
-    if view is None or frame.calibration is None:
+    calibration = frame.calibration
+    if view is not None and calibration is not None and least_side is not None:
+        least_side = _least_before(calibration, view, least_side)
+    pixels = frame.pixels(least_side)
+    check_calibrated(calibration, view)
+    if view is None or calibration is None:
         return pixels
-    return rectify(pixels, frame.calibration, view)
+    return rectify(pixels, calibration, view)
+
+
+def _least_before(calibration: Calibration, view: View, least_side: int) -> int:
+    """Return the least side of a camera's image, so that of its rectified image is as given."""
+    shorter = min(calibration.width, calibration.height)
+    rectified = 2 * min(view.half_width, view.half_height) * _focal(calibration, view)
+    return math.ceil(least_side * shorter / max(rectified, MIN_SIDE))
 
 
 def check_calibrated(calibration: Calibration | None, view: View | None) -> None:
@@ -166,15 +183,21 @@ def _sources(
     """Return which pixels of an image those of a view come from, as ``cv2.remap`` takes them."""
     scaled = calibration.of_size(height, width)
     halves = np.array([view.half_width, view.half_height])
-    # Not larger than the image, whatever an untrusted client says of its camera.
-    focal = min(float(np.mean(scaled.focal)), max(height, width) / (2 * halves.max()))
-    size = np.maximum(np.rint(2 * halves * focal), MIN_SIDE)
+    size = np.maximum(np.rint(2 * halves * _focal(scaled, view)), MIN_SIDE)
     new = _matrix(size / (2 * halves), (size - 1) / 2)
     old, distortion = _matrix(scaled.focal, scaled.centre), _distortion(scaled)
     made = (old, distortion, np.eye(3), new, tuple(size.astype(int).tolist()), cv2.CV_16SC2)
     if calibration.model == "fisheye":
         return cv2.fisheye.initUndistortRectifyMap(*made)
     return cv2.initUndistortRectifyMap(*made)
+
+
+def _focal(calibration: Calibration, view: View) -> float:
+    """Return the focal length of the rectified image of a camera, pixels."""
+    longest = max(calibration.height, calibration.width)
+    # No image is larger than before, whatever an untrusted client says of its camera.
+    largest = longest / (2 * max(view.half_width, view.half_height))
+    return min(float(np.mean(calibration.focal)), largest)
 
 
 def _matrix(focal: Any, centre: Any) -> Array:

@@ -27,7 +27,7 @@ def check_joinable(one: Map, other: Map) -> None:
 
     Raises:
         MapError: one is of an earlier version, or their descriptors are of different features,
-            views or masks.
+            decodings, views or masks.
     """
     for each in (one, other):
         _identity_of(each)
@@ -35,6 +35,11 @@ def check_joinable(one: Map, other: Map) -> None:
         raise MapError(
             f"its features are {_words(other)}, and those of the first map {_words(one)}: build "
             "one map of all frames with 'placefield build --routes'"
+        )
+    if _least_sides_of(one) != _least_sides_of(other):
+        raise MapError(
+            "its images are decoded to another size than those of the first map: build both with "
+            "one version of placefield"
         )
     if one.model.view != other.model.view:
         raise MapError(
@@ -170,6 +175,10 @@ def _feature_of(opened: Map) -> tuple[object, ...]:
 def _part(model: DescriptorModel) -> tuple[str, bytes | None, int]:
     network = None if model.network is None else model.network.digest
     return model.kind if network is None else "network", network, model.raw_dimensions
+
+
+def _least_sides_of(opened: Map) -> list[int | None]:
+    return [part.least_side for part in opened.model.parts]
 
 
 def _mask_of(opened: Map) -> tuple[tuple[int, ...], bytes] | None:

@@ -32,6 +32,7 @@ MOST_PLACES = 10**7
 REBUILD = "build the map again with 'placefield build'"
 """The remedy in an error about a map that is refused."""
 
+LeastSide = Annotated[int, Field(ge=1, le=2**16)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
@@ -112,10 +113,12 @@ class PartRecord(_Record):
     Attributes:
         variance_kept: fraction of the part's variance that its descriptors keep.
         network: input of the network that gives the part; none if no network does.
+        least_side: see ``Manifest``.
     """
 
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
+    least_side: LeastSide | None = None
 
 
 class MetricRecord(_Record):
@@ -161,6 +164,8 @@ class Manifest(_Record):
         model: fingerprint of the descriptor model.
         variance_kept: fraction of the features' variance that the descriptors keep.
         network: input of the network that gives the features; none if no network does.
+        least_side: pixels that the shorter side of an image has at least if it is decoded to a part
+            of its size; none if images are decoded whole.
         parts: the parts of a feature of several, in their order; none if there is one.
         view: that images are rectified to; none if they are used as they are.
         smallest_scale: smallest scale of all channels, frames.
@@ -182,6 +187,7 @@ class Manifest(_Record):
     model: str
     variance_kept: float = Field(ge=0, le=1)
     network: NetworkInput | None = None
+    least_side: LeastSide | None = None
     parts: tuple[PartRecord, ...] = ()
     view: View | None = None
     places: int = Field(ge=1, le=MOST_PLACES)

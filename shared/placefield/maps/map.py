@@ -231,6 +231,8 @@ def fingerprint(model: AnyModel) -> str:
             digest.update(np.ascontiguousarray(array).data)
         if part.network is not None:
             digest.update(part.network.digest)
+        if part.least_side is not None:
+            digest.update(f"least side {part.least_side}".encode())
     if model.mask is not None:
         digest.update(f"mask {model.mask.used.shape}".encode())
         digest.update(np.ascontiguousarray(model.mask.used).data)

@@ -16,6 +16,7 @@ from placefield.features.joined_model import AnyModel, JoinedModel
 from placefield.features.kinds import kinds_of
 from placefield.features.network import Network, NetworkInput
 from placefield.maps.array_layout import (
+    CHANCE_FILES,
     GRAPH_FILES,
     LOCAL_FEATURE_FILES,
     MASK_FILES,
@@ -32,7 +33,7 @@ from placefield.maps.map_channels import MapChannels
 from placefield.maps.map_files import MapFiles
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.verification.local_features import LENGTH
-from placefield.verification.place_features import PlaceFeatures, problem_with
+from placefield.verification.place_features import NO_PAIRS, PlaceFeatures, problem_with
 
 if TYPE_CHECKING:  # a router has no OpenCV
     from placefield.features.mask import Mask
@@ -143,17 +144,25 @@ def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
     if not manifest.local_features:
         return None
     sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2, "B": LENGTH}
-    found = PlaceFeatures(*files.load("local_features", LOCAL_FEATURE_FILES, sizes))
+    is_old = "local_features/by_chance.npy" not in manifest.files
+    found = PlaceFeatures(
+        *files.load("local_features", LOCAL_FEATURE_FILES, sizes),
+        *([NO_PAIRS] if is_old else files.load("local_features", CHANCE_FILES, {})),
+    )
     if problem := problem_with(found):
         raise MapError(f"{files.path / 'local_features'}: {problem}; {REBUILD}")
     return found
 
 
 def _open_model(files: MapFiles) -> AnyModel:
-    features, kept = files.manifest.features, files.manifest.variance_kept
+    manifest, features = files.manifest, files.manifest.features
     kinds = kinds_of(features.kind)
-    records = files.manifest.parts or (
-        PartRecord(variance_kept=kept, network=files.manifest.network),
+    records = manifest.parts or (
+        PartRecord(
+            variance_kept=manifest.variance_kept,
+            network=manifest.network,
+            least_side=manifest.least_side,
+        ),
     )
     if len(kinds) != len(records):
         raise MapError(f"{files.path}: its feature has other parts than its manifest; {REBUILD}")
@@ -171,10 +180,11 @@ def _open_model(files: MapFiles) -> AnyModel:
                 record.variance_kept,
                 features.plain_pca,
                 _open_network(files, folder, record.network),
+                least_side=record.least_side,
             )
         )
     model = parts[0] if len(parts) == 1 else JoinedModel(tuple(parts))
-    return replace(model, mask=_open_mask(files), view=files.manifest.view)
+    return replace(model, mask=_open_mask(files), view=manifest.view)
 
 
 def _open_network(files: MapFiles, folder: str, given: NetworkInput | None) -> Network | None:

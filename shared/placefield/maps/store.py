@@ -120,6 +120,7 @@ def _write(built: Map, folder: Path) -> None:
         model=fingerprint(built.model),
         variance_kept=built.model.variance_kept,
         network=None if parts else _input_of(built.model.parts[0].network),
+        least_side=None if parts else built.model.parts[0].least_side,
         parts=parts,
         view=built.model.view,
         places=built.places.count,
@@ -165,7 +166,11 @@ def _parts_of(model: AnyModel) -> tuple[PartRecord, ...]:
     if len(model.parts) == 1:
         return ()
     return tuple(
-        PartRecord(variance_kept=part.variance_kept, network=_input_of(part.network))
+        PartRecord(
+            variance_kept=part.variance_kept,
+            network=_input_of(part.network),
+            least_side=part.least_side,
+        )
         for part in model.parts
     )
 

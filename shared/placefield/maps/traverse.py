@@ -13,6 +13,7 @@ from placefield.errors import FrameError, MapError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame, Pose
 from placefield.features.images import small_jpeg
+from placefield.features.rectification import image_of
 from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.route_graph import RouteGraph
@@ -141,7 +142,8 @@ def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> D
         raw, image = feature.observe(frame)
         local = None
         if local_features and image is not None:
-            local = extract(feature.used(image), local_features)
+            whole = image_of(frame, feature.view)
+            local = extract(feature.used(whole), local_features)
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
     thumbnail = b"" if image is None else small_jpeg(image, THUMBNAIL)

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from placefield.errors import ConfigError, FrameError
 from placefield.features.extract import Feature, feature_of
 from placefield.features.frames import Frame
+from placefield.features.network import read_network
 
 
 @pytest.fixture
@@ -42,6 +44,36 @@ def test_grayscale_is_the_mean_of_blocks_row_by_row(image: NDArray[np.uint8]) ->
     blocks = image.reshape(48, 2, 64, 2, 3).mean(axis=(1, 3, 4))
     described = feature_of("grayscale").describe(image)
     np.testing.assert_allclose(described, blocks.ravel(), rtol=1e-5)
+
+
+def test_a_large_jpeg_is_described_by_a_part_of_its_size(image: NDArray[np.uint8]) -> None:
+    large = cv2.resize(image, (1920, 1080), interpolation=cv2.INTER_CUBIC)
+    jpeg = cv2.imencode(".jpg", large)[1]
+    for kind in ("gist", "grayscale"):
+        feature = feature_of(kind)
+        quarter = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_REDUCED_COLOR_4), np.uint8)
+        assert quarter.shape == (270, 480, 3)
+        described = feature.describe(jpeg.tobytes())
+        np.testing.assert_array_equal(described, feature.describe(quarter))
+        whole = feature.describe(large)
+        assert np.linalg.norm(described - whole) < 0.02 * np.linalg.norm(whole)
+
+
+def test_a_feature_of_several_parts_needs_the_image_of_the_most_demanding(
+    tmp_path: Path, install: Callable[..., Path]
+) -> None:
+    network = f"onnx:{tmp_path / 'net.onnx'}"
+    write_network(tmp_path / "net.onnx")
+    wide = read_network(tmp_path / "net.onnx").input
+    assert feature_of(network).least_side == 4 * max(wide.width, wide.height)
+    assert feature_of("gist").least_side == 4 * 64
+    assert feature_of(f"gist+{network}").least_side == max(256, 4 * max(wide.width, wide.height))
+    install(
+        "ownpack", "def describe(images): ...", {"placefield.features": {"own": "ownpack:describe"}}
+    )
+    assert feature_of("own").least_side is None  # it gets whole images
+    described = feature_of("gist").describing + feature_of("own").describing
+    assert Feature(described).least_side is None
 
 
 def test_a_damaged_image_is_refused(image: NDArray[np.uint8], feature: Feature) -> None:

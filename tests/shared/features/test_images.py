@@ -134,6 +134,67 @@ def test_an_image_is_turned_as_its_exif_says(orientation):
     assert pillow.size == decode(tagged).shape[1::-1]
 
 
+def large_colour(height, width):
+    return cv2.resize(smooth_colour(), (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.mark.parametrize(
+    ("size", "least_side", "decoded"),
+    [
+        ((1080, 1920), 128, (135, 240)),
+        ((1920, 1080), 128, (240, 135)),
+        ((1080, 1920), 136, (270, 480)),  # 1080 / 8 = 135
+        ((1080, 1920), 448, (540, 960)),
+        ((480, 640), 128, (240, 320)),
+        ((720, 1280), 128, (180, 320)),
+        ((540, 960), 128, (135, 240)),
+        ((540, 1200), 60, (135, 300)),  # 540 / 8 is no whole number
+        ((1080, 1921), 128, (1080, 1921)),  # nor is 1921 / 2
+        ((240, 320), 128, (240, 320)),
+        ((1080, 1920), None, (1080, 1920)),
+    ],
+)
+def test_a_jpeg_is_decoded_to_the_least_part_that_is_large_enough(size, least_side, decoded):
+    pixels = large_colour(*size)
+    part = decode(encoded(".jpg", pixels), least_side)
+    assert part.shape == (*decoded, 3)
+    n = size[0] // decoded[0]
+    means = pixels.reshape(decoded[0], n, decoded[1], n, 3).mean(axis=(1, 3))
+    assert np.abs(part - means).mean() < 2
+    assert decode(encoded(".jpg", pixels[..., 0]), least_side).shape == decoded
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp", ".tiff", ".webp"])
+def test_no_other_format_is_decoded_to_a_part(suffix):
+    data = encoded(suffix, large_colour(256, 256))
+    np.testing.assert_array_equal(decode(data, 32), decode(data))
+
+
+def test_a_part_of_an_image_is_turned_as_its_exif_says():
+    jpeg = encoded(".jpg", large_colour(480, 640))
+    tag = b"Exif\0\0MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 0x0112, 3, 1, 6, 0, 0)
+    turned = decode(with_segment(jpeg, 0xE1, tag), 128)
+    np.testing.assert_array_equal(turned, np.rot90(decode(jpeg, 128), -1))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("name", ["baseline", "progressive", "restart markers"])
+def test_a_damaged_jpeg_is_refused_in_part_where_it_is_refused_whole(name, seed):
+    rng = np.random.default_rng(seed)
+    data = bytearray(JPEGS[name])
+    for at in rng.integers(2, 700, 4):
+        data[at] = rng.integers(256)
+
+    def is_refused(least_side):
+        try:
+            decode(bytes(data), least_side)
+        except FrameError:
+            return True
+        return False
+
+    assert is_refused(15) == is_refused(None)
+
+
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95, 0.99])
 @pytest.mark.parametrize("data", [*JPEGS.values(), PNG], ids=[*JPEGS, "png"])
 def test_a_cut_image_is_refused(data, share):

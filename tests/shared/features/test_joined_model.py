@@ -1,6 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from networks import write_network
@@ -8,9 +9,16 @@ from numpy.typing import NDArray
 
 from placefield.errors import FrameError
 from placefield.features.descriptors import DescriptorStream, Moments
-from placefield.features.extract import feature_of
+from placefield.features.extract import feature_of, feature_of_model
 from placefield.features.fitting import fit_descriptors
-from placefield.features.joined_model import FeaturePart, JoinedModel, fit_parts, part_names
+from placefield.features.frames import Frame
+from placefield.features.joined_model import (
+    FeaturePart,
+    JoinedModel,
+    fit_parts,
+    model_of_part,
+    part_names,
+)
 
 WIDTHS = 20, 7
 KINDS = "gist", "grayscale"
@@ -111,6 +119,19 @@ def test_the_raw_feature_of_several_parts_has_each_at_unit_length(tmp_path: Path
     expected = np.concatenate([one / np.linalg.norm(one) for one in alone])
     np.testing.assert_allclose(feature.describe(image), expected, rtol=1e-5)
     assert [part.width for part in feature.parts] == list(map(len, alone))
+
+
+def test_a_part_alone_describes_the_same_image_as_among_all_parts() -> None:
+    one, other = fitted().parts
+    joined = JoinedModel((replace(one, least_side=64), replace(other, least_side=256)))
+    pixels = cv2.resize(
+        np.random.default_rng(5).integers(0, 256, (48, 64, 3), np.uint8), (768, 512)
+    )
+    frame = Frame(0, 0, "a", cv2.imencode(".jpg", pixels)[1].tobytes())
+    among_all = feature_of_model(joined).parts_of_frame(frame, (0, 1))
+    for number in (0, 1):
+        alone = feature_of_model(model_of_part(joined, number)).of_frame(frame)
+        np.testing.assert_array_equal(alone, among_all[number])
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from contextlib import suppress
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from lenses import Array, Lens, pinhole
@@ -51,6 +52,20 @@ def test_a_rectified_image_is_what_a_pinhole_camera_would_take(lens: Lens, scale
     assert np.abs(rectified - expected).max() < 4
     colour = np.repeat(larger.image(scene)[..., None], 3, axis=2)
     assert rectify(colour, lens.calibration, view).shape == (*rectified.shape, 3)
+
+
+@pytest.mark.parametrize("lens", [BARREL, FISHEYE])
+def test_the_view_of_a_jpeg_is_rendered_from_a_part_that_is_large_enough(lens: Lens) -> None:
+    widest = view_of(lens.calibration)
+    half = View(half_width=widest.half_width / 2, half_height=widest.half_height / 2)
+    jpeg = cv2.imencode(".jpg", cv2.resize(lens.image(scene), (1280, 960)))[1].tobytes()
+    taken = Frame(0, 0, "a", jpeg, calibration=lens.calibration)
+    for view in (widest, half):
+        shorter = min(image_of(taken, view).shape)
+        for n in (2, 4):
+            part = image_of(taken, view, shorter // n - 1)
+            assert min(part.shape) == pytest.approx(shorter / n, abs=1)
+            assert np.abs(part - scene(*rays_of(view, part.shape))).mean() < 3
 
 
 def in_image(lens: Lens, half_width: float, half_height: float) -> NDArray[np.bool_]:
@@ -125,9 +140,12 @@ def test_frames_of_a_camera_that_does_not_fit_the_view_are_refused() -> None:
 
 def test_no_calibration_of_a_client_makes_a_large_image() -> None:
     view = View(half_width=WIDEST, half_height=1.0)
-    for focal in (1e-6, 1e6):
+    jpeg = cv2.imencode(".jpg", frame(None).pixels())[1].tobytes()
+    for focal in (5e-324, 1e-6, 1e6):
         given = BARREL.calibration.model_copy(update={"focal": (focal, focal)})
         assert max(rectify(frame(None).pixels(), given, view).shape) <= 320
+        with suppress(FrameError):  # no other error
+            assert max(image_of(Frame(0, 0, "a", jpeg, calibration=given), view, 60).shape) <= 320
 
 
 @pytest.mark.parametrize("model", ["pinhole", "fisheye"])

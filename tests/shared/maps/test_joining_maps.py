@@ -98,5 +98,8 @@ def test_maps_of_different_features_or_of_an_earlier_version_are_refused(
     other = build_map([make_traverse(90)], as_they_are)
     with pytest.raises(MapError, match=r"as they are, and those of the first map .*standardised"):
         check_joinable(one, other)
+    decoded = replace(one, model=replace(one.model, least_side=128))
+    with pytest.raises(MapError, match="its images are decoded to another size"):
+        check_joinable(one, decoded)
     with pytest.raises(MapError, match="an earlier version built it"):
         check_joinable(one, replace(one, identity=None))

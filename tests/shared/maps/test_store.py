@@ -1,4 +1,5 @@
 import errno
+import json
 import os
 import re
 import signal
@@ -11,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from networks import write_network
@@ -18,10 +20,11 @@ from numpy.typing import NDArray
 
 from placefield.config import Config
 from placefield.errors import MapError
+from placefield.features.extract import feature_of_model
 from placefield.features.network import read_network
 from placefield.maps import store
 from placefield.maps.build import build_map
-from placefield.maps.manifest import check_map_path
+from placefield.maps.manifest import MANIFEST, SEAL, check_map_path, seal_of
 from placefield.maps.map import Map, MapAlignment, fingerprint
 from placefield.maps.map_metrics import identity_metric, learned_metric
 from placefield.maps.opening import open_map
@@ -184,6 +187,28 @@ def test_a_map_keeps_its_network_and_is_another_under_another(
         assert opened.network.onnx.tobytes() == network.onnx.tobytes()
         fingerprints.add(fingerprint(opened))
     assert len(fingerprints) == 3
+
+
+def test_a_map_keeps_how_its_images_are_decoded_and_one_without_it_decodes_them_whole(
+    saved: Path, small_map: Map
+) -> None:
+    model = replace(small_map.model, kind="gist", least_side=256)
+    features = small_map.features.model_copy(update={"kind": "gist"})
+    save_map(replace(small_map, model=model, features=features), saved)
+    assert feature_of_model(open_map(saved).model).least_side == 256
+
+    whole = replace(model, least_side=None)
+    manifest = json.loads((saved / MANIFEST).read_bytes())
+    del manifest["least_side"]  # as an earlier version wrote it
+    manifest["model"] = fingerprint(whole)
+    assert manifest["model"] != fingerprint(model)
+    (saved / MANIFEST).write_text(json.dumps(manifest))
+    (saved / SEAL).write_bytes(seal_of((saved / MANIFEST).read_bytes()))
+    image = np.random.default_rng(0).integers(0, 256, (512, 512, 3), np.uint8)
+    jpeg = cv2.imencode(".jpg", image)[1]
+    pixels = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), np.uint8)
+    feature = feature_of_model(open_map(saved).model)
+    np.testing.assert_array_equal(feature.describe(jpeg.tobytes()), feature.describe(pixels))
 
 
 def test_the_same_frames_make_the_same_bytes(

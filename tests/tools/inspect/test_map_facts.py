@@ -39,6 +39,13 @@ def test_how_many_places_have_no_pose_is_reported(route_map: Map) -> None:
     assert with_poses.places.pose(7) == (0, 0, 0)
 
 
+def test_how_images_are_decoded_is_reported(route_map: Map) -> None:
+    reported = map_facts(route_map)["decoding"]
+    assert reported == "JPEG to a part of its size, of at least 256 pixels a side"
+    whole = replace(route_map, model=replace(route_map.model, least_side=None))
+    assert map_facts(whole)["decoding"] == "whole frames"
+
+
 def test_how_other_traverses_were_aligned_is_reported(route_map: Map) -> None:
     first = TraverseRecord(name="day", frames=60)
     night = TraverseRecord(name="night", frames=90, aligned=81, by="smoother")

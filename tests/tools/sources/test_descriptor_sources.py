@@ -157,7 +157,7 @@ def test_a_descriptor_that_is_not_finite_is_a_fault_of_its_frame(tmp_path: Path)
         frames = list(source)
     assert [frame.index for frame in frames if frame.fault] == [1, 3]
     with pytest.raises(FrameError, match="the descriptor is not finite"):
-        frames[3].decoded()
+        frames[3].pixels()
 
 
 def write_pickle(path: Path) -> None:

@@ -1,15 +1,21 @@
 """GIST beside a naive implementation, and a frame's way to its descriptor."""
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.features.descriptor_stage import DescriptorStage
+from placefield.features.descriptor_stage import DescriptorStage, warm_up
 from placefield.features.descriptors import DescriptorModel, DescriptorStream
-from placefield.features.extract import GIST_SIZE, default_dimensions, feature_of
+from placefield.features.extract import (
+    GIST_SIZE,
+    default_dimensions,
+    feature_of,
+    least_side_of,
+)
 from placefield.features.fitting import fit_descriptors
 from placefield.features.gist import DIMENSIONS, gist
 from placefield.features.images import decode
@@ -22,6 +28,7 @@ from placefield_tools.bench.timing import Timings
 from placefield_tools.sources import open_source
 
 _BATCH = 16
+_LARGE_BATCH = 4
 _ROUNDS = 15
 _GIVEN = 500
 
@@ -29,10 +36,16 @@ Array = NDArray[np.float32]
 
 
 def bench_features() -> list[Figure]:
-    """Measure on JPEGs of 640 x 480, on one core."""
+    """Measure on JPEGs of 640 x 480 and larger ones, on one core."""
     jpegs = street_frames(_BATCH)
     small = np.stack([small_grey(decode(jpeg), GIST_SIZE, GIST_SIZE) for jpeg in jpegs])
-    return [*_gist_figures(small), *_descriptor_figures(jpegs), _given_descriptors()]
+    return [
+        *_gist_figures(small),
+        *_descriptor_figures(jpegs),
+        *_large_figures("1080p", (1920, 1080), at_least=2.5),
+        *_large_figures("4k", (3840, 2160), at_least=3),
+        _given_descriptors(),
+    ]
 
 
 def _gist_figures(images: Array) -> list[Figure]:
@@ -78,6 +91,34 @@ def _descriptor_figures(jpegs: list[bytes]) -> list[Figure]:
         ),
         Figure("features_frames_per_s", _BATCH / times.median(0), "JPEG to descriptor, one core"),
     ]
+
+
+def _large_figures(name: str, size: tuple[int, int], at_least: float) -> list[Figure]:
+    """Compare JPEGs that are decoded whole with those that are decoded to a part of their size."""
+    jpegs = street_frames(_LARGE_BATCH, size=size)
+    model = _model()
+    whole = DescriptorStage(model)
+    in_part = DescriptorStage(replace(model, least_side=least_side_of("gist", None)))
+    warm_up(whole)  # as a service does
+    times = Timings.of(
+        [lambda: _described_images(whole, jpegs), lambda: _described_images(in_part, jpegs)],
+        rounds=_ROUNDS,
+    )
+    return [
+        Figure(
+            f"jpeg_{name}_speedup",
+            times.ratio(0, 1),
+            f"JPEG {size[0]} x {size[1]} to descriptor, decoded whole over decoded in part",
+            at_least=at_least,
+        ),
+        Figure(f"jpeg_{name}_whole_ms", 1e3 * times.median(0) / _LARGE_BATCH, "whole, a frame"),
+        Figure(f"jpeg_{name}_ms", 1e3 * times.median(1) / _LARGE_BATCH, "in part, a frame"),
+    ]
+
+
+def _described_images(stage: DescriptorStage, jpegs: list[bytes]) -> list[Array | None]:
+    stream = stage.new_stream()
+    return [stream.update(jpeg) for jpeg in jpegs]
 
 
 def _given_descriptors() -> Figure:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from placefield.config import InferenceConfig
 from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
+from placefield.features.rectification import image_of
 from placefield.maps.map import Map
 from placefield.verification.local_features import LocalFeatures
 from placefield.verification.verification_stage import local_features_of
@@ -34,10 +35,9 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
     feature = feature_of_model(placemap.model, inference)
 
     def observe(frame: Frame) -> Observed:
-        raw, image = feature.observe(frame)
-        local = None
-        if placemap.local_features is not None and image is not None:
-            local = local_features_of(placemap, image)
+        raw, local = feature.of_frame(frame), None
+        if placemap.local_features is not None and frame.descriptor is None:
+            local = local_features_of(placemap, image_of(frame, placemap.model.view))
         return Observed(raw, local)
 
     return observe

@@ -23,6 +23,7 @@ def map_facts(opened: Map) -> dict[str, str]:
         "traverses": "; ".join(traverse_line(record) for record in opened.traverses),
         "descriptor": f"{model.kind}, {made}, {model.dimensions} dimensions that keep "
         f"{model.variance_kept:.1%} of the variance",
+        "decoding": _decoding(model),
         "view": _view(model),
         "mask": _mask(model),
         "smallest scale": f"{opened.channels[0].smallest} frames",
@@ -34,6 +35,12 @@ def map_facts(opened: Map) -> dict[str, str]:
         "history": _history(opened),
         "digest": opened.digest,
     }
+
+
+def _decoding(model: AnyModel) -> str:
+    if model.least_side is None:
+        return "whole frames"
+    return f"JPEG to a part of its size, of at least {model.least_side} pixels a side"
 
 
 def _view(model: AnyModel) -> str:

@@ -13,7 +13,7 @@ from placefield.errors import FrameError, SourceError
 from placefield.features.extract import feature_of
 from placefield.features.frames import Frame, Pose
 from placefield.features.raw_stage import check_one_part
-from placefield.features.rectification import view_of
+from placefield.features.rectification import image_of, view_of
 from placefield.matching.exploring import Answer, Explorer
 from placefield.verification.extracting import extract
 from placefield.verification.local_features import LocalFeatures
@@ -104,8 +104,9 @@ def find_loops(source: Source, name: str, config: Config) -> DriveLoops:
     def describe(frame: Frame) -> tuple[DriveFrame, NDArray[np.float32] | None]:
         kept = DriveFrame(frame.index, frame.stamp_ns, frame.pose, frame.odometry_m)
         try:
-            raw, image = feature.observe(frame)
-            if camera is not None and image is not None:
+            raw = feature.of_frame(frame)
+            if camera is not None and frame.descriptor is None:
+                image = image_of(frame, view)
                 kept = kept._replace(local_features=extract(image, _LOCAL_FEATURES))
             return kept, raw
         except FrameError as error:

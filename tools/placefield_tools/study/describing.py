@@ -84,10 +84,7 @@ def describe_reference(
 
     def describe(frame: Frame) -> tuple[DescribedFrame, _Observation]:
         try:
-            described = describe_frame(frame, feature)
-            is_image = frame.descriptor is None
-            image = image_of(frame, feature.view) if is_image else None
-            return described, _look(image, vocabulary)
+            return describe_frame(frame, feature), _look(frame, feature.view, vocabulary)
         except FrameError as error:
             raise SourceError(f"{error}; a study's reference needs every frame") from None
 
@@ -112,8 +109,7 @@ def describe_query_frames(
     """
 
     def describe(frame: Frame) -> tuple[Array, _Observation]:
-        raw, image = feature.observe(frame)
-        return raw, _look(image, vocabulary)
+        return feature.of_frame(frame), _look(frame, feature.view, vocabulary)
 
     is_image = source.dimensions is None
     missing = (None, _missing_observation(vocabulary) if is_image else _NO_OBSERVATION)
@@ -127,10 +123,10 @@ def _described(raws: list[RawFeature], observations: list[_Observation]) -> Desc
     return Described(raws, np.stack(images), np.stack(words))
 
 
-def _look(image: NDArray[np.uint8] | None, vocabulary: Vocabulary | None) -> _Observation:
-    if image is None:
+def _look(frame: Frame, view: View | None, vocabulary: Vocabulary | None) -> _Observation:
+    if frame.descriptor is not None:
         return _NO_OBSERVATION
-    shades = grey(image)
+    shades = grey(image_of(frame, view))
     small = seqslam_image(shades)
     return small, _NO_WORDS if vocabulary is None else vocabulary.observe(_rounded(shades))
 
