@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from placefield.config import InferenceConfig
 from placefield.errors import ConfigError, FrameError
+from placefield.features.images import check_pixels
 from placefield.features.inference import network_input, rendered
 from placefield.features.network import NetworkInput
 from placefield.features.network_sandbox import answer_trial, run_trial
@@ -76,12 +77,11 @@ class LocalNetwork:
             FrameError: the pixels are of another shape or dtype, the network fails on them, or its
                 outputs do not fit.
         """
+        check_pixels(pixels)
         try:
             found = self._detect(pixels)
             if found.descriptors.shape[1] != self.numbers:
                 raise ValueError(f"descriptors of shape {found.descriptors.shape}")
-        except FrameError:
-            raise
         except Exception as error:
             raise FrameError(f"the network of local features fails: {reason_of(error)}") from None
         strongest = np.argsort(-found.scores, kind="stable")[:count]
@@ -93,19 +93,9 @@ class LocalNetwork:
         height, width = pixels.shape[:2]
         wanted = self._input.for_image(width, height)
         blob = network_input(pixels, wanted)
-        run = self._session.run(list(self._outputs), {self._input.name: blob})
-        keypoints, scores, descriptors = map(_without_batch, run, _AXES.values())
-        if keypoints.shape[1:] != (2,) or not (len(keypoints) == len(scores) == len(descriptors)):
-            raise ValueError(
-                f"keypoints of shape {keypoints.shape}, scores of {scores.shape} and descriptors "
-                f"of {descriptors.shape}"
-            )
-        if not 0 < descriptors.shape[1] <= MOST_NUMBERS:
-            raise ValueError(
-                f"descriptors of {descriptors.shape[1]} numbers, not 1 to {MOST_NUMBERS}"
-            )
-        if not all(np.isfinite(values).all() for values in (keypoints, scores, descriptors)):
-            raise ValueError("an output is not finite")
+        outputs = self._session.run(self._outputs, {self._input.name: blob})
+        keypoints, scores, descriptors = map(_without_batch, outputs, _AXES.values())
+        _check(keypoints, scores, descriptors)
         size = np.array([wanted.width, wanted.height], np.float32)
         shares = np.array([width, height], np.float32) / max(width, height)
         points = np.asarray(_from_middle(keypoints, size) / size * shares, np.float32)
@@ -164,6 +154,19 @@ def as_bytes(descriptors: Array) -> NDArray[np.uint8]:
     unit = 127 * max(1, math.sqrt(descriptors.shape[1]) / 8)
     rounded = np.rint(unit * values / np.maximum(lengths, np.finfo(np.float64).tiny))
     return np.asarray(np.clip(rounded + 128, 0, 255), np.uint8)
+
+
+def _check(keypoints: Array, scores: Array, descriptors: Array) -> None:
+    """Raise ``ValueError`` if outputs without the axis of the image are not local features."""
+    if keypoints.shape[1] != 2 or not len(keypoints) == len(scores) == len(descriptors):
+        raise ValueError(
+            f"keypoints of shape {keypoints.shape}, scores of {scores.shape} and descriptors of "
+            f"{descriptors.shape}"
+        )
+    if not 0 < descriptors.shape[1] <= MOST_NUMBERS:
+        raise ValueError(f"descriptors of {descriptors.shape[1]} numbers, not 1 to {MOST_NUMBERS}")
+    if not all(np.isfinite(values).all() for values in (keypoints, scores, descriptors)):
+        raise ValueError("an output is not finite")
 
 
 def _from_middle(keypoints: Array, size: Array) -> Array:
