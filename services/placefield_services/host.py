@@ -8,22 +8,20 @@ several services that die too often together.
 
 import itertools
 import logging
-import os
 import signal
-import subprocess
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from multiprocessing.process import BaseProcess
 
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
 from placefield.bus.session import MOST_TOKENS, Bus, open_router
 from placefield.config import Config
 from placefield.errors import BusError
-from placefield.loading import ENV_PREFIX
-from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
-from placefield_services.process import SUPERVISED
+from placefield_services.forkserver import LOST, Program, end_if_lost, fork
+from placefield_services.notifying import notify_alive, notify_ready
 from placefield_services.prometheus import ReceivedStats, serve_metrics
 
 log = logging.getLogger(__name__)
@@ -38,6 +36,7 @@ _Role = tuple[str, int | None]  # a service, and which channel if it is one
 
 
 def run_host(
+    program: Program,
     commands: Mapping[str, Sequence[str]],
     channels: int,
     config: Config,
@@ -50,6 +49,7 @@ def run_host(
     """Run the named commands against an embedded router until ``stop`` is set, or ``is_over``.
 
     Args:
+        program: runs the command lines.
         commands: command lines of the services, by a name for the log.
         channels: how many channels they serve together.
         config: its bus and runs.
@@ -67,7 +67,7 @@ def run_host(
             serve_metrics(config.monitoring, ReceivedStats(bus, config.runs).report)
         readiness = _Readiness(bus, config.runs, channels, others)
         deaths = _Deaths(len(commands))
-        children = [_Child(name, command, deaths) for name, command in commands.items()]
+        children = [_Child(name, program, command, deaths) for name, command in commands.items()]
         try:
             while not (stop.is_set() or is_over(bus)):
                 for child in children:
@@ -128,24 +128,26 @@ class _Deaths:
 
     def __init__(self, services: int) -> None:
         self._most = _MOST_DEATHS + services
-        self._lately: deque[tuple[float, str]] = deque()
+        self._lately: deque[tuple[float, str, int]] = deque()
 
     def note(self, name: str, code: int, now: float) -> None:
         """Note a death at ``now`` (monotonic seconds).
 
+        Services that are lost with the forkserver count one by one, but not all together.
+
         Raises:
             BusError: there have been too many deaths.
         """
-        self._lately.append((now, name))
+        self._lately.append((now, name, code))
         while self._lately[0][0] < now - _WITHIN_S:
             self._lately.popleft()
         within = f"within {_WITHIN_S / 60:g} minutes"
-        own = sum(other == name for _, other in self._lately)
+        own = sum(other == name for _, other, _ in self._lately)
         if own >= _MOST_DEATHS:
             raise BusError(
                 f"{name} {_how_ended(code)} {own} times in a row {within}; see its message above"
             )
-        if len(self._lately) >= self._most:
+        if sum(code != LOST for _, _, code in self._lately) >= self._most:
             raise BusError(
                 f"services died {self._most} times {within}, {name} last; see their messages above"
             )
@@ -154,36 +156,33 @@ class _Deaths:
 class _Child:
     """One service process and its restarts."""
 
-    def __init__(self, name: str, command: Sequence[str], deaths: _Deaths) -> None:
+    def __init__(
+        self, name: str, program: Program, command: Sequence[str], deaths: _Deaths
+    ) -> None:
         self._name = name
+        self._program = program
         self._command = command
         self._deaths = deaths
         self._start_at = 0.0
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: BaseProcess | None = None
 
     def has_given_up(self) -> bool:
         """Return whether the process has ended by itself with an error."""
-        return self._process is not None and (self._process.poll() or 0) > 0
+        return self._process is not None and (self._process.exitcode or 0) in range(1, LOST)
 
     def keep_running(self) -> None:
         """Start the process, or restart it shortly after it died."""
         now = time.monotonic()
-        if self._process is not None and self._process.poll() is not None:
-            self._note_death(self._process.returncode, now)
+        if self._process is not None and (code := self._process.exitcode) is not None:
+            self._release(self._process)
+            self._note_death(code, now)
         if self._process is None and now >= self._start_at:
-            self._start()
-
-    def _start(self) -> None:
-        self._process = subprocess.Popen(
-            self._command,
-            stdin=subprocess.PIPE,  # the child ends when the host closes it
-            env=child_environment(),
-            start_new_session=True,  # Ctrl-C reaches only the host, which stops the child
-        )
+            try:
+                self._process = fork(self._program, self._command)
+            except (EOFError, ConnectionError):
+                self._note_death(LOST, now)
 
     def _note_death(self, code: int, now: float) -> None:
-        self._close_pipe()
-        self._process = None
         self._start_at = now + _RESTART_AFTER_S
         self._deaths.note(self._name, code, now)
         log.warning("%s %s; starting it again", self._name, _how_ended(code))
@@ -197,40 +196,27 @@ class _Child:
         """Wait for the process to end; kill it at the deadline (monotonic seconds)."""
         if self._process is None:
             return
-        try:
-            self._process.wait(max(0.0, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
+        self._process.join(max(0.0, deadline - time.monotonic()))
+        if self._process.exitcode is None:
             log.warning("%s did not end; killing it", self._name)
             self._process.kill()
-            self._process.wait()
-        self._close_pipe()
+            self._process.join()
+        self._release(self._process)
 
-    def _close_pipe(self) -> None:
-        if self._process is not None and self._process.stdin is not None:
-            self._process.stdin.close()
+    def _release(self, process: BaseProcess) -> None:
+        end_if_lost(process)
+        process.close()
+        self._process = None
 
 
 def _how_ended(code: int) -> str:
+    if code == LOST:
+        return "was lost, as the forkserver was killed"
     if code >= 0:
         return f"ended with code {code}"
     with suppress(ValueError):  # real-time signals have no names
         return f"was ended by {signal.Signals(-code).name}"
     return f"was ended by signal {-code}"
-
-
-def child_environment() -> dict[str, str]:
-    """Return the environment for services that end when this process ends.
-
-    It has no Placefield settings: the command lines carry the whole configuration. It has no
-    notification socket: only the host reports to a supervisor. Each service has one BLAS thread, as
-    the processes already run in parallel.
-    """
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if not name.startswith(ENV_PREFIX) and name != NOTIFY_SOCKET
-    }
-    return kept | {SUPERVISED: "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def _stop_all(children: Sequence[_Child]) -> None:

@@ -4,6 +4,8 @@ from collections.abc import Collection, Set
 
 from placefield_services.live_tokens import LiveTokens
 
+_IN_A_ROW = 8  # frames that fall to one verifier, as each hand-over to another may take a while
+
 
 class LiveVerifiers(LiveTokens):
     """The identities of a run's live verifiers, this one's among them."""
@@ -26,4 +28,4 @@ class LiveVerifiers(LiveTokens):
             having: the verifiers that were alive when the frame came.
         """
         sharing = sorted(having & self.alive) or [self._identity]
-        return sharing[sequence % len(sharing)] == self._identity
+        return sharing[sequence // _IN_A_ROW % len(sharing)] == self._identity

@@ -11,6 +11,7 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from multiprocessing import parent_process
 from typing import NoReturn, TypeVar
 
 from placefield.bus.inbox import Inbox, Received
@@ -21,6 +22,7 @@ from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MapError, MessageError
 from placefield_services.background_query import NotYet
+from placefield_services.child_environment import SUPERVISED
 from placefield_services.notifying import notify_alive, notify_ready
 from placefield_services.prometheus import ReportedStats
 
@@ -33,9 +35,6 @@ _END_WITHIN_S = 1.0
 AT_ONCE = 16
 """The most messages that a service handles in one batch. A batch shares work, but must not make the
 next stage wait for long."""
-
-SUPERVISED = "PLACEFIELD_SUPERVISED"
-"""Environment variable of a service whose standard input ends when its host ends."""
 
 Work = TypeVar("Work")
 
@@ -210,7 +209,7 @@ def stop_event() -> threading.Event:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    if os.environ.get(SUPERVISED):
+    if parent_process() is not None or os.environ.get(SUPERVISED):
         threading.Thread(target=_wait_for_host, args=(stop,), daemon=True).start()
     return stop
 
@@ -232,6 +231,9 @@ def _end_soon_after(stop: threading.Event) -> None:
 
 
 def _wait_for_host(stop: threading.Event) -> None:
-    while os.read(sys.stdin.fileno(), 1):
-        pass
+    if (host := parent_process()) is not None:
+        host.join()
+    else:
+        while os.read(sys.stdin.fileno(), 1):
+            pass
     stop.set()

@@ -3,12 +3,15 @@
 All verifiers of a run receive all frames and all smoothed matches. A match falls to one of those
 that were alive when its frame came, by the number of the frame. The others keep frame and match
 until its verified match comes: if the verifier that it falls to dies, it falls to another.
+
+Verifiers compare frames with places at the same time, and publish in order: an answer waits for the
+verified matches before it, because it depends on the posterior in the last one.
 """
 
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
@@ -19,21 +22,22 @@ from placefield.bus.replay_cache import LENGTH, CachedPublisher, Fetch, Fetched
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.bus.verified_messages import VerifiedMessage
 from placefield.errors import MessageError
+from placefield.features.frames import Frame
 from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.frame_of_message import frame_of
 from placefield_services.kept_frames import FrameName, KeptFrame, KeptFrames
 from placefield_services.live_verifiers import LiveVerifiers
 from placefield_services.process import counting_failure
-from placefield_services.verified_answers import unverified_answer, verified_answer
+from placefield_services.verified_answers import Comparison, compare, verified_answer
+from placefield_services.verified_frames import VerifiedFrames
 from placefield_services.verified_versions import VerifiedVersion
 
 MOST_WAITING = 2**15
 """The most matches of a run that wait."""
 
-_MOST_DONE = 4096  # verified matches that are remembered
 _LATE_S = 1.0  # how much later than its match a frame may come
 _QUIET_S = 2.0
-_OVERDUE_S = 5.0  # after that, another verifier that has nothing else to do verifies a match
+_OVERDUE_S = 5.0  # after that, a verifier may compare a frame that falls to another
 
 
 @dataclass(frozen=True)
@@ -47,12 +51,21 @@ class VerifierLinks:
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A smoothed match that is not verified yet; ``since`` in monotonic seconds."""
+    """A smoothed match that is not verified yet.
+
+    Attributes:
+        header: of the match.
+        smoothed: the match.
+        version: of its map.
+        since: when it began to wait, monotonic seconds.
+        compared: its frame with its place; None before that.
+    """
 
     header: Header
     smoothed: SmoothedMessage
     version: VerifiedVersion
-    since: float
+    since: float = 0.0
+    compared: Comparison | None = None
 
 
 class VerifierRun:
@@ -85,7 +98,11 @@ class VerifierRun:
         self._query = BackgroundQuery(self._fetch)
         self._frames = KeptFrames()
         self._waiting: dict[FrameName, _Waiting] = {}
-        self._done: dict[FrameName, None] = {}
+        self._verified = VerifiedFrames()
+        self._heard_at = 0.0
+        """When another verifier's message came last, monotonic seconds."""
+        self._reached = 0.0
+        """When the newest of the matches that are verified began to wait, monotonic seconds."""
         self._newest: Header | None = None
         """The header of the newest match, or of the stream's end."""
         self._ask_at = 0.0  # monotonic seconds
@@ -102,7 +119,7 @@ class VerifierRun:
         header = received.header
         if received.key == self._keys.smoothed:
             self._accept_smoothed(header, received.payload)
-        elif header.end or _name(header) in self._done:
+        elif header.end or _name(header) in self._verified:
             return
         elif received.key == self._keys.frame:
             frame = frame_of(header, FrameMessage.decode(received.payload))
@@ -111,9 +128,10 @@ class VerifierRun:
             self._accept_verified(header, received.payload)
 
     def _accept_verified(self, header: Header, payload: bytes) -> None:
-        VerifiedMessage.decode(payload)
+        message = VerifiedMessage.decode(payload)
         self._links.verified.cache.store(header, payload)
-        self._finish(_name(header))
+        self._heard_at = time.monotonic()
+        self._finish(_name(header), message)
 
     def _accept_smoothed(self, header: Header, payload: bytes) -> None:
         waiting = None if header.end else self._decode(header, payload)
@@ -156,13 +174,13 @@ class VerifierRun:
         version = self._find_version(smoothed.map)
         if smoothed.place >= version.places:
             raise MessageError(f"place {smoothed.place} of a map of {version.places} places")
-        return _Waiting(header, smoothed, version, time.monotonic())
+        return _Waiting(header, smoothed, version)
 
     def _wait(self, waiting: _Waiting) -> None:
         name = _name(waiting.header)
-        if name in self._done:
+        if name in self._verified or name in self._waiting:
             return
-        self._waiting[name] = waiting
+        self._waiting[name] = replace(waiting, since=time.monotonic())
         if len(self._waiting) > MOST_WAITING:
             self._counts["dropped_full"] += 1
             del self._waiting[next(iter(self._waiting))]
@@ -201,50 +219,76 @@ class VerifierRun:
         smoothed = self._links.fetch_smoothed(stream, first, end)
         return smoothed, self._links.fetch_verified(stream, first, end)
 
-    def _finish(self, name: FrameName) -> None:
-        self._waiting.pop(name, None)
+    def _finish(self, name: FrameName, message: VerifiedMessage) -> None:
+        waiting = self._waiting.pop(name, None)
+        if waiting is not None:
+            self._reached = max(self._reached, waiting.since)
         self._frames.drop(name)
-        self._done[name] = None
-        if len(self._done) > _MOST_DONE:
-            del self._done[next(iter(self._done))]
+        self._verified.add(name, message.posterior)
 
     def verify_next(self) -> bool:
-        """Verify the next match that falls to this verifier; return whether there was one."""
+        """Publish what is due, and compare the next frame that falls to this verifier.
+
+        Returns:
+            Whether there was such a frame.
+        """
+        self._publish_in_order()
         name = self._next(time.monotonic())
         if name is None:
             return False
-        waiting, frame = self._waiting[name], self._frames.find(name)
+        waiting, kept = self._waiting[name], self._frames.find(name)
         waiting.version.check_unchanged()  # its files are memory-mapped
-        self._finish(name)
-        self._links.verified.put(waiting.header, self._answer(waiting, frame))
+        compared = self._compare(waiting, None if kept is None else kept.frame)
+        self._waiting[name] = replace(waiting, compared=compared)
         return True
+
+    def _publish_in_order(self) -> None:
+        """Publish the answers that wait for no earlier match.
+
+        If a later match is verified already, the message of an earlier one was lost, or will be
+        late: nothing waits for that.
+        """
+        for name, waiting in list(self._waiting.items()):
+            if waiting.compared is not None:
+                self._publish(name, waiting, waiting.compared)
+            elif waiting.since >= self._reached:
+                return
+
+    def _publish(self, name: FrameName, waiting: _Waiting, compared: Comparison) -> None:
+        before, stage = self._verified.before(name), waiting.version.stage
+        answer = verified_answer(waiting.smoothed, compared, stage, before)
+        self._counts[answer.reason or "verified"] += 1
+        self._finish(name, answer)
+        self._links.verified.put(waiting.header, answer)
 
     def _next(self, now: float) -> FrameName | None:
         """Return the oldest match that falls to this verifier; if none does, one that is overdue.
 
         Of the overdue ones it is the newest, as the verifier that they fall to begins with the
-        oldest. Matches without a frame fall to the oldest verifier: no other has more frames.
+        oldest. But if no other verifier is heard, all that is overdue falls to this one. Matches
+        without a frame fall to the oldest verifier: no other has more frames.
         """
+        is_silent = now - self._heard_at >= _OVERDUE_S
         overdue = None
         for name, waiting in self._waiting.items():
+            if waiting.compared is not None:
+                continue
             frame, age = self._frames.find(name), now - waiting.since
+            is_overdue = age >= _OVERDUE_S
             if frame is None:
                 is_own = self._verifiers.is_oldest and age >= _LATE_S
             else:
                 is_own = self._verifiers.is_own(name[1], frame.verifiers)
-            if is_own:
+            if is_own or (is_overdue and is_silent):
                 return name
-            if frame is not None and age >= _OVERDUE_S:
+            if frame is not None and is_overdue:
                 overdue = name
         return overdue
 
-    def _answer(self, waiting: _Waiting, frame: KeptFrame | None) -> VerifiedMessage:
+    def _compare(self, waiting: _Waiting, frame: Frame | None) -> Comparison:
         with counting_failure([self._counts]):
-            shown = None if frame is None else frame.frame
-            answer = verified_answer(waiting.smoothed, shown, waiting.version.stage)
-            self._counts[answer.reason or "verified"] += 1
-            return answer
-        return unverified_answer(waiting.smoothed, "failed")
+            return compare(waiting.smoothed.match, frame, waiting.version.stage)
+        return Comparison("failed")
 
 
 def _name(header: Header) -> FrameName:

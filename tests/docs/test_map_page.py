@@ -9,6 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from placefield.maps.array_layout import (
+    CHANCE_FILES,
     CHANNEL_FILES,
     COARSE_FILES,
     GRAPH_FILES,
@@ -42,6 +43,7 @@ FOLDERS = (
     ("metrics/0/looks", LOOK_TRAVERSE_FILES),
     ("channels/0", CHANNEL_FILES),
     ("local_features", LOCAL_FEATURE_FILES),
+    ("local_features", CHANCE_FILES),
 )
 
 

@@ -2,13 +2,14 @@
 
 import os
 import random
-import sys
 import threading
+from ast import literal_eval
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
 import pytest
+from host_scripts import SCRIPTS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield_services import host
+from placefield_services.forkserver import LOST
 from placefield_services.host import run_host
 
 RUNS_ON = "import time\ntime.sleep(60)"
@@ -28,24 +30,31 @@ def config(endpoint: str) -> Config:
     return Config(runs=("test",), bus=BusConfig(endpoint=endpoint))
 
 
+def _end_forkserver() -> None:
+    for child in psutil.Process().children():
+        if child.name().startswith("placefield fork"):
+            child.kill()
+
+
 @pytest.fixture(autouse=True)
-def _leaves_no_process_behind() -> Iterator[None]:
+def _leaves_only_the_forkserver_behind() -> Iterator[None]:
     before = set(psutil.Process().children(recursive=True))
     yield
-    left = set(psutil.Process().children(recursive=True)) - before
-    for process in left:
+    started = set(psutil.Process().children(recursive=True)) - before
+    services = {each for each in started if each.ppid() != os.getpid()}
+    for process in services:
         process.kill()
-    assert not left
+    assert not services
 
 
 def run(scripts: dict[str, str], config: Config, until: Callable[[], bool]) -> None:
     """Run Python scripts as the services of a host until a condition holds."""
-    commands = {name: [sys.executable, "-c", script] for name, script in scripts.items()}
+    commands = {name: [script] for name, script in scripts.items()}
     stop = threading.Event()
     watch = threading.Thread(target=_stop_when, args=(until, stop))
     watch.start()
     try:
-        run_host(commands, 1, config, stop, lambda: None)
+        run_host(SCRIPTS, commands, 1, config, stop, lambda: None)
     finally:
         stop.set()
         watch.join()
@@ -118,6 +127,17 @@ def test_all_may_die_at_once_and_a_service_now_and_then_for_ever(
         deaths.note("worker 0", -9, hour * 3600.0)
 
 
+@given(services=st.integers(1, 64))
+def test_a_forkserver_that_dies_with_all_services_ends_the_host_the_fifth_time(
+    services: int,
+) -> None:
+    deaths = host._Deaths(services)
+    for number in range(4 * services):
+        deaths.note(f"worker {number % services}", LOST, 1.0)
+    with pytest.raises(BusError, match=r"worker 0 was lost, .* 5 times in a row within 10 "):
+        deaths.note("worker 0", LOST, 1.0)
+
+
 def test_a_service_that_gives_up_before_all_are_ready_ends_the_host_at_once(
     config: Config, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -136,14 +156,14 @@ def test_a_service_that_gives_up_after_all_were_ready_is_started_again(
     monkeypatch.setattr(host, "_RESTART_AFTER_S", 0.0)
     keys, go, tried = Keys(config.run), tmp_path / "go", tmp_path / "tried"
     waits = f"import os, time\nwhile not os.path.exists({str(go)!r}): time.sleep(0.01)\n"
-    command = [sys.executable, "-c", waits + appends_to(tried) + "raise SystemExit(1)"]
+    command = [waits + appends_to(tried) + "raise SystemExit(1)"]
     stop = threading.Event()
     watch = threading.Thread(target=_stop_when, args=(lambda: len(lines(tried)) >= 2, stop))
     watch.start()
     announcing = threading.Thread(target=_announce_all, args=(config, keys, stop))
     announcing.start()
     try:
-        run_host({"fuser": command}, 1, config, stop, go.touch)
+        run_host(SCRIPTS, {"fuser": command}, 1, config, stop, go.touch)
     finally:
         stop.set()
         watch.join()
@@ -168,14 +188,30 @@ def test_a_service_that_ignores_the_stop_is_killed(config: Config, tmp_path: Pat
 def test_services_get_their_settings_only_from_their_command(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    _end_forkserver()  # it keeps the environment that it was started in
     monkeypatch.setenv("PLACEFIELD_RUNS", "from-outside")
+    monkeypatch.setenv("NOTIFY_SOCKET", "@supervisor")
     monkeypatch.setenv("HOME", "/home")
-    environment = tmp_path / "environment"
-    script = f"import os, sys\nopen({str(environment)!r}, 'w').write(chr(10).join(os.environ))\n"
-    run({"service": script + RUNS_ON}, config, lambda: bool(lines(environment)))
-    assert "HOME" in lines(environment)
-    assert "PLACEFIELD_RUNS" not in lines(environment)
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    file = tmp_path / "environment"
+    script = f"import os\nopen({str(file)!r}, 'w').write(str(dict(os.environ)))\n"
+    run({"service": script + RUNS_ON}, config, lambda: bool(lines(file)))
+    _end_forkserver()
+    environment = literal_eval(file.read_text())
+    assert environment["HOME"] == "/home"
+    assert environment["OPENBLAS_NUM_THREADS"] == "1"
+    assert not {"PLACEFIELD_RUNS", "PLACEFIELD_SUPERVISED", "NOTIFY_SOCKET"} & set(environment)
     assert "PLACEFIELD_RUNS" in os.environ
+
+
+def test_a_service_with_a_defect_reports_it_as_the_main_program_would(
+    config: Config, tmp_path: Path
+) -> None:
+    reported = tmp_path / "reported"
+    script = f"import sys\nsys.excepthook = lambda *_: open({str(reported)!r}, 'w').close()\n1 / 0"
+    with pytest.raises(SystemExit):
+        run({"fuser": script}, config, lambda: False)
+    assert reported.exists()
 
 
 def test_an_endpoint_in_use_is_refused_before_anything_is_started(
@@ -198,7 +234,7 @@ def test_the_host_is_ready_once_every_service_and_channel_is_alive(config: Confi
         reported.append(True)
         ready.set()
 
-    served = threading.Thread(target=run_host, args=({}, 2, config, stop, on_ready))
+    served = threading.Thread(target=run_host, args=(SCRIPTS, {}, 2, config, stop, on_ready))
     served.start()
     tokens = [keys.alive("fuser", "a"), keys.alive("featurizer", "b")]
     tokens += [keys.alive("channel", Part(channel).identity("c")) for channel in (0, 1)]

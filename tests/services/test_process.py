@@ -16,7 +16,8 @@ from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
 from placefield_services.background_query import NotYet
-from placefield_services.process import AT_ONCE, SUPERVISED, ServiceProcess, begin
+from placefield_services.child_environment import SUPERVISED
+from placefield_services.process import AT_ONCE, ServiceProcess, begin
 
 KEYS = Keys("test")
 

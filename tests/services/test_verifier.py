@@ -1,5 +1,6 @@
 """A verifier gives each smoothed match one verified match, whatever comes or dies."""
 
+import math
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -24,6 +25,8 @@ from placefield.fusion.match import SmoothedMatch
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
+from placefield.verification.inlier_model import STATES
+from placefield.verification.place_features import NO_PAIRS
 from placefield.verification.verification_stage import VerificationStage
 from placefield_services import verifier_run as run_module
 from placefield_services.kept_frames import KeptFrame, KeptFrames
@@ -39,8 +42,9 @@ CONFIG = Config.model_validate({"verification": {"focal": 0.9}})
 
 
 @pytest.fixture(autouse=True)
-def wait_for_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+def wait_for_no_frame_and_help_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_module, "_LATE_S", 0.0)
+    monkeypatch.setattr(run_module, "_OVERDUE_S", math.inf)
 
 
 @pytest.fixture(scope="session")
@@ -50,7 +54,7 @@ def verified_map(verified_map_path: Path) -> Map:
 
 @pytest.fixture(scope="session")
 def images(query_dir: Path) -> list[bytes]:
-    return [file.read_bytes() for file in sorted(query_dir.iterdir())[:8]]
+    return [file.read_bytes() for file in sorted(query_dir.iterdir())[:20]]
 
 
 def smoothed(placemap: Map, place: int, probability: float | None = 0.9) -> SmoothedMessage:
@@ -92,6 +96,13 @@ class Verifier:
     ) -> None:
         self.accept(received(KEYS.smoothed, header(sequence, live=live), match))
 
+    def send(self, images: Sequence[bytes], placemap: Map) -> None:
+        """Send the first frames of a drive, and their matches: all right but for the last one."""
+        for number, image in enumerate(images):
+            self.send_frame(number, image)
+            last = number == len(images) - 1
+            self.send_match(number, smoothed(placemap, 40 if last else number))
+
     def send_verified(self, sequence: int, message: VerifiedMessage) -> None:
         self.accept(received(KEYS.verified, header(sequence), message))
 
@@ -103,32 +114,50 @@ class Verifier:
             pass
         return self.publisher.sequences[before:]
 
+    def hear(self, other: "Verifier", *, lost: Sequence[int] = ()) -> None:
+        """Receive what another verifier published, but for the frames that are lost."""
+        for about, message in other.publisher.sent:
+            assert isinstance(message, VerifiedMessage)
+            if about.sequence not in lost:
+                self.send_verified(about.sequence, message)
+
+    @property
+    def sent(self) -> dict[int, bytes]:
+        """The published messages by frame."""
+        return {
+            about.sequence: message.encode() for about, message in self.publisher.sent if message
+        }
+
     @property
     def answers(self) -> list[VerifiedMessage]:
         found = [message for _, message in self.publisher.sent]
         return [message for message in found if isinstance(message, VerifiedMessage)]
 
 
-def test_its_answers_are_those_of_evaluate_to_the_bit(
-    verified_map_path: Path, verified_map: Map, images: list[bytes]
-) -> None:
+@pytest.fixture(scope="session")
+def by_one(verified_map_path: Path, verified_map: Map, images: list[bytes]) -> dict[int, bytes]:
+    """The messages of one verifier, by frame."""
     verifier = Verifier(verified_map_path)
-    for number, image in enumerate(images):
-        verifier.send_frame(number, image)
-        verifier.send_match(number, smoothed(verified_map, number if number != 5 else 40))
+    verifier.send(images, verified_map)
     assert verifier.verify() == list(range(len(images)))
+    return verifier.sent
 
+
+def test_its_answers_are_those_of_evaluate_to_the_bit(
+    by_one: dict[int, bytes], verified_map: Map, images: list[bytes]
+) -> None:
     observe = observer(verified_map, InferenceConfig())
     local = [observe(Frame(0, 0, "", image)).local_features for image in images]
+    places = [*range(len(images) - 1), 40]
     matches = [
-        SmoothedMatch(number, smoothed(verified_map, number if number != 5 else 40).match, 3)
-        for number in range(len(images))
+        SmoothedMatch(at, smoothed(verified_map, place).match, 3) for at, place in enumerate(places)
     ]
     expected = verified_matches(VerificationStage(verified_map, CONFIG), matches, local)
-    assert [answer.match for answer in verifier.answers] == [each.match for each in expected]
-    ratios = [answer.ratio or 0 for answer in verifier.answers]
-    assert ratios[5] < 1 < min(ratios[:5] + ratios[6:])
-    assert verifier.counts["verified"] == len(images)
+    answers = [VerifiedMessage.decode(by_one[number]) for number in range(len(images))]
+    assert [answer.match for answer in answers] == [each.match for each in expected]
+    *right, wrong = [answer.ratio or 0 for answer in answers]
+    assert min(right) > 1
+    assert wrong < max(right) / 10
 
 
 def test_a_verified_match_has_the_relative_pose_that_the_images_determine(
@@ -173,64 +202,155 @@ def test_a_match_that_cannot_be_verified_stays_as_it_is_and_says_why(
         assert verifier.counts[reason] == reasons.count(reason)
 
 
-def test_verifiers_share_the_matches_and_one_takes_over_what_another_leaves(
-    verified_map_path: Path, verified_map: Map, images: list[bytes]
+def pair(path: Path) -> tuple[Verifier, Verifier]:
+    """Two verifiers that know of each other."""
+    one, other = Verifier(path, "a"), Verifier(path, "b")
+    one.change("b", is_alive=True)
+    other.change("a", is_alive=True)
+    return one, other
+
+
+def test_two_verifiers_share_the_frames_and_publish_in_order_what_one_alone_would(
+    verified_map_path: Path, verified_map: Map, images: list[bytes], by_one: dict[int, bytes]
 ) -> None:
-    both = [Verifier(verified_map_path, own) for own in "ab"]
-    for one, other in zip(both, "ba", strict=True):
-        one.change(other, is_alive=True)
-    for number, image in enumerate(images):
-        for one in both:
-            one.send_frame(number, image)
-            one.send_match(number, smoothed(verified_map, number))
-    assert both[0].verify() == [0, 2, 4, 6]
-    for about, message in both[0].publisher.sent:
-        assert isinstance(message, VerifiedMessage)
-        both[1].send_verified(about.sequence, message)
-    assert both[0].verify() == []
-
-    both[0].change("b", is_alive=False)
-    assert both[0].verify() == [1, 3, 5, 7]
-    assert both[1].verify() == [1, 3, 5, 7]  # it lives, but the other cannot know
-    assert both[0].answers[4:] == both[1].answers
+    one, other = pair(verified_map_path)
+    for each in (one, other):
+        each.send(images, verified_map)
+    assert other.verify() == []  # it has compared them, and waits
+    assert one.verify() == [*range(8)]
+    other.hear(one)
+    assert other.verify() == [*range(8, 16)]
+    one.hear(other)
+    assert one.verify() == [*range(16, 20)]
+    assert one.sent | other.sent == by_one
+    assert one.counts["verified"] + other.counts["verified"] == len(images)
 
 
-def test_an_idle_verifier_takes_over_what_is_overdue(
+@pytest.mark.parametrize("heard", [0, 5, 8])
+def test_one_takes_over_what_another_leaves_that_dies(
+    verified_map_path: Path,
+    verified_map: Map,
+    images: list[bytes],
+    by_one: dict[int, bytes],
+    heard: int,
+) -> None:
+    one, other = pair(verified_map_path)
+    for each in (one, other):
+        each.send(images, verified_map)
+    one.verify()
+    other.hear(one, lost=range(heard, 8))
+    other.change("a", is_alive=False)
+    assert other.verify() == [*range(heard, 20)]
+    assert other.sent == {at: message for at, message in by_one.items() if at >= heard}
+
+
+def test_a_lost_message_of_another_holds_up_none_that_is_later(
+    verified_map_path: Path, verified_map: Map, images: list[bytes], by_one: dict[int, bytes]
+) -> None:
+    one, other = pair(verified_map_path)
+    for each in (one, other):
+        each.send(images, verified_map)
+    one.verify()
+    other.hear(one, lost=[3])
+    assert other.verify() == [*range(8, 16)]
+    assert other.sent == {at: by_one[at] for at in range(8, 16)}
+
+
+def test_a_verified_match_of_a_frame_that_is_not_here_yet_changes_no_other(
+    verified_map_path: Path, verified_map: Map, images: list[bytes], by_one: dict[int, bytes]
+) -> None:
+    verifier = Verifier(verified_map_path)
+    forged = VerifiedMessage.decode(by_one[19]).model_copy(update={"posterior": np.eye(STATES)[2]})
+    verifier.send_verified(10**6, forged)
+    verifier.send(images, verified_map)
+    verifier.verify()
+    assert verifier.sent == by_one
+
+
+def test_what_is_overdue_is_taken_over_when_no_other_verifier_is_heard(
     verified_map_path: Path,
     verified_map: Map,
     images: list[bytes],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     verifier = Verifier(verified_map_path, "a", ["hanging"])
-    for number in range(4):
-        verifier.send_frame(number, images[number])
+    for number, image in enumerate(images[:12]):
+        if number != 9:
+            verifier.send_frame(number, image)
         verifier.send_match(number, smoothed(verified_map, number))
-    assert verifier.verify() == [0, 2]
+    assert verifier.verify() == [*range(8)]
     monkeypatch.setattr(run_module, "_OVERDUE_S", 0.0)
-    assert verifier.verify() == [3, 1]
+    assert verifier.verify() == [*range(8, 12)]
+    reasons = [answer.reason for answer in verifier.answers]
+    assert reasons == [None] * 9 + ["no_frame"] + [None] * 2
 
 
-def test_one_that_joins_leaves_frames_that_it_lacks_to_those_that_have_them(
-    verified_map_path: Path, verified_map: Map, images: list[bytes]
+def test_an_idle_verifier_helps_a_slow_one(
+    verified_map_path: Path,
+    verified_map: Map,
+    images: list[bytes],
+    by_one: dict[int, bytes],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one, slow = pair(verified_map_path)
+    for each in (one, slow):
+        each.send(images, verified_map)
+    one.verify()
+    slow.hear(one)
+    slow.verify()
+    monkeypatch.setattr(run_module, "_OVERDUE_S", 0.2)
+    time.sleep(0.2)
+    one.hear(slow, lost=range(9, 16))
+    assert one.verify() == [*range(9, 20)]
+    assert one.sent.items() <= by_one.items()
+
+
+def test_one_that_joins_continues_from_the_messages_of_those_before(
+    verified_map_path: Path, verified_map: Map, images: list[bytes], by_one: dict[int, bytes]
 ) -> None:
     old, new = Verifier(verified_map_path, "b"), Verifier(verified_map_path, "a", ["b"])
-    for number in range(3):
-        match = smoothed(verified_map, number)
-        old.send_frame(number, images[number])
-        old.send_match(number, match)
-        new.smoothed_elsewhere.kept[number] = header(number), match.encode()
-    answered = VerifiedMessage.of(match.match, map=match.map, lag=3, reason="unlikely")
-    new.verified_elsewhere.kept[0] = header(0), answered.encode()
+    old.send(images[:3], verified_map)
+    for number, match in enumerate([0, 1, 40]):
+        message = smoothed(verified_map, match).encode()
+        new.smoothed_elsewhere.kept[number] = header(number), message
+    new.verified_elsewhere.kept[0] = header(0), by_one[0]
     old.change("a", is_alive=True)
     for one in (old, new):
         one.send_frame(3, images[3])
         one.send_match(3, smoothed(verified_map, 3))
-    assert new.verify() == []  # of both, the other has number 3
-    assert old.verify() == [0, 1, 2, 3]
-    new.change("b", is_alive=False)
-    assert new.verify() == [1, 2, 3]
-    assert [answer.reason for answer in new.answers] == ["no_frame", "no_frame", None]
+    assert new.verify() == []  # number 3 is its own, and waits for those before
+    assert old.verify() == [0, 1, 2]
+    new.hear(old)
+    assert new.verify() == [3]
+    after = VerifiedMessage.decode(old.sent[2]).posterior
+    assert after is not None
+    stage = VerificationStage(verified_map, CONFIG)
+    (answer,) = new.answers
+    expected = stage.verify(smoothed(verified_map, 3).match, answer.inliers, after)
+    assert (answer.match, answer.ratio) == (expected.match, expected.ratio)
     assert new.counts["gaps"] == 0
+
+
+def test_the_oldest_verifier_answers_for_frames_that_nobody_has(
+    verified_map_path: Path, verified_map: Map, images: list[bytes], by_one: dict[int, bytes]
+) -> None:
+    verifier = Verifier(verified_map_path, "a", ["b"])
+    for number in range(3):
+        message = smoothed(verified_map, number).encode()
+        verifier.smoothed_elsewhere.kept[number] = header(number), message
+    verifier.verified_elsewhere.kept[0] = header(0), by_one[0]
+    verifier.send_frame(3, images[3])
+    verifier.send_match(3, smoothed(verified_map, 3))
+    assert verifier.verify() == []
+    verifier.change("b", is_alive=False)
+    assert verifier.verify() == [1, 2, 3]
+    assert [answer.reason for answer in verifier.answers] == ["no_frame", "no_frame", None]
+    first = VerifiedMessage.decode(by_one[0]).posterior
+    assert verifier.answers[2].ratio == pytest.approx(
+        VerificationStage(verified_map, CONFIG)
+        .verify(smoothed(verified_map, 3).match, verifier.answers[2].inliers, first, 3)
+        .ratio
+    )
 
 
 def test_one_that_joins_alone_counts_what_it_missed(
@@ -333,9 +453,8 @@ def test_matches_of_a_new_version_of_the_map_are_verified_by_it_and_late_ones_by
         verifier.send_frame(number, images[number])
     verifier.send_match(0, smoothed(verified_map, 0))
     assert verified_map.local_features is not None
-    certain = np.full_like(verified_map.local_features.ratios, 7.0)
-    places = replace(verified_map.local_features, ratios=certain)
-    save_map(replace(verified_map, local_features=places), path)
+    older = replace(verified_map.local_features, ratios=np.array([7.0]), by_chance=NO_PAIRS)
+    save_map(replace(verified_map, local_features=older), path)
     verifier.send_match(1, smoothed(verified_map, 1))
     verifier.send_match(2, smoothed(open_map(path), 2))
     assert verifier.verify() == [0, 1, 2]

@@ -94,6 +94,7 @@ class Process:
         self._out, self._err = folder / f"{name}.out", folder / f"{name}.err"
         self._arguments = arguments
         self._family: set[psutil.Process] = set()
+        self._helpers: set[psutil.Process] = set()  # of multiprocessing; they end after this one
 
     def __enter__(self) -> Self:
         with self._out.open("w") as out, self._err.open("w") as err:
@@ -125,12 +126,14 @@ class Process:
         return self._process.poll() is None
 
     def children(self) -> list[psutil.Process]:
-        """Return the processes that this one has started and that live."""
+        """Return the processes of commands that this one has started and that live."""
         try:
-            children = psutil.Process(self.pid).children(recursive=True)
+            started = psutil.Process(self.pid).children(recursive=True)
         except psutil.NoSuchProcess:
             return []
+        children = [child for child in started if "-m placefield_tools" in command_line(child)]
         self._family.update(children)
+        self._helpers.update(set(started) - set(children))
         return children
 
     def left_behind(self) -> list[psutil.Process]:
@@ -165,6 +168,7 @@ class Process:
         for child in left:
             child.kill()
         assert not left, f"left behind: {left}\n{self.err}"
+        wait_until(lambda: not any(map(is_alive, self._helpers)), "the forkserver ends, too")
 
 
 def is_alive(process: psutil.Process) -> bool:
@@ -172,6 +176,14 @@ def is_alive(process: psutil.Process) -> bool:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return False
+
+
+def command_line(process: psutil.Process) -> str:
+    """Return the command line of a process; an empty one if it has ended."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.NoSuchProcess:
+        return ""
 
 
 class Host(Process):
@@ -194,13 +206,13 @@ class Host(Process):
     def service(self, command: str, flag: str = "") -> list[psutil.Process]:
         """Return the living processes of a service whose command line holds a flag."""
         pattern = re.compile(rf"placefield_tools {command} .*{flag}")
-        found = []
-        for child in self.children():
-            try:
-                if is_alive(child) and pattern.search(" ".join(child.cmdline())):
-                    found.append(child)
-            except psutil.NoSuchProcess:
-                continue
+        found = [child for child in self.children() if pattern.search(command_line(child))]
+        return [child for child in found if is_alive(child)]
+
+    def forkserver(self) -> psutil.Process:
+        """Return the living process from which the services are forked."""
+        started = psutil.Process(self.pid).children()
+        (found,) = (child for child in started if "forkserver" in command_line(child))
         return found
 
     def replay(self, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":

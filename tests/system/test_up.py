@@ -1,4 +1,6 @@
+import os
 import signal
+import sys
 from pathlib import Path
 
 import psutil
@@ -8,7 +10,9 @@ from hosting import (
     Host,
     Process,
     answers_of,
+    command_line,
     free_endpoint,
+    is_alive,
     offline,
     wait_until,
 )
@@ -53,10 +57,50 @@ def test_the_services_of_a_host_that_was_killed_end_by_themselves(
     logs: Path, map_path: Path
 ) -> None:
     with Host(logs, map_path) as own:
-        services = own.children()
+        started = psutil.Process(own.pid).children(recursive=True)
         assert own.stop(signal.SIGKILL) == -signal.SIGKILL
-        _, alive = psutil.wait_procs(services, timeout=PATIENCE_S)
+        _, alive = psutil.wait_procs(started, timeout=PATIENCE_S)
         assert not alive
+
+
+def test_a_service_has_its_own_command_line_and_session(host: Host, map_path: Path) -> None:
+    (fuser,) = host.service("fuser")
+    assert command_line(fuser).startswith(
+        f"{sys.executable} -m placefield_tools fuser {map_path} --config "
+    )
+    started = [host.forkserver(), *host.children()]
+    sessions = {os.getsid(pid) for pid in (host.pid, *(process.pid for process in started))}
+    assert len(sessions) == 1 + len(started)
+
+
+def test_a_forkserver_that_was_killed_is_started_again_with_all_services(
+    logs: Path, map_path: Path, query_dir: Path, route_map: Map
+) -> None:
+    with Host(logs, map_path) as own, own.listener() as listener:
+        services, forkserver, tokens = own.children(), own.forkserver(), listener.alive("*")
+        assert forkserver.num_threads() == 1
+        for service in services:
+            service.suspend()  # so that none can end by itself
+        forkserver.kill()
+        wait_until(lambda: not any(map(is_alive, services)), "none lives on")
+        wait_until(lambda: len(listener.alive("*") - tokens) == len(tokens), "all are back")
+        assert len(own.children()) == len(services)
+        own.replay(query_dir)
+        assert answers_of(listener.answers()) == offline(route_map, sorted(query_dir.iterdir()))
+        assert own.err.count("was lost, as the forkserver was killed; starting it again") == len(
+            services
+        )
+
+
+def test_a_host_that_is_killed_while_the_forkserver_starts_leaves_nothing(
+    logs: Path, map_path: Path
+) -> None:
+    with Process(logs, "up", map_path, "--endpoint", free_endpoint()) as starting:
+        host = psutil.Process(starting.pid)
+        wait_until(lambda: len(host.children()) == 2, "the forkserver is started")
+        started = host.children()
+        assert starting.stop(signal.SIGKILL) == -signal.SIGKILL
+        wait_until(lambda: not any(map(is_alive, started)), "all have ended")
 
 
 @pytest.mark.parametrize(

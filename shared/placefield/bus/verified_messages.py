@@ -8,6 +8,8 @@ from pydantic_core import PydanticCustomError
 
 from placefield.bus.message import Strict
 from placefield.bus.messages import SmoothedMessage
+from placefield.bus.wire import NumberVector
+from placefield.verification.inlier_model import STATES
 
 Unverified = Literal["unlikely", "no_features", "no_frame", "no_image", "unreadable", "failed"]
 """Why a match was not verified: its probability is too low, or it has none; its place has too few
@@ -24,7 +26,7 @@ WORDS: dict[Unverified, str] = {
 """The reasons in words."""
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
-_TOLERANCE = 1e-6  # of a rotation and a direction
+_TOLERANCE = 1e-6  # of a rotation, a direction and a sum of probabilities
 
 Cosine = Annotated[FiniteFloat, Field(ge=-1.001, le=1.001)]  # but for rounding
 Row = tuple[Cosine, Cosine, Cosine]
@@ -69,7 +71,9 @@ class VerifiedMessage(SmoothedMessage):
     Attributes:
         reason: why it was not verified; None if it was.
         inliers: how many correspondences of frame and place fit one epipolar geometry.
-        ratio: how much likelier that number is at the place than elsewhere.
+        ratio: how much likelier the inliers of the drive so far are if the match is right.
+        posterior: (STATES,) float64, of the drive after this frame, so that any verifier can verify
+            the next one, see ``InlierModel``; None on a map of an earlier version.
         relative: the pose of the frame relative to the place; None if no focal length is known,
             or if the images do not determine it.
     """
@@ -77,6 +81,7 @@ class VerifiedMessage(SmoothedMessage):
     reason: Unverified | None = None
     inliers: int | None = Field(None, ge=0, lt=2**31)
     ratio: Positive | None = None
+    posterior: NumberVector | None = None
     relative: RelativePoseMessage | None = None
 
     @model_validator(mode="after")
@@ -86,4 +91,15 @@ class VerifiedMessage(SmoothedMessage):
             raise PydanticCustomError("reason", "there are inliers and a ratio, or a reason")
         if self.reason is not None and self.relative is not None:
             raise PydanticCustomError("reason", "a pose of a match that was not verified")
+        return self
+
+    @model_validator(mode="after")
+    def _check_posterior(self) -> Self:
+        posterior = self.posterior
+        if posterior is None:
+            return self
+        if posterior.size != STATES or posterior.min() < 0:
+            raise PydanticCustomError("posterior", f"the posterior is not {STATES} probabilities")
+        if not abs(posterior.sum() - 1) <= _TOLERANCE:
+            raise PydanticCustomError("posterior", "the posterior does not sum to 1")
         return self

@@ -33,8 +33,9 @@ LOCAL_FEATURE_FILES: Layout = {
     "points": ("float32", "n2"),
     "descriptors": ("uint8", "nB"),
     "ends": ("int64", "K"),
-    "ratios": ("float64", "s"),
+    "ratios": ("float64", "r"),
 }
+CHANCE_FILES: Layout = {"by_chance": ("int64", "p")}
 METRIC_FILES: Layout = {
     "projection": ("float32", "MN"),
     "places": ("int16", "KM"),
@@ -90,6 +91,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         parts.append(("graph", built.graph, GRAPH_FILES))
     if built.local_features is not None:
         parts.append(("local_features", built.local_features, LOCAL_FEATURE_FILES))
+        if len(built.local_features.by_chance):
+            parts.append(("local_features", built.local_features, CHANCE_FILES))
     for number, traverse in built.alignments.items():
         parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):

@@ -9,7 +9,7 @@ from placefield.errors import MapError
 from placefield.maps.alignment import align_by_number
 from placefield.maps.look_rows import LookRows, merged
 from placefield.maps.manifest import TraverseRecord
-from placefield.maps.route_graph import ONE_ROUTE, Firsts, bounds_of, routes_of
+from placefield.maps.route_graph import ONE_ROUTE, Firsts, routes_of
 from placefield.maps.traverse import Alignment, Traverse, content_of
 from placefield.metric.gate import Probes
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
@@ -182,8 +182,7 @@ def local_features_of(
         if traverse.local_features
         for place, frame in zip(places, frames, strict=True)
     ]
-    bounds = bounds_of(traverses[0].routes.first, len(same))
-    return features_of_places(traverses[0].local_features, again, same, bounds, seed)
+    return features_of_places(traverses[0].local_features, again, same, seed)
 
 
 def probes_of(

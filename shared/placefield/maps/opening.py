@@ -16,6 +16,7 @@ from placefield.features.joined_model import AnyModel, JoinedModel
 from placefield.features.kinds import kinds_of
 from placefield.features.network import Network, NetworkInput
 from placefield.maps.array_layout import (
+    CHANCE_FILES,
     GRAPH_FILES,
     LOCAL_FEATURE_FILES,
     MASK_FILES,
@@ -32,7 +33,7 @@ from placefield.maps.map_channels import MapChannels
 from placefield.maps.map_files import MapFiles
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
 from placefield.verification.local_features import LENGTH
-from placefield.verification.place_features import PlaceFeatures, problem_with
+from placefield.verification.place_features import NO_PAIRS, PlaceFeatures, problem_with
 
 if TYPE_CHECKING:  # a router has no OpenCV
     from placefield.features.mask import Mask
@@ -143,7 +144,11 @@ def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
     if not manifest.local_features:
         return None
     sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2, "B": LENGTH}
-    found = PlaceFeatures(*files.load("local_features", LOCAL_FEATURE_FILES, sizes))
+    is_old = "local_features/by_chance.npy" not in manifest.files
+    found = PlaceFeatures(
+        *files.load("local_features", LOCAL_FEATURE_FILES, sizes),
+        *([NO_PAIRS] if is_old else files.load("local_features", CHANCE_FILES, {})),
+    )
     if problem := problem_with(found):
         raise MapError(f"{files.path / 'local_features'}: {problem}; {REBUILD}")
     return found

@@ -1,4 +1,6 @@
-"""How much likelier a number of inliers is between views of one place than of two places."""
+"""How much likelier a number of inliers is at the right place than by chance."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,30 +11,33 @@ _LEAST = 1e-150  # of a density, so that ratios of products are finite
 Array = NDArray[np.float64]
 
 
-def learn_ratios(same: NDArray[np.integer], other: NDArray[np.integer]) -> Array:
-    """Learn the likelihood ratio of each number of inliers from pairs of views.
+def likelihood_ratios(by_chance: NDArray[np.integer], means: Sequence[float], most: int) -> Array:
+    """Return the likelihood ratio of each number of inliers, for mean numbers at the right place.
 
-    The two densities are estimated with Poisson kernels: another pair like one of n inliers has a
-    number that is Poisson distributed with mean n + ½. Their ratio is made to ascend by pooling
-    neighbouring numbers (pool adjacent violators). It is at most one more than the number of pairs,
-    and at least the inverse of that: the pairs say no more.
+    At the right place the number has a geometric distribution: of all with that mean, it has the
+    most entropy. By chance its density is estimated with Poisson kernels: another pair like one of
+    n inliers has a number that is Poisson distributed with mean n + ½. One more pair may have any
+    number that a right one has, because the pairs do not show what is rarer than they are. The
+    ratio is made to ascend by pooling neighbouring numbers (pool adjacent violators).
 
     Args:
-        same: (S,) of pairs of views of one place, S ≥ 1.
-        other: (O,) of pairs of views of two places, O ≥ 1.
+        by_chance: (O,) inliers of pairs of views of two places, O ≥ 1.
+        means: M numbers of inliers.
+        most: inliers, the most that there can be.
 
     Returns:
-        (L,) the ratios of 0, 1, … inliers, above 0 and never descending. The last one is that of
-        more inliers, too.
+        (M, most + 1) the ratios of 0, 1, … inliers, above 0 and never descending in a row.
     """
-    numbers = np.arange(2 * int(max(same.max(), other.max())) + 2)
-    ours, theirs = (_density(numbers, pairs) for pairs in (same, other))
-    most = len(other) + 1.0
-    return np.clip(_ascending(ours, theirs), 1 / most, most)
+    numbers, pairs = np.arange(most + 1), len(by_chance)
+    right = {mean: _geometric(numbers, mean) for mean in means}
+    any_mean = np.mean(list(right.values()), axis=0)
+    chance = (pairs * _density(numbers, by_chance) + any_mean) / (pairs + 1)
+    ratios = {mean: _ascending(density, chance) for mean, density in right.items()}
+    return np.array([ratios[mean] for mean in means])
 
 
 def ratio_of(ratios: Array, inliers: int) -> float:
-    """Return the likelihood ratio of this many inliers, from the learned ones (L,)."""
+    """Return the likelihood ratio of this many inliers, from those of 0, 1, … inliers (L,)."""
     return float(ratios[min(inliers, len(ratios) - 1)])
 
 
@@ -49,6 +54,10 @@ def _ascending(ours: Array, theirs: Array) -> Array:
             pool = before[0] + pool[0], before[1] + pool[1], before[2] + pool[2]
         pools.append(pool)
     return np.concatenate([np.full(count, one / other) for one, other, count in pools])
+
+
+def _geometric(numbers: NDArray[np.int64], mean: float) -> Array:
+    return np.maximum(np.power(mean / (1 + mean), numbers) / (1 + mean), _LEAST)
 
 
 def _density(numbers: NDArray[np.int64], pairs: NDArray[np.integer]) -> Array:

@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 
 from placefield.verification.local_features import LocalFeatures
 
+NO_RATIOS = np.empty(0)
+"""Of a map whose verification learns along the drive."""
+
+NO_PAIRS = np.empty(0, np.int64)
+"""Of a map of an earlier version."""
+
 
 @dataclass(frozen=True, eq=False)
 class PlaceFeatures:
@@ -18,13 +24,16 @@ class PlaceFeatures:
             and so on.
         descriptors: (n, 128) uint8.
         ends: (K,) int64, where those of each place end.
-        ratios: (L,) float64, the likelihood ratios of 0, 1, … inliers, see ``learn_ratios``.
+        ratios: (L,) float64, of a map of an earlier version, the likelihood ratios of 0, 1, …
+            inliers. The last one is that of more inliers, too. Empty otherwise.
+        by_chance: (O,) int64, inliers of pairs of views of two places; empty if there are ratios.
     """
 
     points: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
     ends: NDArray[np.int64]
     ratios: NDArray[np.float64]
+    by_chance: NDArray[np.int64]
 
     @property
     def most(self) -> int:
@@ -37,15 +46,15 @@ class PlaceFeatures:
         return LocalFeatures(self.points[own], self.descriptors[own])
 
     def with_places(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
-        """Return them with those of further places; the likelihood ratios stay."""
+        """Return them with those of further places; what was learned stays."""
         return self._of([*map(self.of, range(len(self.ends))), *views])
 
     def kept(self, places: NDArray[np.integer]) -> "PlaceFeatures":
-        """Return those of the places with these numbers; the likelihood ratios stay."""
+        """Return those of the places with these numbers; what was learned stays."""
         return self._of([self.of(place) for place in places.tolist()])
 
     def _of(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
-        return PlaceFeatures(*stacked(views), self.ratios)
+        return PlaceFeatures(*stacked(views), self.ratios, self.by_chance)
 
 
 def stacked(
@@ -66,7 +75,11 @@ def problem_with(found: PlaceFeatures) -> str | None:
         return "do not belong to the map's places"
     if not np.isfinite(found.points).all():
         return "a point is not finite"
-    ratios = found.ratios
-    if not (len(ratios) and np.isfinite(ratios).all() and (ratios > 0).all()):
+    ratios, by_chance = found.ratios, found.by_chance
+    if not (np.isfinite(ratios).all() and (ratios > 0).all()):
         return "a likelihood ratio is not above 0"
+    if by_chance.min(initial=0) < 0:
+        return "a number of inliers is below 0"
+    if len(ratios) == len(by_chance) == 0:
+        return "nothing was learned of inliers"
     return None

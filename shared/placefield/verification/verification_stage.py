@@ -3,8 +3,9 @@
 It has no bus and no clock: ``evaluate`` and a verifier both use it.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +18,34 @@ from placefield.maps.map import Map
 from placefield.maps.route_graph import bounds_of
 from placefield.verification.extracting import extract
 from placefield.verification.in_plane import Distance
+from placefield.verification.inlier_model import Array, InlierModel, ratio_of_posterior
+from placefield.verification.likelihood import ratio_of, updated
 from placefield.verification.local_features import LocalFeatures
 from placefield.verification.plane_pose import Neighbour, related, scaled
 from placefield.verification.relative_pose import RelativePose, camera_of
-from placefield.verification.two_views import LEAST
-from placefield.verification.verifying import Verification, verify, with_evidence
+from placefield.verification.two_views import LEAST, count_inliers
 
 _NEXT = 10  # places after a place among which a neighbour is looked for
 
 Obstacle = Literal["unlikely", "no_features"]
 """Why a match cannot be verified, whatever its frame shows: it is of no place or too low a
 probability, or its place has too few local features."""
+
+
+class Verification(NamedTuple):
+    """A match after its verification.
+
+    Attributes:
+        match: with its new probability, if there are inliers.
+        ratio: how much likelier the inliers of the drive so far are if the match is right; None if
+            the frame has none.
+        posterior: of the drive after this frame, for the next one, see ``InlierModel``; None on a
+            map of an earlier version, where each frame counts alone.
+    """
+
+    match: Match
+    ratio: float | None
+    posterior: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +90,10 @@ class VerificationStage:
             ConfigError: the focal length is given, and the map has a camera's view.
         """
         self._map = placemap
-        self._places = placemap.local_features
+        self._places = places = placemap.local_features
+        self._model = None
+        if places is not None and len(places.by_chance):
+            self._model = InlierModel(places.by_chance, places.most)
         self._least = config.verification.least_probability
         self._precision = config.matching.precision
         self._camera = camera_of(placemap.model.view, config.verification.focal)
@@ -93,17 +114,45 @@ class VerificationStage:
             return "no_features"
         return None
 
-    def verify(self, match: Match, query: LocalFeatures) -> tuple[Match, Verification]:
-        """Return a match, which must have no obstacle, after its verification, and this.
+    def inliers(self, match: Match, query: LocalFeatures) -> int:
+        """Count the inliers of a frame and the place of its match, which has no obstacle.
 
         Args:
             match: of the frame, on a place of the map.
             query: local features of the frame.
         """
         assert self._places is not None
+        return count_inliers(self._places.of(match.place), query, self._map.seed)
+
+    def verify(
+        self, match: Match, inliers: int | None, before: Array | None, frames: int = 1
+    ) -> Verification:
+        """Verify the match of the next frame of a drive.
+
+        Args:
+            match: of the frame.
+            inliers: of the frame and the place; None if there are none, as of a match with an
+                obstacle, which then stays as it is.
+            before: the posterior after an earlier frame; None if there is none.
+            frames: how many frames earlier that was.
+        """
+        posterior = None if self._model is None else self._model.predict(before, frames)
+        if inliers is None:
+            return Verification(match, None, posterior)
+        if self._model is None or posterior is None:
+            assert self._places is not None
+            ratio = ratio_of(self._places.ratios, inliers)
+        else:
+            posterior = self._model.update(posterior, inliers)
+            ratio = ratio_of_posterior(posterior)
+        return Verification(self._with_ratio(match, ratio), ratio, posterior)
+
+    def _with_ratio(self, match: Match, ratio: float) -> Match:
         assert match.probability is not None
-        found = verify(self._places, match.place, match.probability, query, self._map.seed)
-        return with_evidence(match, found, self._precision), found
+        probability = updated(match.probability, ratio)
+        score = match.score + math.log(ratio)  # log odds, before and after
+        known = probability >= self._precision and not match.too_fast
+        return replace(match, probability=probability, known=known, score=score)
 
     def pose(self, match: Match, query: LocalFeatures) -> ScaledPose | None:
         """Return the pose of a frame relative to the place of its match, which has no obstacle.

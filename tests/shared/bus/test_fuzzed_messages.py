@@ -37,6 +37,7 @@ from placefield.errors import MessageError
 from placefield.features.calibration import Calibration
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import NO_CANDIDATE, Candidate
+from placefield.verification.inlier_model import STATES
 
 pytestmark = pytest.mark.slow
 
@@ -109,6 +110,7 @@ EXAMPLES: list[Message] = [
         lag=3,
         inliers=31,
         ratio=12.5,
+        posterior=np.full(STATES, 1 / STATES),
         relative=RelativePoseMessage(
             rotation=((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
             direction=(0.0, 0.6, 0.8),
@@ -293,6 +295,11 @@ def check_verified(message: VerifiedMessage) -> None:
     assert (message.reason is None) == (message.inliers is not None) == (message.ratio is not None)
     assert message.inliers is None or 0 <= message.inliers < 2**31
     assert message.ratio is None or 0 < message.ratio < np.inf
+    if message.posterior is not None:
+        assert message.posterior.dtype == np.float64
+        assert message.posterior.shape == (240,)
+        assert ((message.posterior >= 0) & (message.posterior <= 1.1)).all()
+        assert message.posterior.sum() == pytest.approx(1)
     relative = message.relative
     if relative is None:
         return

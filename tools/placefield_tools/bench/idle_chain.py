@@ -11,7 +11,7 @@ import json
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from placefield.bus.inbox import Inbox, Received
@@ -21,8 +21,11 @@ from placefield.bus.messages import MatchMessage
 from placefield.bus.session import Bus, open_bus
 from placefield.config import BusConfig, Config
 from placefield.maps.digest import NO_DIGEST
+from placefield_services.forkserver import Program
 from placefield_services.host import run_host
 from placefield_services.process import ServiceProcess, stop_event
+
+_SELF = (sys.executable, "-m", __spec__.name)
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Shape:
 
     def command(self) -> list[str]:
         """Return the command line of the host, which takes ``--endpoint``."""
-        return [sys.executable, "-m", __spec__.name, json.dumps(dataclasses.asdict(self))]
+        return [*_SELF, json.dumps(dataclasses.asdict(self))]
 
     @classmethod
     def read(cls, text: str) -> "Shape":
@@ -69,14 +72,14 @@ class _Filler(Message):
         return self.data
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the host, or, with ``--role``, one of its services."""
     parser = argparse.ArgumentParser()
     parser.add_argument("shape", type=Shape.read)
     parser.add_argument("--endpoint", required=True)
     parser.add_argument("--role", choices=["featurizer", "channel", "fuser"])
     parser.add_argument("--worker", type=int, default=0)
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     config, stop = Config(bus=BusConfig(endpoint=given.endpoint)), stop_event()
     if given.role is None:
         _run_host(given.shape, config, stop)
@@ -95,7 +98,12 @@ def _run_host(shape: Shape, config: Config, stop: threading.Event) -> None:
     commands = {"featurizer": [*own, "featurizer"], "fuser": [*own, "fuser"]}
     for worker in range(len(shape.workers)):
         commands[f"channel worker {worker}"] = [*own, "channel", "--worker", str(worker)]
-    run_host(commands, shape.channels, config, stop, lambda: print("ready", flush=True))
+    program = Program(_run_service, preload=[__spec__.name])
+    run_host(program, commands, shape.channels, config, stop, lambda: print("ready", flush=True))
+
+
+def _run_service(command: Sequence[str]) -> None:
+    main(command[len(_SELF) :])
 
 
 def _featurizer(shape: Shape, bus: Bus, stop: threading.Event) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Self
 
-from placefield_services.host import child_environment
+from placefield_services.child_environment import supervised_environment
 from placefield_tools.chaos.clock import Clock
 
 _POLL_S = 0.05
@@ -24,7 +24,7 @@ def start_process(command: Sequence[str]) -> "subprocess.Popen[bytes]":
         stdin=subprocess.PIPE,  # it closes with this process, and the child notices
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,  # services log the faults of the others
-        env=child_environment(),
+        env=supervised_environment(),
         start_new_session=True,
     )
 

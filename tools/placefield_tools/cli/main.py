@@ -1,6 +1,7 @@
 """The command ``placefield``."""
 
 import sys
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np  # noqa: F401 - loads its BLAS, to limit it
@@ -106,7 +107,7 @@ def _unwrap_help(group: typer.Typer) -> None:
 _add_commands()
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; a known error or a disk error is one line on stderr and exit code 1.
 
     BLAS uses one thread: the number of threads changes the last bits of products, and so the map.
@@ -114,7 +115,7 @@ def main() -> None:
     log_for_a_person()
     try:
         with threadpool_limits(1):
-            app()
+            app(arguments)
     except PlacefieldError as error:
         log.error("%s", error)
         sys.exit(1)

@@ -202,6 +202,7 @@ def _serve(
     from placefield.maps.manifest import read_manifest
     from placefield.maps.route_graph import check_rule
     from placefield_services.host import run_host
+    from placefield_tools.up.program import PROGRAM
     from placefield_tools.up.service_commands import commands_on_map
 
     options_map.check_preset(effective, map_path)
@@ -221,4 +222,4 @@ def _serve(
 
     commands = commands_on_map(map_path, manifest, effective, flags)
     channels = len(manifest.channels)
-    run_host(commands, channels, effective, stop, ready, others=flags.others)
+    run_host(PROGRAM, commands, channels, effective, stop, ready, others=flags.others)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from placefield.config import BusConfig
-from placefield_services.host import child_environment
+from placefield_services.child_environment import supervised_environment
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.sources.secrets import without_secrets
 
@@ -66,7 +66,7 @@ class ReplayChild:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            env=child_environment(),
+            env=supervised_environment(),
             start_new_session=True,
         )
         assert self._process.stdout is not None

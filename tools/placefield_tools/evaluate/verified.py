@@ -14,7 +14,7 @@ def verified_matches(
     matches: Sequence[SmoothedMatch],
     queries: Sequence[LocalFeatures | None],
 ) -> list[SmoothedMatch]:
-    """Verify the matches of a query of Q frames.
+    """Verify the matches of a query of Q frames, in their order.
 
     A match stays as it is if it cannot be verified, or if its frame cannot be read.
 
@@ -24,11 +24,15 @@ def verified_matches(
         queries: local features of the Q frames, None for one that cannot be read.
     """
 
-    def verified(number: int) -> SmoothedMatch:
-        smoothed, query = matches[number], queries[number]
-        if query is None or stage.obstacle(smoothed.match) is not None:
-            return smoothed
-        match, _ = stage.verify(smoothed.match, query)
-        return replace(smoothed, match=match)
+    def inliers(number: int) -> int | None:
+        match, query = matches[number].match, queries[number]
+        if query is None or stage.obstacle(match) is not None:
+            return None
+        return stage.inliers(match, query)
 
-    return list(map_in_order(verified, range(len(matches))))
+    verified, posterior = [], None
+    counts = map_in_order(inliers, range(len(matches)))
+    for smoothed, count in zip(matches, counts, strict=True):
+        match, _, posterior = stage.verify(smoothed.match, count, posterior)
+        verified.append(replace(smoothed, match=match))
+    return verified

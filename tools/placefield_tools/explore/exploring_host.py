@@ -20,6 +20,7 @@ from placefield_services.mapper import drive_path, ended_path
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.common.outputs import make_folder
 from placefield_tools.explore.explored_map import AskedMap, build_explored
+from placefield_tools.up.program import PROGRAM
 from placefield_tools.up.service_commands import GATEWAY
 
 log = logging.getLogger(__name__)
@@ -97,7 +98,7 @@ def explore(
 
     describers = ("describer",) if "describer 0" in commands else ()
     others = ("mapper", *describers, *sources)
-    run_host(commands, 1, config, stop, ready, others=others, is_over=is_over)
+    run_host(PROGRAM, commands, 1, config, stop, ready, others=others, is_over=is_over)
     if stop.is_set():
         on_stop()
     builder.join()

@@ -63,7 +63,7 @@ def as_object(header: Header, match: MatchMessage | None) -> dict[str, Any]:
     frame = {name: getattr(header, name) for name in _HEADER}
     kind = kind_of(match)
     frame |= {"end": header.end, "smoothed": kind == "smoothed", "verified": kind == "verified"}
-    return frame | (match.model_dump(exclude={"version"}) if match else {})
+    return frame | (match.model_dump(exclude={"version", "posterior"}) if match else {})
 
 
 def as_row(header: Header, match: MatchMessage) -> dict[str, Any]:
