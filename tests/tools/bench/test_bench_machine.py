@@ -1,7 +1,5 @@
 """What is said of the machine, with counters and speeds that are made up."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from placefield_tools.bench import machine
@@ -24,13 +22,6 @@ def test_figures_of_the_machine_follow_those_that_were_measured() -> None:
 def test_others_take_what_is_neither_idle_nor_our_own(
     monkeypatch: pytest.MonkeyPatch, idle: float, own: float, others: float
 ) -> None:
-    """Two cores for ten seconds: 20 seconds of computing."""
-    at = SimpleNamespace(now=0)
-    monkeypatch.setattr(machine.time, "perf_counter", lambda: 100 + 10 * at.now)
-    monkeypatch.setattr(machine.os, "times", lambda: (1, 1, 1, 1 + own * at.now, 0))
     monkeypatch.setattr(machine.psutil, "cpu_count", lambda: 2)
-    counters = lambda: SimpleNamespace(idle=50 + idle * at.now, iowait=0)  # noqa: E731
-    monkeypatch.setattr(machine.psutil, "cpu_times", counters)
-    start = machine._Moment.now()
-    at.now = 1
-    assert machine._Moment.now().others_since(start) == pytest.approx(others)
+    start, end = machine._Moment(100, 50, 4), machine._Moment(110, 50 + idle, 4 + own)
+    assert end.others_since(start) == pytest.approx(others)  # of 20 s of computing

@@ -12,15 +12,12 @@ from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
-from placefield_tools.bench.ratio import Ratio
 from placefield_tools.bench.street_frames import street_frames
-from placefield_tools.bench.timing import repeat
 from placefield_tools.common.own_command import PLACEFIELD
 
 CAMERAS = 16
 _RATE = 10.0  # frames per second and camera
-_SECONDS = 5.0
-_LIMIT_S = 120.0
+_SECONDS = 10.0
 _WARM_UP_S = 2.0
 _FRAMES = 640  # of the route that they drive
 _SIZE = (320, 240)
@@ -64,70 +61,45 @@ def camera_figures(map_path: Path) -> list[Figure]:
     """
     frames = street_frames(_FRAMES, size=_SIZE, shift=8)
     runs = [f"camera{number}" for number in range(CAMERAS)]
-    with _up(map_path, [runs]) as together, _up(map_path, [[run] for run in runs]) as separate:
-        rounds: list[tuple[Load, Load]] = []
-
-        def in_turn() -> tuple[float, float]:
-            rounds.append((together.play(frames, _SECONDS), separate.play(frames, _SECONDS)))
-            return rounds[-1][0].cpu_ms, rounds[-1][1].cpu_ms
-
-        for each in (together, separate):
-            each.play(frames, _WARM_UP_S)
-        repeat(in_turn, [(1, 0)], limit_s=_LIMIT_S)
-    return load_figures(rounds)
+    together = _load(map_path, [runs], frames)
+    separate = _load(map_path, [[run] for run in runs], frames)
+    return load_figures(together, separate)
 
 
-def load_figures(rounds: Sequence[tuple[Load, Load]]) -> list[Figure]:
-    """Compare, round by round, the cameras through one set of services and through a set each."""
-    together, separate = (_joined(loads) for loads in zip(*rounds, strict=True))
-    cpu_ms = np.array([[load.cpu_ms for load in turn] for turn in rounds])
+def load_figures(together: Load, separate: Load) -> list[Figure]:
+    """Compare the cameras' frames through one set of services with those through a set each."""
     return [
         *together.figures("cameras", "one set of services for 16 cameras", at_most=0),
         *separate.figures("cameras_separate", "16 sets of services"),
         Figure(
             "cameras_cpu_ratio",
-            Ratio.of(cpu_ms[:, 1], cpu_ms[:, 0]),
+            separate.cpu_ms / together.cpu_ms,
             "computing time per answered frame, 16 sets over one",
         ),
     ]
 
 
-def _joined(loads: Sequence[Load]) -> Load:
-    """Return several rounds as one."""
-    sent = sum(load.answers.sent for load in loads)
-    latencies = np.concatenate([load.answers.latencies for load in loads])
-    return Load(Answers(sent, latencies), sum(load.cpu_s for load in loads))
+def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]) -> Load:
+    """Publish the frames of all cameras to sets of services; each set serves some runs."""
+    commands = [_up(map_path, runs) for runs in sets]
+    with started(commands) as chains, _cameras(chains, sets) as cameras:
+        play(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)
+        before = sum(chain.cpu_seconds() for chain in chains)
+        answers = play(cameras, frames, rate=_RATE, seconds=_SECONDS)
+        return Load(answers, sum(chain.cpu_seconds() for chain in chains) - before)
 
 
-@dataclass(frozen=True)
-class _Served:
-    """Cameras, and the sets of services that serve them."""
-
-    chains: Sequence[Chain]
-    cameras: Sequence[LiveCamera]
-
-    def play(self, frames: Sequence[bytes], seconds: float) -> Load:
-        """Publish the frames of all cameras for so long."""
-        before = self._cpu_seconds()
-        answers = play(self.cameras, frames, rate=_RATE, seconds=seconds)
-        return Load(answers, self._cpu_seconds() - before)
-
-    def _cpu_seconds(self) -> float:
-        return sum(chain.cpu_seconds() for chain in self.chains)
+def _up(map_path: Path, runs: Sequence[str]) -> list[str]:
+    command = [*PLACEFIELD, "up", str(map_path)]
+    command += ["--set", f"bus.connect_timeout_s={_CONNECT_S}"]
+    return [*command, *(flag for run in runs for flag in ("--run", run))]
 
 
 @contextmanager
-def _up(map_path: Path, sets: Sequence[Sequence[str]]) -> Iterator[_Served]:
-    """Start sets of services, each of which serves some runs, and a camera for each run."""
-    with started([_command(map_path, runs) for runs in sets]) as chains, ExitStack() as stack:
+def _cameras(chains: Sequence[Chain], sets: Sequence[Sequence[str]]) -> Iterator[list[LiveCamera]]:
+    with ExitStack() as stack:
         cameras = []
         for chain, runs in zip(chains, sets, strict=True):
             bus = stack.enter_context(open_bus(BusConfig(endpoint=chain.endpoint)))
             cameras += [LiveCamera(bus, run) for run in runs]
-        yield _Served(chains, cameras)
-
-
-def _command(map_path: Path, runs: Sequence[str]) -> list[str]:
-    command = [*PLACEFIELD, "up", str(map_path)]
-    command += ["--set", f"bus.connect_timeout_s={_CONNECT_S}"]
-    return [*command, *(flag for run in runs for flag in ("--run", run))]
+        yield cameras
