@@ -38,7 +38,8 @@ class VerifiedVersions:
 
         Raises:
             MapError: it cannot be opened.
-            ConfigError: it has no local features, or the rule gives no probabilities.
+            ConfigError: it has no local features, its network cannot run, or the rule gives no
+                probabilities.
         """
         if config.matching.rule != "filter":
             raise ConfigError(
@@ -59,11 +60,14 @@ class VerifiedVersions:
         """Return the version with this digest, which a match of a run names.
 
         Raises:
-            OtherMapError: there is none.
+            OtherMapError: there is none, or its network cannot run here.
         """
         found = self._known(digest)
         if found is None and (new := self._versions.open_new()) is not None:
-            self._newest = self._prepared(new)
+            try:
+                self._newest = self._prepared(new)
+            except ConfigError as error:  # its network of local features cannot run
+                raise OtherMapError(f"{self._versions.path}: {error}") from None
             found = self._known(digest)
         if found is None:
             raise OtherMapError(

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from pydantic_settings import NoDecode
 
 from placefield.errors import ConfigError
-from placefield.features.kinds import FeatureKind
+from placefield.features.kinds import FeatureKind, LocalFeatureKind
 from placefield.metric.push import Push
 from placefield.presets import Preset
 
@@ -203,6 +203,9 @@ class BuildConfig(_Section):
         le=2000,
         description="local features that the map keeps of each place, to verify matches, of 136 "
         "bytes each; 300 to 600 are enough; 0: none",
+    )
+    local_feature: LocalFeatureKind = Field(
+        "sift", description="what gives local features: sift, or onnx:FILE, a network"
     )
 
 

@@ -17,6 +17,7 @@ from placefield.maps import build
 from placefield.maps.map import Map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.traverse import Traverse, describe_frame, traverse_of
+from placefield.verification.extractor import Extractor, extractor_of
 
 _DEFAULTS = Config()
 
@@ -38,7 +39,7 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
             a frame does not fit the first one's view.
         MapError: the frames do not make a map: too few, traverses that differ in their route, a
             pose that is not finite, or odometry that goes back.
-        ConfigError: the features' network cannot be read, or the first camera has no view.
+        ConfigError: a network cannot be read or run, or the first camera has no view.
     """
     if not traverses:
         raise MapError("build_map() needs the frames of a traverse")
@@ -48,8 +49,9 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
     calibration = begin[0].calibration if begin else None
     view = None if calibration is None else view_of(calibration)
     feature = replace(feature_of(config.features.kind, config.inference), view=view)
+    extractor = extractor_of(config.build, config.inference)
     described = [
-        _described(name, frames, feature, config.build.local_features)
+        _described(name, frames, feature, extractor)
         for name, frames in zip(names, (chain(begin, first), *others), strict=True)
     ]
     with threadpool_limits(1):  # the number of threads changes the last bits
@@ -59,9 +61,10 @@ def build_map(*traverses: Iterable[Image | Frame], config: Config = _DEFAULTS) -
 
 
 def _described(
-    name: str, frames: Iterable[Frame], feature: Feature, local_features: int
+    name: str, frames: Iterable[Frame], feature: Feature, extractor: Extractor | None
 ) -> Traverse:
-    return traverse_of(name, (describe_frame(frame, feature, local_features) for frame in frames))
+    described = traverse_of(name, (describe_frame(frame, feature, extractor) for frame in frames))
+    return described if extractor is None else replace(described, local_network=extractor.onnx)
 
 
 def _frames(name: str, images: Iterable[Image | Frame]) -> Iterator[Frame]:

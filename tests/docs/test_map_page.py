@@ -44,6 +44,7 @@ FOLDERS = (
     ("channels/0", CHANNEL_FILES),
     ("local_features", LOCAL_FEATURE_FILES),
     ("local_features", CHANCE_FILES),
+    ("local_features", NETWORK_FILES),
 )
 
 

@@ -462,6 +462,19 @@ def test_matches_of_a_new_version_of_the_map_are_verified_by_it_and_late_ones_by
     assert verifier.answers[2].map == open_map(path).digest != verified_map.digest
 
 
+def test_a_new_version_whose_network_cannot_run_is_refused_and_the_one_before_goes_on(
+    tmp_path: Path, verified_map_path: Path, verified_map: Map
+) -> None:
+    path = Path(copytree(verified_map_path, tmp_path / "served.pfmap"))
+    served = VerifiedVersions(MapVersions(path), CONFIG)
+    assert verified_map.local_features is not None
+    bad = replace(verified_map.local_features, onnx=np.arange(9, dtype=np.uint8))
+    save_map(replace(verified_map, local_features=bad), path)
+    with pytest.raises(OtherMapError, match=r"no network that onnxruntime can run"):
+        served.find("default", open_map(path).digest)
+    assert served.find("default", verified_map.digest).digest == verified_map.digest
+
+
 def test_the_oldest_frames_are_dropped_when_there_are_too_many_bytes() -> None:
     frames = KeptFrames(5000)
     for number in range(3):

@@ -148,9 +148,9 @@ def _input_name(name: str, session: InferenceSession, wanted: NetworkInput) -> s
     shape = [1, wanted.channels, wanted.height, wanted.width]
     inputs = session.get_inputs()
     if len(inputs) != 1 or not _accepts(inputs[0].type, inputs[0].shape, shape):
-        declared = " and ".join(_rendered(each.type, each.shape) for each in inputs)
+        declared = " and ".join(rendered(each.type, each.shape) for each in inputs)
         raise ConfigError(
-            f"{name}: its input is {declared or 'nothing'}, not {_rendered(_FLOATS[0], shape)} as "
+            f"{name}: its input is {declared or 'nothing'}, not {rendered(_FLOATS[0], shape)} as "
             "its TOML says (image, channel, row, column)"
         )
     return str(inputs[0].name)
@@ -168,5 +168,6 @@ def _accepts(kind: str, axes: Sequence[object], shape: list[int]) -> bool:
     )
 
 
-def _rendered(kind: str, axes: Sequence[object]) -> str:
+def rendered(kind: str, axes: Sequence[object]) -> str:
+    """Return a tensor's type and the lengths of its axes; a free axis is a question mark."""
     return f"{kind} {' x '.join(str(axis) if isinstance(axis, int) else '?' for axis in axes)}"

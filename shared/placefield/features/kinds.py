@@ -13,6 +13,9 @@ ONNX = "onnx:"
 DESCRIPTOR = "descriptor"
 """The kind of feature of frames that are given descriptors, and no images."""
 
+SIFT = "sift"
+"""The kind of local features that need no network."""
+
 FEATURES = ("grayscale", "gist", DESCRIPTOR)
 """The kinds of features that need neither a network nor another package."""
 
@@ -46,4 +49,13 @@ def _check_kind(kind: str) -> str:
     return kind
 
 
+def _check_local_kind(kind: str) -> str:
+    if kind != SIFT and not (kind.startswith(ONNX) and kind > ONNX):
+        raise PydanticCustomError("local_feature_kind", "give sift, or onnx:FILE")
+    return kind
+
+
 FeatureKind = Annotated[str, AfterValidator(_check_kind)]
+
+LocalFeatureKind = Annotated[str, AfterValidator(_check_local_kind)]
+"""The kind of local features: ``sift``, or ``onnx:FILE``."""

@@ -86,8 +86,17 @@ def read_network(path: Path) -> Network:
         ConfigError: a file is missing or unreadable, or the TOML is malformed.
     """
     # The network first: if both files are missing, the error names the one that the user named.
-    onnx = np.frombuffer(_read(path, "network"), np.uint8)
+    onnx = read_onnx(path)
     return Network(_read_input(path.with_suffix(".toml")), onnx)
+
+
+def read_onnx(path: Path) -> NDArray[np.uint8]:
+    """Read the file of a network: (bytes,) uint8.
+
+    Raises:
+        ConfigError: it is missing or unreadable.
+    """
+    return np.frombuffer(_read(path, "network"), np.uint8)
 
 
 def _read(path: Path, what: str) -> bytes:

@@ -93,6 +93,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         parts.append(("local_features", built.local_features, LOCAL_FEATURE_FILES))
         if len(built.local_features.by_chance):
             parts.append(("local_features", built.local_features, CHANCE_FILES))
+        if built.local_features.onnx is not None:
+            parts.append(("local_features", built.local_features, NETWORK_FILES))
     for number, traverse in built.alignments.items():
         parts.append((f"traverses/{number}", traverse, TRAVERSE_FILES))
     for number, metric in enumerate(built.metrics):

@@ -1,6 +1,7 @@
 """Gathers the frames of several traverses of one route by the places that they show."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,7 +183,8 @@ def local_features_of(
         if traverse.local_features
         for place, frame in zip(places, frames, strict=True)
     ]
-    return features_of_places(traverses[0].local_features, again, same, seed)
+    found = features_of_places(traverses[0].local_features, again, same, seed)
+    return found and replace(found, onnx=traverses[0].local_network)
 
 
 def probes_of(

@@ -20,6 +20,7 @@ from placefield.maps.map import Array, Map, MapAlignment, MapMetric
 from placefield.maps.map_metrics import change_metrics
 from placefield.maps.traverse import NO_PLACE, ROUTE, Alignment, Traverse
 from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized
+from placefield.verification.place_features import PlaceFeatures
 
 
 def check_joinable(one: Map, other: Map) -> None:
@@ -48,6 +49,12 @@ def check_joinable(one: Map, other: Map) -> None:
         )
     if _mask_of(one) != _mask_of(other):
         raise MapError("its mask is not that of the first map: build both with the same --mask")
+    views = one.local_features, other.local_features
+    if views[0] and views[1] and _network_of(views[0]) != _network_of(views[1]):
+        raise MapError(
+            "its local features are of another kind than those of the first map: build both with "
+            "the same build.local_feature"
+        )
 
 
 def traverses_of(
@@ -126,6 +133,7 @@ def _places_of(opened: Map) -> Traverse:
         tuple(places.thumbnail(place) for place in range(places.count)),
         opened.pose_frame or ROUTE,
         () if views is None else tuple(map(views.of, range(places.count))),
+        None if views is None else views.onnx,
         graph=opened.graph,
     )
 
@@ -184,6 +192,10 @@ def _least_sides_of(opened: Map) -> list[int | None]:
 def _mask_of(opened: Map) -> tuple[tuple[int, ...], bytes] | None:
     mask = opened.model.mask
     return None if mask is None else (mask.used.shape, mask.used.tobytes())
+
+
+def _network_of(views: PlaceFeatures) -> bytes | None:
+    return None if views.onnx is None else views.onnx.tobytes()
 
 
 def _words(opened: Map) -> str:

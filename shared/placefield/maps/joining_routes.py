@@ -31,7 +31,8 @@ def join_routes(
     out, which is logged. The metres travelled go on from route to route.
 
     Args:
-        routes: traverses of one feature, each of one route or of several.
+        routes: traverses of one feature and one network of local features, each of one route or of
+            several.
         links: between places of their routes, besides their own.
         same_frame: whether poses that are not georeferenced share one frame.
 
@@ -49,6 +50,7 @@ def join_routes(
         tuple(image for route in routes for image in route.thumbnails),
         frame,
         _views_of(routes),
+        next((route.local_network for route in routes if route.local_features), None),
         graph=_with_links(graph, places, links),
     )
 

@@ -32,7 +32,7 @@ from placefield.maps.map import STEPS, Map, MapAlignment, Places, fingerprint
 from placefield.maps.map_channels import MapChannels
 from placefield.maps.map_files import MapFiles
 from placefield.maps.route_graph import NO_LINKS, RouteGraph, problem_of
-from placefield.verification.local_features import LENGTH
+from placefield.verification.local_features import SIFT_LENGTH
 from placefield.verification.place_features import NO_PAIRS, PlaceFeatures, problem_with
 
 if TYPE_CHECKING:  # a router has no OpenCV
@@ -143,14 +143,20 @@ def _open_local_features(files: MapFiles) -> PlaceFeatures | None:
     manifest = files.manifest
     if not manifest.local_features:
         return None
-    sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2, "B": LENGTH}
-    is_old = "local_features/by_chance.npy" not in manifest.files
+    folder = "local_features"
+    has_chance, has_network = (
+        f"{folder}/{name}.npy" in manifest.files for name in ("by_chance", "onnx")
+    )
+    sizes = {"K": manifest.places, "n": manifest.local_features, "2": 2}
+    if not has_network:
+        sizes["B"] = SIFT_LENGTH
     found = PlaceFeatures(
-        *files.load("local_features", LOCAL_FEATURE_FILES, sizes),
-        *([NO_PAIRS] if is_old else files.load("local_features", CHANCE_FILES, {})),
+        *files.load(folder, LOCAL_FEATURE_FILES, sizes),
+        *(files.load(folder, CHANCE_FILES, {}) if has_chance else [NO_PAIRS]),
+        *(files.load(folder, NETWORK_FILES, {}) if has_network else []),
     )
     if problem := problem_with(found):
-        raise MapError(f"{files.path / 'local_features'}: {problem}; {REBUILD}")
+        raise MapError(f"{files.path / folder}: {problem}; {REBUILD}")
     return found
 
 

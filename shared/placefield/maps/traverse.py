@@ -18,7 +18,7 @@ from placefield.maps.manifest import AlignedBy
 from placefield.maps.plausible_steps import implausible_steps
 from placefield.maps.route_graph import RouteGraph
 from placefield.maps.trajectory import Trajectory, travelled
-from placefield.verification.extracting import extract
+from placefield.verification.extractor import Extractor
 from placefield.verification.local_features import LocalFeatures
 
 log = logging.getLogger(__name__)
@@ -94,6 +94,7 @@ class Traverse:
         thumbnails: K JPEG images; K times nothing if the frames are given descriptors.
         pose_frame: name of the poses' coordinate frame, as in a map.
         local_features: of the K frames; empty if there are none.
+        local_network: (bytes,) uint8, the file of the network that gave them; None: SIFT, or none.
         alignment: the place of the first traverse that each frame shows; None: frame i
             shows place i.
         graph: the routes that the frames are of, one after the other, and links between frames that
@@ -108,6 +109,7 @@ class Traverse:
     thumbnails: tuple[bytes, ...]
     pose_frame: str = ROUTE
     local_features: tuple[LocalFeatures, ...] = ()
+    local_network: NDArray[np.uint8] | None = None
     alignment: Alignment | None = None
     graph: RouteGraph | None = None
 
@@ -132,8 +134,10 @@ def content_of(raw: Iterable[NDArray[np.float32]]) -> str:
     return checksum.hexdigest()
 
 
-def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> DescribedFrame:
-    """Describe a reference frame, with so many local features at most.
+def describe_frame(
+    frame: Frame, feature: Feature, extractor: Extractor | None = None
+) -> DescribedFrame:
+    """Describe a reference frame; without an extractor it has no local features.
 
     Raises:
         FrameError: the frame cannot be read; the error begins with its name.
@@ -141,9 +145,9 @@ def describe_frame(frame: Frame, feature: Feature, local_features: int = 0) -> D
     try:
         raw, image = feature.observe(frame)
         local = None
-        if local_features and image is not None:
+        if extractor is not None and image is not None:
             whole = image_of(frame, feature.view)
-            local = extract(feature.used(whole), local_features)
+            local = extractor.extract(feature.used(whole))
     except FrameError as error:
         raise FrameError(f"{frame.name}: {error}") from None
     thumbnail = b"" if image is None else small_jpeg(image, THUMBNAIL)

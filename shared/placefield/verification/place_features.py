@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.verification.local_features import LocalFeatures
+from placefield.verification.local_features import MOST_NUMBERS, LocalFeatures
 
 NO_RATIOS = np.empty(0)
 """Of a map whose verification learns along the drive."""
@@ -22,11 +22,12 @@ class PlaceFeatures:
     Attributes:
         points: (n, 2) float32, see ``LocalFeatures``; those of the first place, then of the second,
             and so on.
-        descriptors: (n, 128) uint8.
+        descriptors: (n, D) uint8.
         ends: (K,) int64, where those of each place end.
         ratios: (L,) float64, of a map of an earlier version, the likelihood ratios of 0, 1, …
             inliers. The last one is that of more inliers, too. Empty otherwise.
         by_chance: (O,) int64, inliers of pairs of views of two places; empty if there are ratios.
+        onnx: (bytes,) uint8, the file of the network that gives the local features; None: SIFT.
     """
 
     points: NDArray[np.float32]
@@ -34,6 +35,7 @@ class PlaceFeatures:
     ends: NDArray[np.int64]
     ratios: NDArray[np.float64]
     by_chance: NDArray[np.int64]
+    onnx: NDArray[np.uint8] | None = None
 
     @property
     def most(self) -> int:
@@ -54,16 +56,17 @@ class PlaceFeatures:
         return self._of([self.of(place) for place in places.tolist()])
 
     def _of(self, views: Sequence[LocalFeatures]) -> "PlaceFeatures":
-        return PlaceFeatures(*stacked(views), self.ratios, self.by_chance)
+        return PlaceFeatures(*stacked(views), self.ratios, self.by_chance, self.onnx)
 
 
 def stacked(
     views: Sequence[LocalFeatures],
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.int64]]:
     """Return the points and descriptors of places one after another, and where each place ends."""
+    filled = [view for view in views if len(view.points)] or views[:1]  # see NO_FEATURES
     return (
-        np.concatenate([view.points for view in views]),
-        np.concatenate([view.descriptors for view in views]),
+        np.concatenate([view.points for view in filled]),
+        np.concatenate([view.descriptors for view in filled]),
         np.cumsum([len(view.points) for view in views], dtype=np.int64),
     )
 
@@ -75,6 +78,8 @@ def problem_with(found: PlaceFeatures) -> str | None:
         return "do not belong to the map's places"
     if not np.isfinite(found.points).all():
         return "a point is not finite"
+    if not 0 < found.descriptors.shape[1] <= MOST_NUMBERS:
+        return f"a descriptor has no number, or more than {MOST_NUMBERS}"
     ratios, by_chance = found.ratios, found.by_chance
     if not (np.isfinite(ratios).all() and (ratios > 0).all()):
         return "a likelihood ratio is not above 0"

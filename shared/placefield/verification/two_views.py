@@ -41,8 +41,9 @@ def correspondences(one: LocalFeatures, other: LocalFeatures) -> Correspondences
     """
     if min(len(one.points), len(other.points)) < 2:
         return Correspondences(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))
-    first, second = (each.descriptors.astype(np.float32) for each in (one, other))
-    products = first @ second.T  # whole numbers below 2²⁴: exact in any order
+    # Less 128 their distances stay, and products are whole numbers below 2²⁴: exact in any order.
+    first, second = (each.descriptors.astype(np.float32) - 128 for each in (one, other))
+    products = first @ second.T
     distances = (first**2).sum(axis=1)[:, None] + (second**2).sum(axis=1) - 2 * products
     nearest = distances.argmin(axis=1)
     rows = np.arange(len(first))

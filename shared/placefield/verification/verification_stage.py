@@ -16,7 +16,7 @@ from placefield.features.rectification import image_of
 from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield.maps.route_graph import bounds_of
-from placefield.verification.extracting import extract
+from placefield.verification.extractor import Extractor, extractor_of_places
 from placefield.verification.in_plane import Distance
 from placefield.verification.inlier_model import Array, InlierModel, ratio_of_posterior
 from placefield.verification.likelihood import ratio_of, updated
@@ -61,19 +61,22 @@ class ScaledPose:
     distance: Distance | None
 
 
-def local_features_of(placemap: Map, pixels: NDArray[np.uint8]) -> LocalFeatures:
+def local_features_of(
+    placemap: Map, extractor: Extractor, pixels: NDArray[np.uint8]
+) -> LocalFeatures:
     """Return the local features of a frame under the mask of a map, at most as many as of a place.
 
     Args:
         placemap: with local features.
+        extractor: of the map, see ``extractor_of_places``.
         pixels: (H, W) grey or (H, W, 3) BGR, uint8; of the map's view, if it has one.
 
     Raises:
-        FrameError: the image has another aspect ratio than the mask, or is no image.
+        FrameError: the image has another aspect ratio than the mask, is no image, or the map's
+            network fails on it.
     """
-    assert placemap.local_features is not None
     mask = placemap.model.mask
-    return extract(pixels if mask is None else mask.apply(pixels), placemap.local_features.most)
+    return extractor.extract(pixels if mask is None else mask.apply(pixels))
 
 
 class VerificationStage:
@@ -87,10 +90,12 @@ class VerificationStage:
             config: its verification, and the precision asked for.
 
         Raises:
-            ConfigError: the focal length is given, and the map has a camera's view.
+            ConfigError: the focal length is given, and the map has a camera's view; or see
+                ``extractor_of_places``.
         """
         self._map = placemap
         self._places = places = placemap.local_features
+        self._extractor = None if places is None else extractor_of_places(places, config.inference)
         self._model = None
         if places is not None and len(places.by_chance):
             self._model = InlierModel(places.by_chance, places.most)
@@ -99,12 +104,14 @@ class VerificationStage:
         self._camera = camera_of(placemap.model.view, config.verification.focal)
 
     def extract(self, frame: Frame) -> LocalFeatures:
-        """Return the local features of a frame, see ``local_features_of``.
+        """Return the local features of a frame, see ``local_features_of``; the map has some, too.
 
         Raises:
             FrameError: see ``image_of`` and ``local_features_of``.
         """
-        return local_features_of(self._map, image_of(frame, self._map.model.view))
+        assert self._extractor is not None
+        pixels = image_of(frame, self._map.model.view)
+        return local_features_of(self._map, self._extractor, pixels)
 
     def obstacle(self, match: Match) -> Obstacle | None:
         """Return why a match cannot be verified; None if it can."""

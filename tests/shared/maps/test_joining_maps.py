@@ -16,6 +16,7 @@ from placefield.maps.map import Map
 from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
+from placefield.verification.local_features import LocalFeatures
 
 Make = Callable[..., Traverse]
 CONFIG = Config.model_validate(
@@ -103,3 +104,18 @@ def test_maps_of_different_features_or_of_an_earlier_version_are_refused(
         check_joinable(one, decoded)
     with pytest.raises(MapError, match="an earlier version built it"):
         check_joinable(one, replace(one, identity=None))
+
+
+def test_maps_of_different_networks_of_local_features_are_refused(make_traverse: Make) -> None:
+    views = (LocalFeatures(np.ones((2, 2), np.float32), np.ones((2, 64), np.uint8)),) * 90
+    route, onnx = make_traverse(90), np.arange(9, dtype=np.uint8)
+    one, other, without = (
+        build_map([replace(route, local_features=local, local_network=network)], CONFIG)
+        for local, network in ((views, onnx), (views, onnx[:8]), ((), None))
+    )
+    with pytest.raises(MapError, match="its local features are of another kind"):
+        check_joinable(one, other)
+    check_joinable(without, one)
+    joined = join([without, one]).local_features
+    assert joined is not None
+    np.testing.assert_array_equal(joined.onnx, onnx)

@@ -115,7 +115,11 @@ def test_routes_keep_their_local_features_and_one_without_has_none_of_any_frame(
         LocalFeatures(np.full((3, 2), number, np.float32), np.zeros((3, 128), np.uint8))
         for number in range(20)
     )
-    network = join_routes([replace(with_views, local_features=views), without])
+    onnx = np.arange(3, dtype=np.uint8)
+    with_views = replace(with_views, local_features=views, local_network=onnx)
+    network = join_routes([without, with_views])
+    assert network.local_network is onnx
+    network = join_routes([with_views, without])
     assert [len(view.points) for view in network.local_features] == [3] * 20 + [0] * 12
     assert network.local_features[7] is views[7]
-    assert join_routes([with_views, without]).local_features == ()
+    assert join_routes([without, without]).local_features == ()

@@ -99,12 +99,32 @@ def test_a_map_keeps_them_on_disk_and_refuses_wrong_ones(
         "ratios": np.array([1.0, -1.0]),
         "by_chance": -1 - built.local_features.by_chance,
         "points": np.full_like(built.local_features.points, np.nan),
+        "descriptors": built.local_features.descriptors[:, 1:],
     }
     for name, array in wrong.items():
         spoilt = replace(built.local_features, **{name: array})
         save_map(replace(built, local_features=spoilt), tmp_path / "spoilt.pfmap")
         with pytest.raises(MapError, match="local_features"):
             open_map(tmp_path / "spoilt.pfmap")
+
+
+def test_descriptors_of_a_network_have_any_width_up_to_a_limit(
+    reference_dir: Path, tmp_path: Path
+) -> None:
+    built = with_local_features(reference_dir)
+    assert built.local_features is not None
+    for width, is_refused in ((64, False), (512, False), (513, True), (0, True)):
+        descriptors = np.zeros((len(built.local_features.points), width), np.uint8)
+        onnx = np.arange(9, dtype=np.uint8)
+        wide = replace(built.local_features, descriptors=descriptors, onnx=onnx)
+        save_map(replace(built, local_features=wide), tmp_path / "wide.pfmap")
+        if is_refused:
+            with pytest.raises(MapError, match="no number, or more than 512"):
+                open_map(tmp_path / "wide.pfmap")
+        else:
+            opened = open_map(tmp_path / "wide.pfmap").local_features
+            assert opened is not None
+            np.testing.assert_array_equal(opened.onnx, onnx)
 
 
 def test_a_map_without_them_has_none(route_map: Map) -> None:
@@ -121,6 +141,15 @@ def test_places_are_appended_and_dropped_with_their_own(
     np.testing.assert_array_equal(shrunk.of(0).descriptors, views[2].descriptors)
     np.testing.assert_array_equal(shrunk.of(1).descriptors, views[3].descriptors)
     np.testing.assert_array_equal(shrunk.by_chance, places.by_chance)
+
+
+def test_a_place_without_any_may_stand_beside_descriptors_of_any_width(
+    places: PlaceFeatures,
+) -> None:
+    narrow = replace(places, descriptors=places.descriptors[:, :64])
+    grown = narrow.with_places([NO_FEATURES])
+    assert grown.descriptors.shape == narrow.descriptors.shape
+    assert len(grown.of(PLACES).points) == 0
 
 
 def test_a_map_of_an_earlier_version_keeps_its_ratios(reference_dir: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from placefield.errors import SourceError
 from placefield.features.extract import feature_of_model
 from placefield.maps.adding import Addition, add_traverse, check_content, check_name
 from placefield.maps.map import Map
+from placefield.verification.extractor import extractor_of_places
 from placefield_tools.build.references import describe_reference
 from placefield_tools.sources import Parts, open_source
 from placefield_tools.sources.frame_content import check_frames, check_view, dimensions_of
@@ -33,6 +34,7 @@ def add_drive(
         SourceError: the source or one of its frames cannot be read, it is a camera, or its frames
             are not what the map takes.
         MapError: the map has this drive; or see ``add_traverse``.
+        ConfigError: a network of the map cannot run.
     """
     check_name(opened, name)
     known = opened.local_features
@@ -47,7 +49,7 @@ def add_drive(
             name,
             feature_of_model(opened.model),
             leave_out_bad=leave_out_bad,
-            local_features=0 if known is None else known.most,
+            extractor=None if known is None else extractor_of_places(known),
         )
     check_content(opened, name, described.content)
     return add_traverse(opened, described.traverse())

@@ -20,6 +20,7 @@ from placefield.maps.opening import open_map
 from placefield.maps.same_route import align_traverses
 from placefield.maps.store import save_map
 from placefield.maps.traverse import Traverse
+from placefield.verification.extractor import extractor_of
 from placefield_tools.build.references import (
     Reference,
     check_distinct,
@@ -100,15 +101,15 @@ def describe_drives(
 
     Raises:
         SourceError: see ``build_from``; or a drive is given twice.
-        ConfigError: the feature cannot be computed, or local features are asked for and the frames
-            are descriptors.
+        ConfigError: the feature cannot be computed; or local features are asked for, and the frames
+            are descriptors, or see ``extractor_of``.
     """
     check_given_once([drive for drive, _ in drives])
     (first, parts), *others = drives
     describe = partial(
         describe_reference,
         leave_out_bad=leave_out_bad,
-        local_features=config.build.local_features,
+        extractor=extractor_of(config.build, config.inference),
     )
     first_name = name_of(first)
     with open_reference(first, spacing_m, parts) as source:

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from placefield.errors import FrameError, SourceError
 from placefield.features.extract import Feature
 from placefield.features.frames import Frame
@@ -16,6 +19,7 @@ from placefield.maps.traverse import (
     describe_frame,
     traverse_of,
 )
+from placefield.verification.extractor import Extractor
 from placefield_tools.common.parallel import map_in_order
 from placefield_tools.common.progress import tracked
 from placefield_tools.sources import Source
@@ -34,12 +38,14 @@ class Reference:
         frames: K described frames, None for a bad one.
         pose_frame: name of the poses' coordinate frame.
         stamped: whether the stamps are measured, and not nominal.
+        local_network: see ``Traverse``.
     """
 
     name: str
     frames: Sequence[DescribedFrame | None]
     pose_frame: str = ROUTE
     stamped: bool = True
+    local_network: NDArray[np.uint8] | None = None
 
     @property
     def content(self) -> str:
@@ -49,7 +55,8 @@ class Reference:
     def traverse(self) -> Traverse:
         """Return the traverse without its bad frames; see ``traverse_of`` for the errors."""
         good = (frame for frame in self.frames if frame is not None)
-        return traverse_of(self.name, good, self.pose_frame, stamped=self.stamped)
+        traverse = traverse_of(self.name, good, self.pose_frame, stamped=self.stamped)
+        return replace(traverse, local_network=self.local_network)
 
 
 def describe_reference(
@@ -58,7 +65,7 @@ def describe_reference(
     feature: Feature,
     *,
     leave_out_bad: bool,
-    local_features: int = 0,
+    extractor: Extractor | None = None,
 ) -> Reference:
     """Describe all frames of a source.
 
@@ -66,7 +73,7 @@ def describe_reference(
         source: of the frames.
         name: of the traverse.
         feature: describes the frames.
-        local_features: the most local features of a frame.
+        extractor: of the local features of the frames; None: they have none.
         leave_out_bad: continue without frames that are missing or cannot be read.
 
     Raises:
@@ -77,7 +84,7 @@ def describe_reference(
 
     def describe(frame: Frame) -> DescribedFrame | None:
         try:
-            return describe_frame(frame, feature, local_features)
+            return describe_frame(frame, feature, extractor)
         except FrameError as error:
             if not leave_out_bad:
                 raise SourceError(f"{error}; {_REMEDY} such frames") from None
@@ -101,7 +108,8 @@ def describe_reference(
     if missing and not leave_out_bad:
         raise SourceError(f"{name}: {missing} frames are missing; {_REMEDY} them")
     pose_frame = source.origin.frame if source.origin else ROUTE
-    return Reference(name, described, pose_frame, source.stamped)
+    network = None if extractor is None else extractor.onnx
+    return Reference(name, described, pose_frame, source.stamped, network)
 
 
 def check_distinct(references: Sequence[Reference]) -> None:

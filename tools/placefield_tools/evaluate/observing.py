@@ -11,6 +11,7 @@ from placefield.features.extract import feature_of_model
 from placefield.features.frames import Frame
 from placefield.features.rectification import image_of
 from placefield.maps.map import Map
+from placefield.verification.extractor import extractor_of_places
 from placefield.verification.local_features import LocalFeatures
 from placefield.verification.verification_stage import local_features_of
 
@@ -30,14 +31,17 @@ def observer(placemap: Map, inference: InferenceConfig) -> Callable[[Frame], Obs
         inference: where a network runs.
 
     Raises:
-        ConfigError: the feature cannot be computed, see ``feature_of_model``.
+        ConfigError: a network of the map cannot run, see ``feature_of_model`` and
+            ``extractor_of_places``.
     """
-    feature = feature_of_model(placemap.model, inference)
+    feature, places = feature_of_model(placemap.model, inference), placemap.local_features
+    extractor = None if places is None else extractor_of_places(places, inference)
 
     def observe(frame: Frame) -> Observed:
         raw, local = feature.of_frame(frame), None
-        if placemap.local_features is not None and frame.descriptor is None:
-            local = local_features_of(placemap, image_of(frame, placemap.model.view))
+        if extractor is not None and frame.descriptor is None:
+            pixels = image_of(frame, placemap.model.view)
+            local = local_features_of(placemap, extractor, pixels)
         return Observed(raw, local)
 
     return observe

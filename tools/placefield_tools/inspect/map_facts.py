@@ -102,7 +102,8 @@ def _local_features(opened: Map) -> str:
     if found is None:
         return "none"
     size = found.points.nbytes + found.descriptors.nbytes
-    return f"{found.most} of a place at most, {size / 2**20:.1f} MB"
+    by = "SIFT" if found.onnx is None else "a network"
+    return f"{found.most} of a place at most by {by}, {size / 2**20:.1f} MB"
 
 
 def _history(opened: Map) -> str:
