@@ -19,6 +19,10 @@ def part(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     figures = [Figure("speedup", 9.5, "how much faster", at_least=8), Figure("lost", 2, "frames")]
     module = import_module(f"placefield_tools.bench.{_MODULES[name]}")
     monkeypatch.setattr(module, f"bench_{name}", lambda **_: figures)
+    monkeypatch.setattr(
+        "placefield_tools.bench.machine.with_machine",
+        lambda measure: [*measure(), Figure("machine_others", 0.25, "taken by others")],
+    )
     return name
 
 
@@ -33,7 +37,11 @@ def test_json_is_one_object_of_numbers_on_stdout(
     part: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bench(monkeypatch, part, "--json")
-    assert json.loads(capsys.readouterr().out) == {"speedup": 9.5, "lost": 2}
+    assert json.loads(capsys.readouterr().out) == {
+        "speedup": 9.5,
+        "lost": 2,
+        "machine_others": 0.25,
+    }
 
 
 def test_a_table_is_printed_without_it(
@@ -42,5 +50,28 @@ def test_a_table_is_printed_without_it(
     bench(monkeypatch, part)
     out = capsys.readouterr().out
     assert part in out
-    for text in ("speedup", "9.5", "≥ 8", "how much faster", "lost"):
+    for text in ("speedup", "9.5", "≥ 8", "how much faster", "lost", "machine_others"):
         assert text in out
+
+
+def test_a_feature_is_measured_under_its_kind(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def measured(feature: str) -> list[Figure]:
+        return [Figure(f"{feature}_ms", 1.5, "")]
+
+    monkeypatch.setattr("placefield_tools.bench.features.bench_features", measured)
+    monkeypatch.setattr("placefield_tools.bench.machine.with_machine", lambda measure: measure())
+    bench(monkeypatch, "features", "--feature", "gist+grayscale", "--json")
+    assert json.loads(capsys.readouterr().out) == {"gist+grayscale_ms": 1.5}
+
+
+def test_a_malformed_kind_of_feature_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["placefield", "bench", "features", "--feature", "onnx:"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "features.kind" in line

@@ -3,6 +3,7 @@
 import pytest
 
 from placefield_tools.bench.figure import Figure, as_object, print_figures
+from placefield_tools.bench.ratio import Ratio
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,38 @@ def test_a_figure_is_held_to_its_bar(figure: Figure, bar: str, is_met: bool) -> 
 def test_the_object_has_a_key_per_figure() -> None:
     figures = [Figure("speedup", 9.5, "how much faster", at_least=8), Figure("lost", 0, "frames")]
     assert as_object(figures) == {"speedup": 9.5, "lost": 0}
+
+
+def test_the_object_has_the_ends_of_an_interval_if_there_is_one() -> None:
+    figures = [
+        Figure("speedup", Ratio(9.5, 9.3, 9.8), ""),
+        Figure("slow_speedup", Ratio(3, float("nan"), float("nan")), "of few rounds"),
+    ]
+    assert as_object(figures) == {
+        "speedup": 9.5,
+        "speedup_low": 9.3,
+        "speedup_high": 9.8,
+        "slow_speedup": 3,
+    }
+
+
+@pytest.mark.parametrize(
+    ("measured", "interval"),
+    [
+        (9.5, ""),
+        (Ratio(9.5, 9.3, 9.8), "9.3 to 9.8"),
+        (Ratio(9.5, 8.25, 9.8), "8.25 to 9.8, wide"),
+        (Ratio(9.5, float("nan"), float("nan")), "too few rounds"),
+    ],
+)
+def test_a_ratio_says_its_interval_and_whether_that_is_wide(
+    measured: float | Ratio, interval: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figure = Figure("speedup", measured, "how much faster", at_least=9.4)
+    assert figure.is_met
+    assert figure.interval == interval
+    print_figures("placefield bench part", [figure])
+    assert interval in capsys.readouterr().out
 
 
 def test_two_figures_of_one_key_are_a_defect() -> None:

@@ -20,11 +20,12 @@ def test_ours_is_timed_to_an_objective_no_higher_than_metric_learns(
     points, labels = build._labelled_route()
     monkeypatch.setattr(build, "_labelled_route", lambda: (points[:150, :20], labels[:150]))
     monkeypatch.setattr(build, "_METRIC_LEARN_STEPS", 3)
+    monkeypatch.setattr(build, "_LIMIT_S", 0.0)
     figures = as_object(build._lmnn_figures())
     for kind in ("", "_long_steps"):
         assert figures[f"lmnn{kind}_objective_ratio"] <= 1
         times = figures[f"metric_learn{kind}_s"], figures[f"lmnn{kind}_s"]
-        assert figures[f"lmnn{kind}_speedup"] == times[0] / times[1]
+        assert figures[f"lmnn{kind}_speedup"] == times[0] / times[1]  # of one round
     assert figures["metric_learn_long_steps_gain"] < figures["metric_learn_gain"] < 1
 
 
@@ -39,6 +40,7 @@ def test_memory_is_at_least_that_of_the_features(
 def test_the_command_is_timed_and_its_memory_watched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "_FRAMES", 40)
     monkeypatch.setattr(build, "_CHANNELS", 2)
+    monkeypatch.setattr(build, "_LIMIT_S", 0.0)
     figures = as_object(build._command_figures())
     assert all(np.isfinite(value) and value > 0 for value in figures.values())
     assert figures["build_peak_mb"] > 20

@@ -21,7 +21,9 @@ from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.idle_chain import Shape
 from placefield_tools.bench.load import Answers, LiveCamera, play
 from placefield_tools.bench.many_cameras import camera_figures
+from placefield_tools.bench.ratio import Ratio
 from placefield_tools.bench.street_frames import street_frames, write_frames
+from placefield_tools.bench.timing import repeat
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.replay.replay_source import replay
@@ -31,8 +33,8 @@ PLACES = 1261
 _REPLAYED = 640  # frames, each time
 _REPLAYS = 3
 _RATE = 30.0  # frames per second
-_SECONDS = 10.0
-_ROUNDS = 2
+_SECONDS = 5.0
+_LIMIT_S = 120.0
 _WARM_UP_S = 2.0
 
 _KEYS = Keys(Config().run)
@@ -66,10 +68,15 @@ def _stream_figures(map_path: Path, query: Path) -> list[Figure]:
             cameras = [LiveCamera(of, _KEYS.run) for _, of in chains]
             for camera in cameras:
                 play([camera], frames, rate=_RATE, seconds=_WARM_UP_S)
-            answers = [
-                [play([camera], frames, rate=_RATE, seconds=_SECONDS) for camera in cameras]
-                for _ in range(_ROUNDS)
-            ]
+            answers: list[list[Answers]] = []
+
+            def in_turn() -> list[float]:
+                answers.append(
+                    [play([camera], frames, rate=_RATE, seconds=_SECONDS) for camera in cameras]
+                )
+                return _latencies(answers[-1])
+
+            repeat(in_turn, [(0, 1), (2, 3)], limit_s=_LIMIT_S)
     return [*rate_figures(rates), *latency_figures(answers)]
 
 
@@ -127,11 +134,10 @@ def rate_figures(rates: Sequence[Sequence[float]]) -> list[Figure]:
 
 def latency_figures(answers: Sequence[Sequence[Answers]]) -> list[Figure]:
     """Make figures of the answers of each round, real and idle; ratios are of the same round."""
-    shares = np.array(
-        [[np.quantile(each.latencies, (0.5, 0.95)) for each in turn] for turn in answers]
-    )  # (rounds, real and idle, median and 95th percentile), seconds
-    (real, real_95), (idle, idle_95) = np.median(shares, axis=0) * 1e3
-    ratio, ratio_95 = np.median(shares[:, 0] / shares[:, 1], axis=0)
+    rounds = np.array([_latencies(turn) for turn in answers])
+    real, idle, real_95, idle_95 = np.median(rounds, axis=0) * 1e3
+    ratio = Ratio.of(rounds[:, 0], rounds[:, 1])
+    ratio_95 = Ratio.of(rounds[:, 2], rounds[:, 3])
     lost = sum(real.lost for real, _ in answers)
     return [
         Figure("chain_latency_ms", real, "median from frame to match, live at 30 frames/s"),
@@ -142,3 +148,8 @@ def latency_figures(answers: Sequence[Sequence[Answers]]) -> list[Figure]:
         Figure("chain_latency_95_ratio", ratio_95, "95th percentiles likewise"),
         Figure("chain_lost_frames", lost, "dropped or not answered by all channels", at_most=0),
     ]
+
+
+def _latencies(turn: Sequence[Answers]) -> list[float]:
+    """Return the medians, real and idle, then the 95th percentiles, real and idle, seconds."""
+    return [float(np.quantile(each.latencies, share)) for share in (0.5, 0.95) for each in turn]

@@ -19,9 +19,11 @@ from placefield.features.extract import (
 from placefield.features.fitting import fit_descriptors
 from placefield.features.gist import DIMENSIONS, gist
 from placefield.features.images import decode
-from placefield.features.kinds import DESCRIPTOR
+from placefield.features.kinds import DESCRIPTOR, FeatureKind
 from placefield.features.shrink import small_grey
+from placefield_tools.bench.feature_speed import feature_figures
 from placefield_tools.bench.figure import Figure
+from placefield_tools.bench.gist_limit import bare, gist_work
 from placefield_tools.bench.naive_gist import NaiveGist
 from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings
@@ -29,14 +31,22 @@ from placefield_tools.sources import open_source
 
 _BATCH = 16
 _LARGE_BATCH = 4
-_ROUNDS = 15
 _GIVEN = 500
 
 Array = NDArray[np.float32]
 
 
-def bench_features() -> list[Figure]:
-    """Measure on JPEGs of 640 x 480 and larger ones, on one core."""
+def bench_features(feature: FeatureKind | None = None) -> list[Figure]:
+    """Measure on JPEGs of 640 x 480 and larger ones, on one core.
+
+    Args:
+        feature: measures only this one; None: GIST, beside other implementations.
+
+    Raises:
+        ConfigError: see ``feature_figures``.
+    """
+    if feature is not None:
+        return feature_figures(feature)
     jpegs = street_frames(_BATCH)
     small = np.stack([small_grey(decode(jpeg), GIST_SIZE, GIST_SIZE) for jpeg in jpegs])
     return [
@@ -52,13 +62,16 @@ def _gist_figures(images: Array) -> list[Figure]:
     naive = NaiveGist(GIST_SIZE)
     expected = np.array([naive(image) for image in images])
     difference = np.abs(gist(images) - expected).max() / np.abs(expected).max()
+    work = gist_work(GIST_SIZE)
+    least = bare(work)
     times = Timings.of(
         [
             lambda: [naive(image) for image in images],
             lambda: [gist(image) for image in images],
             lambda: gist(images),
+            lambda: [least() for _ in images],
         ],
-        rounds=_ROUNDS,
+        compared=[(0, 1), (0, 2), (1, 3)],
     )
     return [
         Figure("gist_speedup", times.ratio(0, 1), "naive GIST over ours, by frame", at_least=8),
@@ -70,6 +83,12 @@ def _gist_figures(images: Array) -> list[Figure]:
             at_most=1e-5,
         ),
         Figure("gist_ms", 1e3 * times.median(1) / _BATCH, "ours, a frame"),
+        Figure(
+            "gist_limit_ms",
+            1e3 * times.median(3) / _BATCH,
+            f"its {work.products / 1e6:.1f} M products and {work.bytes_read / 1e6:.1f} MB alone",
+        ),
+        Figure("gist_over_limit", times.ratio(1, 3), "ours over these", at_most=1.5),
     ]
 
 
@@ -80,7 +99,7 @@ def _descriptor_figures(jpegs: list[bytes]) -> list[Figure]:
             lambda: [stream.update(feature.describe(jpeg)) for jpeg in jpegs],
             lambda: [cv2.imdecode(_as_array(jpeg), cv2.IMREAD_COLOR) for jpeg in jpegs],
         ],
-        rounds=_ROUNDS,
+        compared=[(0, 1)],
     )
     return [
         Figure(
@@ -102,7 +121,7 @@ def _large_figures(name: str, size: tuple[int, int], at_least: float) -> list[Fi
     warm_up(whole)  # as a service does
     times = Timings.of(
         [lambda: _described_images(whole, jpegs), lambda: _described_images(in_part, jpegs)],
-        rounds=_ROUNDS,
+        compared=[(0, 1)],
     )
     return [
         Figure(
@@ -127,7 +146,7 @@ def _given_descriptors() -> Figure:
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         path = Path(folder) / "drive.npy"
         np.save(path, rows)
-        times = Timings.of([lambda: _described(path, model)], rounds=_ROUNDS)
+        times = Timings.of([lambda: _described(path, model)])
     return Figure(
         "given_descriptors_per_s",
         _GIVEN / times.median(0),

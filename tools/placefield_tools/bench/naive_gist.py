@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-_BORDER = 32  # pixels
-_CONTRAST_BORDER = 5
+BORDER = 32  # pixels
+CONTRAST_BORDER = 5
 _CONTRAST_CYCLES = 4
 
 Array = NDArray[np.float64]
@@ -15,14 +15,14 @@ class NaiveGist:
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._low_pass = _gaussian(size + 2 * _CONTRAST_BORDER)
-        self._filters = _gabor_filters(size + 2 * _BORDER)
+        self._low_pass = _gaussian(size + 2 * CONTRAST_BORDER)
+        self._filters = gabor_filters(size + 2 * BORDER)
 
     def __call__(self, image: NDArray[np.float32]) -> Array:
         """Describe an image (size, size): (512,) float64."""
-        padded = np.pad(self._normalised(_stretched(image)), _BORDER, mode="symmetric")
+        padded = np.pad(self._normalised(_stretched(image)), BORDER, mode="symmetric")
         spectrum = np.fft.fft2(padded)
-        inner = slice(_BORDER, _BORDER + self._size)
+        inner = slice(BORDER, BORDER + self._size)
         means = []
         for transfer in self._filters:
             magnitudes = np.abs(np.fft.ifft2(spectrum * transfer))[inner, inner]
@@ -30,10 +30,10 @@ class NaiveGist:
         return np.array(means)
 
     def _normalised(self, image: Array) -> Array:
-        log = np.pad(np.log(1 + image), _CONTRAST_BORDER, mode="symmetric")
+        log = np.pad(np.log(1 + image), CONTRAST_BORDER, mode="symmetric")
         detail = log - np.fft.ifft2(np.fft.fft2(log) * self._low_pass).real
         variance = np.fft.ifft2(np.fft.fft2(detail**2) * self._low_pass)
-        inner = slice(_CONTRAST_BORDER, _CONTRAST_BORDER + self._size)
+        inner = slice(CONTRAST_BORDER, CONTRAST_BORDER + self._size)
         return np.asarray((detail / (0.2 + np.sqrt(np.abs(variance))))[inner, inner], np.float64)
 
 
@@ -57,7 +57,8 @@ def _gaussian(size: int) -> Array:
     return np.asarray(np.exp(-(x**2 + y**2) / width**2), np.float64)
 
 
-def _gabor_filters(size: int) -> list[Array]:
+def gabor_filters(size: int) -> list[Array]:
+    """Return the gains (size, size) of the 32 filters, frequencies as ``numpy.fft`` orders them."""
     x, y = _frequencies(size)
     radius, angle = np.hypot(x, y), np.arctan2(y, x)
     filters = []

@@ -1,17 +1,24 @@
 """Hosts as child processes: a free endpoint, and waiting until they are ready."""
 
+import secrets
 import socket
 import subprocess
 import threading
+from contextlib import suppress
 
 from placefield.errors import BusError
+
+_PORTS = range(20_000, 32_768)
+"""Below the ports that Linux and macOS give to connections, so that none takes a free one."""
 
 
 def free_endpoint() -> str:
     """Return a free endpoint on loopback."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    while True:
+        port = secrets.choice(_PORTS)
+        with socket.socket() as probe, suppress(OSError):  # the port is in use
+            probe.bind(("127.0.0.1", port))
+            return f"tcp/127.0.0.1:{port}"
 
 
 def await_ready(process: subprocess.Popen[str], patience_s: float) -> None:
