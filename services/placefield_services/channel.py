@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Sequence
+from functools import cache
 
 from placefield.bus.inbox import CAPACITY, Inbox
 from placefield.bus.keys import Part
@@ -62,13 +63,19 @@ def run_channels(
             )
         worker = ChannelWorker(first, outputs, process.counts)
         del first  # so that it is freed when a new version has taken over
-        for run, keys in process.keys.items():
-            bus.subscribe(keys.match, worker.answering[run].receive, process.counts[run])
+
+        @cache
+        def follow_fusers() -> None:
+            """From the first new version on, hear by which version each fuser answers."""
+            for run, keys in process.keys.items():
+                bus.subscribe(keys.match, worker.answering[run].receive, process.counts[run])
+
         prepared = PreparedVersions(versions, prepare)
 
         def after_batch(run: str) -> None:
             for served in prepared.pop_all():
                 worker.offer(served)
+                follow_fusers()
             worker.after_batch(run)
             process.answers[run], process.maps[run] = worker.newest_answers(run)
 

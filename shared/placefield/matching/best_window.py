@@ -55,79 +55,109 @@ def best_window(places: Places, beliefs: Beliefs, vicinity: Vicinity) -> tuple[i
         beliefs: (n,) float32; clipped to 0 to 1, because they may come from the bus.
         vicinity: of the places of the map.
     """
-    same = vicinity.same
-    if same is None and vicinity.chains.is_one:
-        return _best_on_a_line(places, beliefs, vicinity.tolerance)
-    if same is None:
-        middle = _middle_of_best(places, beliefs, vicinity)
-        return middle, _sum_of(beliefs, _near(middle, places, vicinity))
+    tolerance, same, chains = vicinity
+    if same is not None:
+        return _best_of_laps(places, beliefs, same, chains, tolerance)
+    if chains.is_one:
+        return _best_on_a_line(places, beliefs, tolerance)
+    return _best_on_ways(places, beliefs, chains, tolerance)
+
+
+@kernel
+def _best_of_laps(
+    places: Places, beliefs: Beliefs, same: Places, chains: Chains, tolerance: int
+) -> tuple[int, float]:
+    """Do as ``best_window`` does where some places are the same."""
     shared = same[places]
-    order = np.argsort(shared, kind="stable")
-    rows, _ = _best(shared[order], beliefs[order], vicinity)
+    order = np.argsort(shared, kind="mergesort")
+    rows, _ = _best(shared[order], beliefs[order], chains, tolerance)
     laps = np.unique(order[rows])
-    middle = _middle_of_best(places[laps], beliefs[laps], vicinity)
-    near = _near(middle, places, vicinity) | _near(int(same[middle]), shared, vicinity)
-    return middle, _sum_of(beliefs, near)
+    middle = _middle_of_best(places[laps], beliefs[laps], chains, tolerance)
+    near = _near(middle, places, chains, tolerance)
+    return middle, _sum_of(beliefs, near | _near(same[middle], shared, chains, tolerance))
 
 
-def _middle_of_best(places: Places, beliefs: Beliefs, vicinity: Vicinity) -> int:
+@kernel
+def _best_on_ways(
+    places: Places, beliefs: Beliefs, chains: Chains, tolerance: int
+) -> tuple[int, float]:
+    """Do as ``best_window`` does where all places differ."""
+    middle = _middle_of_best(places, beliefs, chains, tolerance)
+    return middle, _sum_of(beliefs, _near(middle, places, chains, tolerance))
+
+
+@kernel
+def _middle_of_best(places: Places, beliefs: Beliefs, chains: Chains, tolerance: int) -> int:
     """Return the middle of the window of highest belief, where all places differ."""
-    rows, at = _best(places, beliefs, vicinity)
+    rows, at = _best(places, beliefs, chains, tolerance)
     middle = _middle(at, beliefs[rows])
-    edges = vicinity.chains.edges
-    begins = _apart(edges[:-1], vicinity)
-    chain = int(np.searchsorted(begins - 2 * vicinity.tolerance, middle, side="right")) - 1
+    begins = _apart(chains.edges[:-1], chains, tolerance)
+    chain = np.searchsorted(begins - 2 * tolerance, middle, side="right") - 1
     if middle >= begins[chain]:
-        return int(edges[chain] + middle - begins[chain])
-    away = np.abs(at - middle)  # the middle is before the chain, on one of the ways to it
-    return int(places[rows[np.lexsort((-beliefs[rows], away))[0]]])
+        return int(chains.edges[chain] + middle - begins[chain])
+    nearest = 0  # the middle is before the chain, on one of the ways to it
+    for i in range(1, len(at)):
+        farther = abs(at[i] - middle) - abs(at[nearest] - middle)
+        if farther < 0 or (farther == 0 and beliefs[rows[i]] > beliefs[rows[nearest]]):
+            nearest = i
+    return int(places[rows[nearest]])
 
 
-def _best(places: Places, beliefs: Beliefs, vicinity: Vicinity) -> tuple[Rows, Positions]:
+@kernel
+def _best(
+    places: Places, beliefs: Beliefs, chains: Chains, tolerance: int
+) -> tuple[Rows, Positions]:
     """Return the rows of the places in the window of highest belief, and their positions."""
-    rows, at = _unfold(places, vicinity)
-    first, end = _window(at, beliefs[rows], vicinity.tolerance)
+    rows, at = _unfold(places, chains, tolerance)
+    first, end = _window(at, beliefs[rows], tolerance)
     return rows[first:end], at[first:end]
 
 
-def _apart(places: Places, vicinity: Vicinity) -> Positions:
+@kernel
+def _chains_of(places: Places, chains: Chains) -> Rows:
+    """Return the number of the chain of each place."""
+    return np.searchsorted(chains.edges[1:-1], places, side="right")
+
+
+@kernel
+def _apart(places: Places, chains: Chains, tolerance: int) -> Positions:
     """Return the positions of places: as in the map, but no window reaches two chains."""
-    chain = vicinity.chains.of(places).astype(np.int64)
-    return np.asarray(places + (4 * vicinity.tolerance + 1) * chain)
+    return places + (4 * tolerance + 1) * _chains_of(places, chains)
 
 
-def _unfold(places: Places, vicinity: Vicinity) -> tuple[Rows, Positions]:
+@kernel
+def _unfold(places: Places, chains: Chains, tolerance: int) -> tuple[Rows, Positions]:
     """Return positions of places, ascending, and their rows among the places.
 
     A place from which a passage leads to a chain has a position before that chain, too.
     """
-    (edges, ahead, _), reach = vicinity.chains, 2 * vicinity.tolerance
-    all_rows, all_at = [np.arange(len(places))], [_apart(places, vicinity)]
-    begins = edges[ahead.target]
-    shifts = ahead.shift.astype(np.int64)
-    low = np.searchsorted(places, np.maximum(edges[ahead.source], begins + shifts - reach))
-    high = np.searchsorted(places, edges[ahead.source + 1])
-    for i in np.flatnonzero(low < high):
-        rows = np.arange(low[i], high[i])
-        all_rows.append(rows)
-        all_at.append(places[rows] - shifts[i] - begins[i] + _apart(begins[i], vicinity))
-    rows, at = np.concatenate(all_rows), np.concatenate(all_at)
-    order = np.argsort(at, kind="stable")
-    return rows[order], at[order]
+    edges, ahead = chains.edges, chains.ahead
+    begins = _apart(edges[:-1], chains, tolerance)
+    rows, at = list(range(len(places))), list(_apart(places, chains, tolerance))
+    for i in range(len(ahead.source)):
+        source, target, shift = ahead.source[i], ahead.target[i], int(ahead.shift[i])
+        first = max(edges[source], edges[target] + shift - 2 * tolerance)
+        end = np.searchsorted(places, edges[source + 1])
+        for row in range(np.searchsorted(places, first), end):
+            rows.append(row)
+            at.append(places[row] - shift - edges[target] + begins[target])
+    positions = np.array(at)
+    order = np.argsort(positions, kind="mergesort")
+    return np.array(rows)[order], positions[order]
 
 
-def _near(middle: int, places: Places, vicinity: Vicinity) -> NDArray[np.bool_]:
+@kernel
+def _near(middle: int, places: Places, chains: Chains, tolerance: int) -> NDArray[np.bool_]:
     """Return which places are near a place by their steps."""
-    ahead, tolerance = vicinity.chains.ahead, vicinity.tolerance
-    chains = vicinity.chains.of(places)
-    own = int(vicinity.chains.of(np.array(middle, np.int32)))
-    near: NDArray[np.bool_] = (chains == own) & (np.abs(places - middle) <= tolerance)
-    for i in np.flatnonzero((ahead.source == own) | (ahead.target == own)):
-        source, target, shift = int(ahead.source[i]), int(ahead.target[i]), int(ahead.shift[i])
+    ahead, of = chains.ahead, _chains_of(places, chains)
+    own = np.searchsorted(chains.edges[1:-1], middle, side="right")
+    near: NDArray[np.bool_] = (of == own) & (np.abs(places - middle) <= tolerance)
+    for i in range(len(ahead.source)):
+        source, target, shift = ahead.source[i], ahead.target[i], int(ahead.shift[i])
         if source == own:
-            near |= (chains == target) & (places + shift - middle <= tolerance)
+            near |= (of == target) & (places + shift - middle <= tolerance)
         if target == own:
-            near |= (chains == source) & (middle + shift - places <= tolerance)
+            near |= (of == source) & (middle + shift - places <= tolerance)
     return near
 
 

@@ -36,7 +36,11 @@ def _up(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="channel workers", show_default="one per core; 1 with --explore"),
+        typer.Option(
+            min=1,
+            help="channel workers",
+            show_default="one per core, and at most one per metric under filter; 1 with --explore",
+        ),
     ] = None,
     describers: Annotated[
         int, typer.Option(min=0, help="processes that compute features besides the featurizer")

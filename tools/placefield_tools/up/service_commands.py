@@ -2,10 +2,10 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
-from placefield.config import Config, MonitoringConfig
+from placefield.config import Config, MonitoringConfig, Rule
 from placefield.features.calibration import Calibration
 from placefield.features.camera_file import write_camera
 from placefield.maps.manifest import Manifest
@@ -91,6 +91,26 @@ def partition(kinds: Sequence[Hashable], processes: int) -> list[list[int]]:
     return [sorted(in_order[start:end]) for start, end in pairwise(ends)]
 
 
+def _of_workers(metrics: Sequence[int], rule: Rule, workers: int | None) -> list[list[int]]:
+    """Return the channels of each worker.
+
+    Args:
+        metrics: the metric of each channel.
+        rule: under ``filter``, channels of one metric answer alike at the cost of one.
+        workers: how many; None: one per core, as far as no two of them do the same work.
+    """
+    if workers is not None or rule != "filter":
+        return partition(metrics, workers or cores())
+    channels_of = [
+        [channel for channel, own in enumerate(metrics) if own == metric]
+        for metric in dict.fromkeys(metrics)
+    ]
+    return [
+        sorted(chain.from_iterable(channels_of[number] for number in numbers))
+        for numbers in partition(range(len(channels_of)), cores())
+    ]
+
+
 def commands_on_map(
     path: Path, manifest: Manifest, config: Config, flags: ServiceFlags
 ) -> dict[str, list[str]]:
@@ -122,7 +142,7 @@ def commands_on_map(
         own = [*_repeated("--run", config.runs), *lineage]
         commands[f"describer {number}"] = command("describer", *own)
     metrics = [channel.metric for channel in manifest.channels]
-    for number, channels in enumerate(partition(metrics, flags.workers or cores())):
+    for number, channels in enumerate(_of_workers(metrics, config.matching.rule, flags.workers)):
         own = [*_repeated("--channel", channels), *lineage]
         commands[f"channel worker {number}"] = command("channel", *own)
     for number in range(flags.verifiers):
