@@ -48,7 +48,7 @@ def overwrite(file: Path) -> None:
 def test_a_mapped_file_that_is_spoilt_ends_its_worker_with_one_line_and_no_answer_is_wrong(
     logs: Path, tmp_path: Path, spoil: Callable[[Path], None]
 ) -> None:
-    walk = random_walk(10_000, 60, seed=0)
+    walk = random_walk(14_000, 60, seed=0)
     query = observed_again(walk[drive_along(len(walk), 60, seed=1)], 0.5, seed=2)
     placemap, path = made_map(walk), tmp_path / "walk.pfmap"
     save_map(placemap, path)
