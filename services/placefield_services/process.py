@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from multiprocessing import parent_process
+from queue import SimpleQueue
 from typing import NoReturn, TypeVar
 
 from placefield.bus.inbox import Inbox, Received
@@ -206,9 +207,11 @@ def leave() -> NoReturn:
 
 def stop_event() -> threading.Event:
     """Return an event that is set by SIGINT, by SIGTERM and, under a host, by the host's end."""
-    stop = threading.Event()
+    stop, received = threading.Event(), SimpleQueue[int]()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        # A handler may interrupt the event's own methods, which hold its lock; the queue has none.
+        signal.signal(number, lambda number, _: received.put(number))
+    threading.Thread(target=_wait_for_signal, args=(received, stop), daemon=True).start()
     if parent_process() is not None or os.environ.get(SUPERVISED):
         threading.Thread(target=_wait_for_host, args=(stop,), daemon=True).start()
     return stop
@@ -228,6 +231,11 @@ def _end_soon_after(stop: threading.Event) -> None:
     stop.wait()
     time.sleep(_END_WITHIN_S)
     leave()
+
+
+def _wait_for_signal(received: SimpleQueue[int], stop: threading.Event) -> None:
+    received.get()
+    stop.set()
 
 
 def _wait_for_host(stop: threading.Event) -> None:

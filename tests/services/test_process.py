@@ -1,8 +1,10 @@
 import gc
+import random
 import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -243,3 +245,27 @@ def test_an_unsupervised_process_survives_the_end_of_its_input() -> None:
             waiting.wait(0.3)
         waiting.terminate()
         assert waiting.wait(60) == 0
+
+
+WAITING = """
+from placefield_services.process import leave, stop_event
+
+for _ in range(2000):
+    stop = stop_event()
+    print("waiting", flush=True)
+    while not stop.wait(1e-6):
+        pass
+leave()
+"""
+
+
+def test_a_signal_ends_the_wait_whatever_it_interrupts() -> None:
+    with subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE) as process:
+        too_late = threading.Timer(30, process.kill)
+        too_late.start()
+        assert process.stdout is not None
+        while process.stdout.readline():
+            time.sleep(random.uniform(0, 5e-4))
+            process.send_signal(signal.SIGTERM)
+        assert process.wait() == 0
+        too_late.cancel()
