@@ -66,7 +66,7 @@ def run_channels(
 
         @cache
         def follow_fusers() -> None:
-            """From the first new version on, hear by which version each fuser answers."""
+            """From the first new version on, receive matches, which say the versions of fusers."""
             for run, keys in process.keys.items():
                 bus.subscribe(keys.match, worker.answering[run].receive, process.counts[run])
 

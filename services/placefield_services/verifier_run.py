@@ -99,7 +99,7 @@ class VerifierRun:
         self._frames = KeptFrames()
         self._waiting: dict[FrameName, _Waiting] = {}
         self._verified = VerifiedFrames()
-        self._heard_at = 0.0
+        self._received_at = 0.0
         """When another verifier's message came last, monotonic seconds."""
         self._reached = 0.0
         """When the newest of the matches that are verified began to wait, monotonic seconds."""
@@ -130,7 +130,7 @@ class VerifierRun:
     def _accept_verified(self, header: Header, payload: bytes) -> None:
         message = VerifiedMessage.decode(payload)
         self._links.verified.cache.store(header, payload)
-        self._heard_at = time.monotonic()
+        self._received_at = time.monotonic()
         self._finish(_name(header), message)
 
     def _accept_smoothed(self, header: Header, payload: bytes) -> None:
@@ -265,10 +265,10 @@ class VerifierRun:
         """Return the oldest match that falls to this verifier; if none does, one that is overdue.
 
         Of the overdue ones it is the newest, as the verifier that they fall to begins with the
-        oldest. But if no other verifier is heard, all that is overdue falls to this one. Matches
+        oldest. But if nothing comes from another, all that is overdue falls to this one. Matches
         without a frame fall to the oldest verifier: no other has more frames.
         """
-        is_silent = now - self._heard_at >= _OVERDUE_S
+        is_silent = now - self._received_at >= _OVERDUE_S
         overdue = None
         for name, waiting in self._waiting.items():
             if waiting.compared is not None:

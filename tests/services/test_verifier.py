@@ -114,7 +114,7 @@ class Verifier:
             pass
         return self.publisher.sequences[before:]
 
-    def hear(self, other: "Verifier", *, lost: Sequence[int] = ()) -> None:
+    def receive(self, other: "Verifier", *, lost: Sequence[int] = ()) -> None:
         """Receive what another verifier published, but for the frames that are lost."""
         for about, message in other.publisher.sent:
             assert isinstance(message, VerifiedMessage)
@@ -218,30 +218,30 @@ def test_two_verifiers_share_the_frames_and_publish_in_order_what_one_alone_woul
         each.send(images, verified_map)
     assert other.verify() == []  # it has compared them, and waits
     assert one.verify() == [*range(8)]
-    other.hear(one)
+    other.receive(one)
     assert other.verify() == [*range(8, 16)]
-    one.hear(other)
+    one.receive(other)
     assert one.verify() == [*range(16, 20)]
     assert one.sent | other.sent == by_one
     assert one.counts["verified"] + other.counts["verified"] == len(images)
 
 
-@pytest.mark.parametrize("heard", [0, 5, 8])
+@pytest.mark.parametrize("arrived", [0, 5, 8])
 def test_one_takes_over_what_another_leaves_that_dies(
     verified_map_path: Path,
     verified_map: Map,
     images: list[bytes],
     by_one: dict[int, bytes],
-    heard: int,
+    arrived: int,
 ) -> None:
     one, other = pair(verified_map_path)
     for each in (one, other):
         each.send(images, verified_map)
     one.verify()
-    other.hear(one, lost=range(heard, 8))
+    other.receive(one, lost=range(arrived, 8))
     other.change("a", is_alive=False)
-    assert other.verify() == [*range(heard, 20)]
-    assert other.sent == {at: message for at, message in by_one.items() if at >= heard}
+    assert other.verify() == [*range(arrived, 20)]
+    assert other.sent == {at: message for at, message in by_one.items() if at >= arrived}
 
 
 def test_a_lost_message_of_another_holds_up_none_that_is_later(
@@ -251,7 +251,7 @@ def test_a_lost_message_of_another_holds_up_none_that_is_later(
     for each in (one, other):
         each.send(images, verified_map)
     one.verify()
-    other.hear(one, lost=[3])
+    other.receive(one, lost=[3])
     assert other.verify() == [*range(8, 16)]
     assert other.sent == {at: by_one[at] for at in range(8, 16)}
 
@@ -267,7 +267,7 @@ def test_a_verified_match_of_a_frame_that_is_not_here_yet_changes_no_other(
     assert verifier.sent == by_one
 
 
-def test_what_is_overdue_is_taken_over_when_no_other_verifier_is_heard(
+def test_what_is_overdue_is_taken_over_when_nothing_comes_from_another_verifier(
     verified_map_path: Path,
     verified_map: Map,
     images: list[bytes],
@@ -296,11 +296,11 @@ def test_an_idle_verifier_helps_a_slow_one(
     for each in (one, slow):
         each.send(images, verified_map)
     one.verify()
-    slow.hear(one)
+    slow.receive(one)
     slow.verify()
     monkeypatch.setattr(run_module, "_OVERDUE_S", 0.2)
     time.sleep(0.2)
-    one.hear(slow, lost=range(9, 16))
+    one.receive(slow, lost=range(9, 16))
     assert one.verify() == [*range(9, 20)]
     assert one.sent.items() <= by_one.items()
 
@@ -320,7 +320,7 @@ def test_one_that_joins_continues_from_the_messages_of_those_before(
         one.send_match(3, smoothed(verified_map, 3))
     assert new.verify() == []  # number 3 is its own, and waits for those before
     assert old.verify() == [0, 1, 2]
-    new.hear(old)
+    new.receive(old)
     assert new.verify() == [3]
     after = VerifiedMessage.decode(old.sent[2]).posterior
     assert after is not None

@@ -50,7 +50,7 @@ class FrameStage(Protocol):
 
     @property
     def raw_dimensions(self) -> tuple[int | None, ...]:
-        """The dimension of each part of the raw features; None before a frame tells it."""
+        """The dimension of each part of the raw features; None if a frame has to come first."""
 
     @property
     def large_frame(self) -> tuple[int, int, int]:

@@ -83,16 +83,21 @@ class Feature:
         return kind_of(part.kind for part in self.describing)
 
     @cached_property
+    def widths(self) -> tuple[int, ...]:
+        """How many numbers of the raw feature each part has; an image is described to know them.
+
+        Raises:
+            FrameError: it describes no images.
+        """
+        return tuple(part.describe([_ANY_IMAGE]).shape[1] for part in self.describing)
+
+    @cached_property
     def parts(self) -> tuple[FeaturePart, ...]:
-        """Its parts; those of several describe an image to learn how wide they are."""
-        if len(self.describing) == 1:
-            (only,) = self.describing
-            return (FeaturePart(only.kind, only.network, None, only.least_side),)
+        """Its parts, with their widths if there are several."""
+        widths = (None,) if len(self.describing) == 1 else self.widths
         return tuple(
-            FeaturePart(
-                part.kind, part.network, part.describe([_ANY_IMAGE]).shape[1], part.least_side
-            )
-            for part in self.describing
+            FeaturePart(part.kind, part.network, width, part.least_side)
+            for part, width in zip(self.describing, widths, strict=True)
         )
 
     @cached_property

@@ -15,7 +15,6 @@ from placefield.features.extract import feature_of, least_side_of, network_of
 from placefield.features.kinds import FeatureKind, kinds_of
 
 _DEFAULTS = InferenceConfig()
-_ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
 
 Array = NDArray[np.float32]
 
@@ -77,9 +76,7 @@ class RawStage:
         check_one_part(kind)
         self.feature = replace(feature_of(kind, inference), view=view)
         """Describes frames by their raw features."""
-        self.raw_dimensions = (
-            len(self.feature.describe(_ANY_IMAGE)) if self.feature.describes_images else None,
-        )
+        self.raw_dimensions = self.feature.widths if self.feature.describes_images else (None,)
         """The dimension of the only part; None: the frames are given descriptors."""
 
     def new_stream(self, moments: Moments | None = None) -> "RawStream":
