@@ -81,7 +81,7 @@ def test_a_map_that_another_process_made_during_the_work_is_not_overwritten(
 ) -> None:
     path = tmp_path / "new.pfmap"
 
-    def made_meanwhile() -> Map:
+    def made_meanwhile(*, kept_in: Path) -> Map:
         save_map(route_map, path)
         return route_map
 
@@ -89,5 +89,5 @@ def test_a_map_that_another_process_made_during_the_work_is_not_overwritten(
         saved_new(made_meanwhile, path, overwrite=False)
     manifest = path / MANIFEST
     inode = manifest.stat().st_ino
-    saved_new(lambda: route_map, path, overwrite=True)
+    saved_new(lambda kept_in: route_map, path, overwrite=True)
     assert manifest.stat().st_ino != inode

@@ -10,6 +10,7 @@ from placefield.errors import MapError
 from placefield.features.extract import default_dimensions
 from placefield.features.joined_model import AnyModel, FeaturePart, fit_parts
 from placefield.features.kinds import kinds_of
+from placefield.maps.build_steps import ONE_BY_ONE, Arrays, Share, Steps
 from placefield.maps.gathering import (
     alignment_of,
     centred,
@@ -23,25 +24,21 @@ from placefield.maps.gathering import (
 from placefield.maps.linking import linked, same_by_poses
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import identity_metric, learned_metric, with_graph, with_looks
+from placefield.maps.route_graph import Firsts
 from placefield.maps.trajectory import travelled
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
 from placefield.metric.cross_validation import choose_push
 from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
-from placefield.scales.channels import Channel, Run, make_channels
+from placefield.scales.channels import Channel, make_channels
 from placefield.scales.encoding import smallest_scale
 
 HELD_BACK = 0.2  # of the reference, as in the paper
 
 Array = NDArray[np.float32]
-Progress = Callable[[int, str, float], None]
-"""Called with a channel's number, the step under way and the fraction done, from any thread.
-
-An exception that it raises ends the build.
-"""
-
-Cut = Callable[[Array, Traverse, Config], tuple[Channel, ...]]
-"""Called with the reference traverse's descriptors (K, N), the traverse itself and the settings."""
+Cut = Callable[[Array, Traverse, Config, Steps], tuple[Channel, ...]]
+"""Called with the reference traverse's descriptors (K, N), the traverse itself, the settings and
+how to carry out the steps."""
 
 
 def held_back_places(count: int, seed: int) -> NDArray[np.bool_]:
@@ -50,12 +47,7 @@ def held_back_places(count: int, seed: int) -> NDArray[np.bool_]:
 
 
 def adaptive_channels(
-    descriptors: Array,
-    traverse: Traverse,
-    config: Config,
-    *,
-    run: Run = map,
-    progress: Progress = lambda number, what, share: None,
+    descriptors: Array, traverse: Traverse, config: Config, steps: Steps = ONE_BY_ONE
 ) -> tuple[Channel, ...]:
     """Cut the reference traverse as AMS does, by fuzzy clustering.
 
@@ -63,8 +55,7 @@ def adaptive_channels(
         descriptors: (K, N) float32, of the reference traverse.
         traverse: the reference traverse.
         config: its scales and seed are used.
-        run: maps a function over the channels, as ``map`` does.
-        progress: called with the progress of each channel.
+        steps: how they are carried out.
 
     Raises:
         MapError: the reference is too short for this many channels, or the smallest scale is in
@@ -83,8 +74,7 @@ def adaptive_channels(
         travelled=metres,
         first=traverse.routes.first,
         seed=config.seed,
-        run=run,
-        progress=lambda number, share: progress(number, "clustering", share),
+        steps=steps,
     )
 
 
@@ -108,10 +98,10 @@ def _lower_limit(traverse: Traverse, config: Config) -> tuple[float, NDArray[np.
 def build_map(
     traverses: Sequence[Traverse],
     config: Config,
-    progress: Progress = lambda number, what, share: None,
+    *,
     cut: Cut = adaptive_channels,
     parts: Sequence[FeaturePart] = (),
-    run: Run = map,
+    steps: Steps = ONE_BY_ONE,
 ) -> Map:
     """Build a map from one or more traverses of one route, or of a network of routes.
 
@@ -123,11 +113,9 @@ def build_map(
     Args:
         traverses: each is aligned to the first, or has the same number of frames.
         config: its features, scales, metric and seed describe the map.
-        progress: called with the progress of each channel.
         cut: cuts the reference into segments.
         parts: of the feature, see ``Feature.parts``; none: one part that needs no network.
-        run: maps a function over the channels, as ``map`` does. Channels are independent, so the
-            number of cores does not change the result.
+        steps: how the steps are carried out.
 
     Raises:
         MapError: a traverse is not aligned and its number of frames differs from the first's, or
@@ -143,9 +131,13 @@ def build_map(
     model, descriptors = _described(traverses, shown, config.features, parts)
     places = descriptors[0]
     held_back = held_back_places(len(places), config.seed)
+    steps = steps.of([*descriptors, *place_of], config.model_dump_json())
     probes = probes_of(descriptors, place_of, held_back)
     order, places_of = trained_first(held_back, place_of)
-    reference = centred(descriptors, order)
+    # Without a gate's probes nothing is learned, and of many places a copy is large.
+    reference = (
+        places[:0] if _learns_nothing(config.metric, probes) else centred(descriptors, order)
+    )
     looks = (
         looks_of_others(descriptors, place_of, first.routes.first) if config.build.looks else None
     )
@@ -153,30 +145,32 @@ def build_map(
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
     if looks is not None and len(looks.places):
         identity = with_looks(identity, *looks)
-    encoded = cut(places, first, config)
+    encoded = cut(places, first, config, steps)
     smallest = smallest_scale(*_lower_limit(first, config))
     labels = [channel.encoding.labels[places_of] for channel in encoded]
     metric_config = _with_push(config, probes, labels[0], reference, places_of)
-    trained = len(reference) - int(held_back[places_of].sum())
+    trained = len(places_of) - int(held_back[places_of].sum())
 
     def learn(number: int) -> MapChannel:
-        def learned(share: float) -> None:
-            progress(number, "learning", share)
+        share = steps.share(number, "learning")
+        share(0)
 
-        learned(0)
-        metric = _metric(
-            labels[number], reference, trained, probes, metric_config, config.seed, learned
-        )
+        def learned() -> Arrays:
+            return _metric(
+                labels[number], reference, trained, probes, metric_config, config.seed, share
+            ).arrays()
+
+        metric = LearnedMetric.of(*steps.finish(f"channel-{number}-metric", learned))
         channel = _map_channel(encoded[number], smallest, metric, identity, places)
-        learned(1)
+        share(1)
         return channel
 
     # Found by the rule filter, and followed by it alone; it does not serve plain descriptors.
     graph, same = first.routes, np.arange(len(places), dtype=np.int32)
     if not model.plain:
-        same = same_by_poses(same_places(places, graph.first), first.poses, graph.first)
+        same = same_by_poses(_same_places(places, graph.first, steps), first.poses, graph.first)
         graph = linked(graph, same, first.poses)
-    channels = tuple(run(learn, range(len(encoded))))
+    channels = tuple(steps.run(learn, range(len(encoded))))
     built = Map(
         preset=config.preset,
         seed=config.seed,
@@ -253,6 +247,18 @@ def _map_channel(
     )
 
 
+def _same_places(places: Array, first: Firsts, steps: Steps) -> NDArray[np.int32]:
+    share = steps.share(None, "finding revisited places")
+    (same,) = steps.finish("same-places", lambda: (same_places(places, first, share),))
+    share(1)
+    return same
+
+
+def _learns_nothing(config: MetricConfig, probes: Probes | None) -> bool:
+    """Whether no metric can be learned, whatever the frames are."""
+    return config.kind == "identity" or (config.gate and probes is None)
+
+
 def _metric(
     labels: NDArray[np.int32],
     reference: Array,
@@ -260,7 +266,7 @@ def _metric(
     probes: Probes | None,
     config: MetricConfig,
     seed: int,
-    progress: Callable[[float], None],
+    progress: Share,
 ) -> LearnedMetric:
     if config.kind == "identity":
         identity = np.eye(reference.shape[1], dtype=np.float32)

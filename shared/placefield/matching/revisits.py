@@ -8,7 +8,7 @@ are high: long runs of frames that are all but certain, most of which are neares
 stretch that is driven in reverse is another stretch, because the camera faces the other way.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -61,7 +61,11 @@ class _Revisit(NamedTuple):
     twins: Same
 
 
-def same_places(descriptors: Array, first: Firsts = ONE_ROUTE) -> Same:
+def same_places(
+    descriptors: Array,
+    first: Firsts = ONE_ROUTE,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Same:
     """Return the earliest place that each is the same as, itself where there is none, (K,) int32.
 
     The cost is quadratic in the places. Of more than ``MOST`` places, only every n-th is searched.
@@ -71,10 +75,11 @@ def same_places(descriptors: Array, first: Firsts = ONE_ROUTE) -> Same:
     Args:
         descriptors: (K, N) float32, of the reference, of length 1.
         first: (R,) int32, the first place of each route.
+        progress: called with the fraction that is done; an exception of it ends the search.
     """
     every = -(-len(descriptors) // MOST)
     searched, starts = descriptors[::every], -(-first // every)
-    recognised = _recognised(searched, starts)
+    recognised = _recognised(searched, starts, progress)
     runs: list[_Revisit] = []
     while True:  # once two laps share their places, a third lap can be recognised
         more = _runs(recognised, _joined(searched, runs), starts)
@@ -83,7 +88,9 @@ def same_places(descriptors: Array, first: Firsts = ONE_ROUTE) -> Same:
         runs = more
 
 
-def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
+def _recognised(
+    descriptors: Array, starts: Firsts, progress: Callable[[float], None]
+) -> _Recognised:
     """Recognise frames part by part, to limit the memory for frames that are not smoothed yet."""
     metric = identity_metric(descriptors)
     lengths, vicinity = lengths_of(metric), Vicinity(_TOLERANCE)
@@ -104,6 +111,7 @@ def _recognised(descriptors: Array, starts: Firsts) -> _Recognised:
             own = slice(start - first, min(start + _PART, end) - first)
             nearest += resembled[own]
             posteriors += [_posterior(candidate) for candidate, _ in matcher.finish()[own]]
+            progress(len(nearest) / len(descriptors))
     return _Recognised(np.array(nearest), posteriors)
 
 

@@ -48,6 +48,17 @@ class LearnedMetric:
         """Whether the projection was learned and passed the gate."""
         return not self.refusal
 
+    def arrays(self) -> tuple[Array, NDArray[np.str_], NDArray[np.float64]]:
+        """Return all that it is, as arrays without objects."""
+        return self.projection, np.array(self.refusal), self.curve
+
+    @staticmethod
+    def of(
+        projection: Array, refusal: NDArray[np.str_], curve: NDArray[np.float64]
+    ) -> "LearnedMetric":
+        """Return the metric of such arrays."""
+        return LearnedMetric(projection, str(refusal), curve)
+
 
 def learn_projection(
     descriptors: Array,

@@ -1,32 +1,17 @@
 """Clusters and encodes a reference traverse once per channel (Eq. 9)."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.errors import MapError
+from placefield.maps.build_steps import ONE_BY_ONE, Arrays, Steps
 from placefield.maps.route_graph import ONE_ROUTE, Firsts
-from placefield.scales.clustering import cluster, with_route_position
+from placefield.scales.clustering import cluster
 from placefield.scales.encoding import Encoding, encode
+from placefield.scales.placed import Placed, with_route_position
 from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-Progress = Callable[[int, float], None]
-"""Called with a channel's number and the fraction of it that is done, in any process."""
-
-
-class Run(Protocol):
-    """Applies a function to all channels: ``map``, or a similar function on several cores."""
-
-    def __call__(
-        self, function: Callable[[Item], Result], items: Iterable[Item], /
-    ) -> Iterable[Result]:
-        """Return the results in the order of the items."""
-
 
 _MIN_SEGMENTS = 2  # with fewer, no place can be told from another
 
@@ -58,8 +43,7 @@ def make_channels(
     position_weight: float = 1.0,
     travelled: NDArray[np.floating] | None = None,
     first: Firsts = ONE_ROUTE,
-    run: Run = map,
-    progress: Progress = lambda number, fraction: None,
+    steps: Steps = ONE_BY_ONE,
 ) -> tuple[Channel, ...]:
     """Cluster and encode a reference traverse in several overlapping ways.
 
@@ -80,39 +64,49 @@ def make_channels(
         position_weight: of the frame's position in the route, see `with_route_position`.
         travelled: (K,) metres travelled up to each frame, if `min_scale` is in metres.
         first: (R,) int32, the first frame of each route; no segment lies in two routes.
-        run: applies a function to all channels, which do not depend on each other.
-        progress: receives every channel's progress; an exception of it ends the work.
+        steps: how they are carried out.
 
     Raises:
         ConfigError: a fuzzifier is not above 1.
         MapError: the reference is too short: a channel has fewer than two active segments, or there
             are fewer frames than clusters.
     """
+    frames = with_route_position(vectors, position_weight)
     if clusters is None:
-        clusters = _estimated(vectors, position_weight)
-    placed = with_route_position(vectors, position_weight)
+        clusters = _estimated(frames, position_weight, steps)
     spread = np.linspace(*fuzzifiers, channels).tolist()
 
     def make(number: int) -> Channel:
-        def swept(done: int, total: int) -> None:
-            progress(number, done / total)
+        def clustered() -> Arrays:
+            def swept(done: int, total: int) -> None:
+                steps.progress(number, "clustering", done / total)
 
-        start = seed if same_start else seed + number
-        labels = cluster(placed, clusters, spread[number], start, swept).labels
-        progress(number, 1)
+            start = seed if same_start else seed + number
+            return (cluster(frames, clusters, spread[number], start, swept).labels,)
+
+        (labels,) = steps.finish(f"channel-{number}-clusters", clustered)
+        steps.progress(number, "clustering", 1)
         encoding = encode(labels, min_scale, travelled, first)
         least = f"{min_scale:g} {'frames' if travelled is None else 'm'}"
         _refuse_too_few(encoding, number, least)
         return Channel(spread[number], labels, encoding)
 
-    return tuple(run(make, range(channels)))
+    return tuple(steps.run(make, range(channels)))
 
 
-def _estimated(vectors: NDArray[np.float32], position_weight: float) -> int:
-    """Estimate the number of clusters, with the position unless its weight is 0."""
-    if position_weight == 0:
-        return estimate_clusters(vectors, UNPLACED)
-    return estimate_clusters(with_route_position(vectors, 1.0), PLACED)
+def _estimated(frames: Placed, position_weight: float, steps: Steps) -> int:
+    """Estimate the number of clusters, with the position at weight 1 unless its weight is 0."""
+    radius = PLACED if position_weight else UNPLACED
+    if position_weight not in (0, 1):
+        frames = with_route_position(frames.vectors, 1.0)
+    share = steps.share(None, "estimating clusters")
+
+    def estimated() -> Arrays:
+        return (np.array(estimate_clusters(frames, radius, share)),)
+
+    (clusters,) = steps.finish("clusters", estimated)
+    share(1)
+    return int(clusters)
 
 
 def _refuse_too_few(encoding: Encoding, number: int, least: str) -> None:

@@ -6,13 +6,16 @@ its potential. The candidate of the highest potential becomes a centre and lower
 its neighbours, until all that are left are low.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from heapq import heapify, heapreplace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
 from placefield.metric.squared_distances import squared_distances
+from placefield.scales.placed import Placed
 
 
 @dataclass(frozen=True)
@@ -42,80 +45,100 @@ _SQUASH = 1.5  # radius in which a new centre lowers potentials, in cluster radi
 _ACCEPT = 0.5  # above this fraction of the first centre's potential a candidate is a centre
 _REJECT = 0.15  # below it the search ends
 _BLOCK = 512  # frames whose distances to as many others are held at once
+_FAR = 4.0  # radii; exp(-4 * 4²), of a block of frames too, is lost in the digits of a potential
+_TO_POTENTIALS = 0.6  # of the time: so much for the potentials, the rest to count centres
 
-Vectors = NDArray[np.float32]
 Array64 = NDArray[np.float64]
+Progress = Callable[[float], None]
+"""Called with the fraction of the work that is done."""
 
 
-def estimate_clusters(vectors: Vectors, radius: Radius) -> int:
+def estimate_clusters(
+    frames: Placed, radius: Radius, progress: Progress = lambda share: None
+) -> int:
     """Estimate how many clusters a traverse holds.
 
-    Time grows with K² N, memory with K.
+    Frames that are far apart on the route do not change each other's potentials, and are not
+    compared: time grows with K N. Without positions, it grows with K² N. Memory grows with K.
 
     Args:
-        vectors: (K, N) float32 descriptors in route order, K >= 1, with the route's position
-            (`with_route_position`) or without.
+        frames: K >= 1 in route order.
         radius: of a cluster.
+        progress: an exception of it ends the work.
 
     Returns:
         The number of centres, 1 to K.
     """
-    cluster_radius = radius.times * _neighbour_distance(vectors, radius.apart)
-    return 1 if cluster_radius == 0 else _count_centres(vectors, cluster_radius)
+    cluster_radius = radius.times * _neighbour_distance(frames, radius.apart)
+    if cluster_radius == 0:
+        return 1
+    potentials = _potentials(frames, cluster_radius, lambda share: progress(_TO_POTENTIALS * share))
+
+    def counted(share: float) -> None:
+        progress(_TO_POTENTIALS + (1 - _TO_POTENTIALS) * share)
+
+    return _count_centres(frames, cluster_radius, potentials, counted)
 
 
-def _neighbour_distance(vectors: Vectors, apart: int) -> float:
-    if len(vectors) == 1:
+def _neighbour_distance(frames: Placed, apart: int) -> float:
+    if frames.count == 1:
         return 0.0
-    apart = min(apart, len(vectors) - 1)
+    apart = min(apart, frames.count - 1)
     total = 0.0
-    for start in range(0, len(vectors) - apart, _BLOCK):
-        later = vectors[start + apart : start + apart + _BLOCK].astype(np.float64)
-        steps = later - vectors[start : start + len(later)]
+    for rows in blocks(frames.count - apart, _BLOCK):
+        steps = frames.exact(slice(rows.start + apart, rows.stop + apart)) - frames.exact(rows)
         total += np.einsum("kn,kn->", steps, steps)
-    return float(np.sqrt(total / (len(vectors) - apart)))
+    return float(np.sqrt(total / (frames.count - apart)))
 
 
-def _count_centres(vectors: Vectors, radius: float) -> int:
-    potentials = _potentials(vectors, radius)
+def _count_centres(frames: Placed, radius: float, potentials: Array64, progress: Progress) -> int:
+    """Count centres; the frame of the highest potential is the first of a heap."""
     highest = potentials.max()
-    to_nearest_centre = np.full(len(vectors), np.inf)
+    to_nearest_centre = np.full(frames.count, np.inf)
+    candidates = [(-potential, frame) for frame, potential in enumerate(potentials.tolist())]
+    heapify(candidates)
     centres = 0
     while True:
-        candidate = int(potentials.argmax())
-        ratio = potentials[candidate] / highest
+        negative, candidate = candidates[0]
+        potential = potentials[candidate]
+        if potential != -negative:  # a centre has lowered it
+            heapreplace(candidates, (-float(potential), candidate))
+            continue
+        ratio = potential / highest
         if ratio < _REJECT:
             return centres
         # Between the two fractions, a candidate of less potential must be further from all centres.
         if ratio > _ACCEPT or to_nearest_centre[candidate] / radius + ratio >= 1:
             centres += 1
-            squared = _squared_distances_to(vectors, vectors[candidate])
-            to_nearest_centre = np.minimum(to_nearest_centre, np.sqrt(squared))
-            potentials -= potentials[candidate] * _nearness(squared, _SQUASH * radius)
+            centre = frames.exact(slice(candidate, candidate + 1))
+            for rows in _near(frames, slice(candidate, candidate + 1), _FAR * _SQUASH * radius):
+                squared = squared_distances(frames.exact(rows), centre)[:, 0]
+                nearest = to_nearest_centre[rows]
+                np.minimum(nearest, np.sqrt(squared), out=nearest)
+                potentials[rows] -= potential * _nearness(squared, _SQUASH * radius)
+            progress((1 - ratio) / (1 - _REJECT))
         potentials[candidate] = 0
 
 
-def _potentials(vectors: Vectors, radius: float) -> Array64:
-    potentials = np.zeros(len(vectors))
-    for rows in blocks(len(vectors), _BLOCK):
-        for columns in blocks(len(vectors), _BLOCK):
-            squared = _squared_distances(vectors[rows], vectors[columns])
+def _potentials(frames: Placed, radius: float, progress: Progress) -> Array64:
+    potentials = np.zeros(frames.count)
+    for rows in blocks(frames.count, _BLOCK):
+        block = frames.exact(rows)
+        for columns in _near(frames, rows, _FAR * radius):
+            squared = squared_distances(block, frames.exact(columns))
             potentials[rows] += _nearness(squared, radius).sum(axis=1)
+        progress(rows.stop / frames.count)
     return potentials
+
+
+def _near(frames: Placed, rows: slice, reach: float) -> Iterator[slice]:
+    """Yield the blocks of the frames that are within reach of some on the route."""
+    ends = frames.positions[rows.start] - reach, frames.positions[rows.stop - 1] + reach
+    first, last = np.searchsorted(frames.positions, ends).tolist()
+    for number in range(first // _BLOCK, min(last, frames.count - 1) // _BLOCK + 1):
+        yield slice(number * _BLOCK, min((number + 1) * _BLOCK, frames.count))
 
 
 def _nearness(squared: Array64, radius: float) -> Array64:
     nearness: Array64 = np.exp(-4 / radius**2 * squared)
     return nearness
-
-
-def _squared_distances_to(vectors: Vectors, vector: Vectors) -> Array64:
-    squared = np.empty(len(vectors))
-    for rows in blocks(len(vectors), _BLOCK):
-        squared[rows] = _squared_distances(vectors[rows], vector[None])[:, 0]
-    return squared
-
-
-def _squared_distances(rows: Vectors, columns: Vectors) -> Array64:
-    """Return distances in float64: in float32 positions in a long route have few digits."""
-    return squared_distances(rows.astype(np.float64), columns.astype(np.float64))

@@ -61,7 +61,7 @@ def fixed_scale_map(make_traverse: Callable[..., Traverse]) -> Map:
     return build_map(
         [make_traverse()],
         config,
-        cut=lambda descriptors, traverse, config: fixed_scale_channels(len(descriptors), SCALES),
+        cut=lambda descriptors, *_: fixed_scale_channels(len(descriptors), SCALES),
     )
 
 

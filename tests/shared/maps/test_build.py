@@ -1,7 +1,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from placefield.config import Config, MetricConfig
 from placefield.errors import MapError
-from placefield.maps.build import adaptive_channels, build_map
+from placefield.maps.build import build_map
+from placefield.maps.build_steps import Steps
 from placefield.maps.map import Map
 from placefield.maps.traverse import Alignment, Traverse
 
@@ -126,14 +126,13 @@ def test_without_the_gate_a_metric_is_learned_of_one_traverse_too() -> None:
 
 
 def test_progress_reports_of_every_channels_clustering_and_learning() -> None:
-    reported: dict[tuple[int, str], list[float]] = {}
+    reported: dict[tuple[int | None, str], list[float]] = {}
 
-    def progress(number: int, what: str, share: float) -> None:
+    def progress(number: int | None, what: str, share: float) -> None:
         reported.setdefault((number, what), []).append(share)
 
-    cut = partial(adaptive_channels, progress=progress)
-    config = config_of("lmnn")
-    build_map([weathered(seed=1), weathered(seed=2)], config, progress, cut)
+    steps = Steps(progress=progress)
+    build_map([weathered(seed=1), weathered(seed=2)], config_of("lmnn"), steps=steps)
     assert set(reported) == {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
     for shares in reported.values():
         assert len(shares) > 5
@@ -142,12 +141,13 @@ def test_progress_reports_of_every_channels_clustering_and_learning() -> None:
 
 
 def test_what_progress_raises_ends_the_build() -> None:
-    def stop(number: int, what: str, share: float) -> None:
+    def stop(number: int | None, what: str, share: float) -> None:
         if share > 0.1:
             raise InterruptedError
 
+    traverses = [weathered(seed=1), weathered(seed=2)]
     with pytest.raises(InterruptedError):
-        build_map([weathered(seed=1), weathered(seed=2)], config_of("lmnn"), stop)
+        build_map(traverses, config_of("lmnn"), steps=Steps(progress=stop))
 
 
 def as_bytes(built: Map) -> list[bytes]:
@@ -163,8 +163,7 @@ def test_on_how_many_threads_the_channels_are_made_changes_no_bit(workers: int) 
     traverses, config = [weathered(seed=1), weathered(seed=2)], config_of("lmnn", channels=5)
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
         one = build_map(traverses, config)
-        cut = partial(adaptive_channels, run=pool.map)
-        other = build_map(traverses, config, cut=cut, run=pool.map)
+        other = build_map(traverses, config, steps=Steps(pool.map))
     assert any(channel.metric.learned for channel in one.channels)
     assert as_bytes(one) == as_bytes(other)
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.scales.channels import make_channels
-from placefield.scales.clustering import with_route_position
+from placefield.scales.placed import with_route_position
 from placefield.scales.subtractive import PLACED, UNPLACED, estimate_clusters
 
 
@@ -46,7 +46,8 @@ def test_the_number_of_clusters_is_estimated_at_weight_1_or_without_position_whe
 ) -> None:
     vectors = looks_at_random()
     placed = estimate_clusters(with_route_position(vectors, 1.0), PLACED)
-    estimate = placed if weight else estimate_clusters(vectors, UNPLACED)
+    unplaced = estimate_clusters(with_route_position(vectors, 0), UNPLACED)
+    estimate = placed if weight else unplaced
     assert weight or estimate != placed
 
     def labels(clusters: int | None) -> NDArray[np.int32]:

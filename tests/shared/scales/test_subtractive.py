@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.scales import subtractive
-from placefield.scales.clustering import with_route_position
+from placefield.scales.placed import Placed, with_route_position
 from placefield.scales.subtractive import PLACED, UNPLACED, Radius, estimate_clusters
 
 
@@ -31,6 +31,10 @@ def reference_estimate(vectors: NDArray[np.float32], radius: float, apart: int) 
         potentials[best] = 0
 
 
+def unplaced(vectors: NDArray[np.float32]) -> Placed:
+    return with_route_position(vectors, 0)
+
+
 def walk(seed: int, frames: int, dimensions: int) -> NDArray[np.float32]:
     steps = np.random.default_rng(seed).normal(size=(frames, dimensions))
     return np.cumsum(steps, axis=0).astype(np.float32)
@@ -52,14 +56,14 @@ def test_counts_as_naive_loops_do(
 ) -> None:
     monkeypatch.setattr(subtractive, "_BLOCK", 17)
     vectors = walk(seed, 80, 3)
-    assert estimate_clusters(vectors, Radius(radius, apart)) == reference_estimate(
+    assert estimate_clusters(unplaced(vectors), Radius(radius, apart)) == reference_estimate(
         vectors, radius, apart
     )
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_finds_as_many_clusters_as_there_are_blobs(count: int) -> None:
-    assert estimate_clusters(blobs(count, 60, 5), PLACED) == count
+    assert estimate_clusters(unplaced(blobs(count, 60, 5)), PLACED) == count
 
 
 def changing_at_once(frames: int) -> NDArray[np.float32]:
@@ -79,8 +83,8 @@ def test_gives_segments_of_natural_lengths_in_high_dimension(frames: int, gradua
 @pytest.mark.parametrize("gradual", [False, True])
 def test_descriptors_alone_want_a_narrower_circle(gradual: bool) -> None:
     vectors = walk(0, 200, 100) if gradual else changing_at_once(200)
-    assert 2 < 200 / estimate_clusters(vectors, UNPLACED) < 60
-    assert estimate_clusters(changing_at_once(200), PLACED) < 4
+    assert 2 < 200 / estimate_clusters(unplaced(vectors), UNPLACED) < 60
+    assert estimate_clusters(unplaced(changing_at_once(200)), PLACED) < 4
 
 
 def test_standing_still_for_most_of_the_route_adds_few_clusters() -> None:
@@ -94,4 +98,19 @@ def test_standing_still_for_most_of_the_route_adds_few_clusters() -> None:
 
 @pytest.mark.parametrize("frames", [1, 2, 50])
 def test_equal_frames_are_one_cluster(frames: int) -> None:
-    assert estimate_clusters(np.ones((frames, 4), np.float32), PLACED) == 1
+    assert estimate_clusters(unplaced(np.ones((frames, 4), np.float32)), PLACED) == 1
+
+
+@pytest.mark.parametrize("stationary", [False, True])
+def test_of_a_long_route_the_count_is_that_of_naive_loops(
+    stationary: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subtractive, "_BLOCK", 17)
+    vectors = walk(4, 400, 3)
+    if stationary:
+        vectors[100:220] = vectors[100]
+    frames, shares = with_route_position(vectors, 100.0), [0.0]
+    exact = frames.exact().astype(np.float32)
+    assert estimate_clusters(frames, PLACED, shares.append) == reference_estimate(exact, 1.25, 8)
+    assert shares == sorted(shares)
+    assert shares[-1] <= 1

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from placefield.config import Config
 from placefield.maps.build import build_map
+from placefield.maps.build_steps import Steps
 from placefield.maps.traverse import Traverse
 from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbours
 from placefield_tools.bench.figure import Figure
@@ -152,7 +153,7 @@ def _learn(raws: Sequence[Array], channels: int, *, clusters: int) -> int:
     ]
     scales = {"channels": channels, "clusters": clusters}
     config = {"scales": scales, "metric": {"gate": len(raws) > 1, "steps": 2}}
-    placemap = build_map(traverses, Config.model_validate(config), run=map_in_order)
+    placemap = build_map(traverses, Config.model_validate(config), steps=Steps(map_in_order))
     return placemap.model.dimensions
 
 

@@ -13,12 +13,13 @@ from placefield_tools.build.routes_from_sources import RouteOptions
 from placefield_tools.build.used_part import UsedPart
 
 
-def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
+def join_maps(paths: Sequence[Path], options: RouteOptions, *, kept_in: Path | None = None) -> Map:
     """Join the maps at two or more paths, showing progress.
 
     Args:
         paths: of the maps.
         options: about the routes.
+        kept_in: see ``build_from``.
 
     Raises:
         MapError: a map cannot be read, cannot be joined with the first, or is given twice.
@@ -35,5 +36,5 @@ def join_maps(paths: Sequence[Path], options: RouteOptions) -> Map:
             raise MapError(f"{path}: {error}") from None
     traverses = traverses_of(maps, options.links, same_frame=options.same_frame)
     model = maps[0].model
-    built = built_of(traverses, config_of(maps), parts_of(model))
+    built = built_of(traverses, config_of(maps), parts_of(model), kept_in)
     return with_records(UsedPart(model.view, model.mask).in_map(built), maps)

@@ -13,7 +13,8 @@ from placefield.features.descriptors import DescriptorModel
 from placefield.features.extract import Feature, feature_of, network_of
 from placefield.features.joined_model import AnyModel, FeaturePart
 from placefield.features.kinds import kinds_of
-from placefield.maps.build import adaptive_channels, build_map
+from placefield.maps.build import build_map
+from placefield.maps.build_steps import Steps
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map
@@ -46,6 +47,7 @@ def build_from(
     leave_out_bad: bool = False,
     one_drive: bool | None = None,
     images: AskedPart = ALL_ASKED,
+    kept_in: Path | None = None,
 ) -> Map:
     """Build a map from the sources of its reference traverses, showing progress.
 
@@ -59,6 +61,7 @@ def build_from(
             number is logged.
         one_drive: whether the sources are parts of one drive, see ``drives_of``.
         images: what of the images is used.
+        kept_in: the folder of finished steps, see ``Steps``; None: they are not kept.
 
     Raises:
         SourceError: a source or one of its frames cannot be read, a source is a camera, or the
@@ -73,10 +76,10 @@ def build_from(
     described, config, feature = describe_drives(
         drives, config, spacing_m=spacing_m, leave_out_bad=leave_out_bad, used=used
     )
-    traverses = align_traverses(
-        [each.traverse() for each in without_bad(described)], config.features.kind
-    )
-    return used.in_map(built_of(traverses, config, feature.parts))
+    traverses = [each.traverse() for each in without_bad(described)]
+    del described  # of many frames it takes as much memory as the traverses
+    traverses = align_traverses(traverses, config.features.kind)
+    return used.in_map(built_of(traverses, config, feature.parts, kept_in))
 
 
 def describe_drives(
@@ -127,11 +130,19 @@ def describe_drives(
     return described, config, feature
 
 
-def built_of(traverses: Sequence[Traverse], config: Config, parts: Sequence[FeaturePart]) -> Map:
-    """Build a map of aligned traverses on all cores, showing progress; see ``build_map``."""
+def built_of(
+    traverses: Sequence[Traverse],
+    config: Config,
+    parts: Sequence[FeaturePart],
+    kept_in: Path | None = None,
+) -> Map:
+    """Build a map of aligned traverses on all cores, showing progress; see ``build_map``.
+
+    Finished steps are kept in a folder, if one is given.
+    """
     with channel_progress(config.scales.channels) as progress:
-        cut = partial(adaptive_channels, run=map_in_order, progress=progress)
-        return build_map(traverses, config, progress, cut, parts, run=map_in_order)
+        steps = Steps(map_in_order, progress, kept_in)
+        return build_map(traverses, config, parts=parts, steps=steps)
 
 
 def open_reference(drive: Drive, spacing_m: float | None, parts: Parts) -> Source:

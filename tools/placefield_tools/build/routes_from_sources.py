@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 from placefield.config import Config
 from placefield.errors import ConfigError
@@ -50,6 +51,7 @@ def build_routes(
     spacing_m: float | None = None,
     leave_out_bad: bool = False,
     images: AskedPart = ALL_ASKED,
+    kept_in: Path | None = None,
 ) -> Map:
     """Build a map of several routes, each from a source of its own, showing progress.
 
@@ -63,6 +65,7 @@ def build_routes(
         spacing_m: see ``build_from``.
         leave_out_bad: see ``build_from``.
         images: what of the images is used, the same on all routes.
+        kept_in: see ``build_from``.
 
     Raises:
         ConfigError: the descriptors are of plain PCA, which no rule serves on several routes; or
@@ -87,4 +90,4 @@ def build_routes(
     )
     routes = [each.traverse() for each in described]
     network = join_routes(routes, options.links, same_frame=options.same_frame)
-    return used.in_map(built_of([network], config, feature.parts))
+    return used.in_map(built_of([network], config, feature.parts, kept_in))

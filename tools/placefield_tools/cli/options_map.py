@@ -1,8 +1,8 @@
 """Options about building a map and matching on it."""
 
-from collections.abc import Callable
+import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
 
@@ -139,10 +139,18 @@ ChangedMap = Annotated[
 ]
 
 
-def saved_new(make: Callable[[], "Map"], path: Path, *, overwrite: bool) -> "Map":
+class MakesMap(Protocol):
+    """Makes a map."""
+
+    def __call__(self, *, kept_in: Path) -> "Map":
+        """Make it; a folder is for finished steps, see ``Steps``."""
+
+
+def saved_new(make: MakesMap, path: Path, *, overwrite: bool) -> "Map":
     """Make a map and save it at a path for a new map, which is refused before the work.
 
-    Until it is saved, no other process can change the map that it replaces.
+    Until it is saved, no other process can change the map that it replaces. Finished steps are kept
+    in ``NAME.pfmap.partial``, which is removed once the map is saved.
 
     Raises:
         ConfigError: see ``_check_new_map``.
@@ -154,9 +162,11 @@ def saved_new(make: Callable[[], "Map"], path: Path, *, overwrite: bool) -> "Map
 
     _check_new_map(path, overwrite=overwrite)
     with replacing(path):
-        made = make()
+        kept_in = path.with_name(f"{path.name}.partial")
+        made = make(kept_in=kept_in)
         _check_new_map(path, overwrite=overwrite)  # another process may have made one meanwhile
         save_map(made, path)
+        shutil.rmtree(kept_in, ignore_errors=True)
     return made
 
 

@@ -1,6 +1,6 @@
 """Progress, on stderr: standard output is for results."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from threading import Event
 from typing import TypeVar
@@ -16,10 +16,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-Item = TypeVar("Item")
+from placefield.maps.build_steps import Progress as BuildProgress
 
-ChannelProgress = Callable[[int, str, float], None]
-"""Called with a channel's number, the step under way and the fraction done, from any thread."""
+Item = TypeVar("Item")
 
 CONSOLE = Console(stderr=True, markup=False)
 
@@ -55,18 +54,18 @@ def tracked(items: Iterable[Item], what: str, total: int | None) -> Iterator[Ite
 
 
 @contextmanager
-def channel_progress(channels: int) -> Iterator[ChannelProgress]:
-    """Show the number of learned channels, and the progress of the channels under way.
+def channel_progress(channels: int) -> Iterator[BuildProgress]:
+    """Show the number of learned channels, and the progress of the steps under way.
 
     A report after the block raises an error, which ends a thread whose result is not needed.
     """
     is_over = Event()
-    learned: set[int] = set()
-    at_work: dict[int, TaskID] = {}
+    learned: set[int | None] = set()
+    at_work: dict[int | None, TaskID] = {}
     with progress_bar() as bar:
         overall = bar.add_task("learning channels", total=channels)
 
-        def report(number: int, what: str, share: float) -> None:
+        def report(number: int | None, what: str, share: float) -> None:
             if is_over.is_set():
                 raise RuntimeError("the result of this channel is not needed any more")
             if share >= 1:
@@ -77,7 +76,8 @@ def channel_progress(channels: int) -> Iterator[ChannelProgress]:
                     bar.update(overall, completed=len(learned))
             else:
                 if number not in at_work:
-                    at_work[number] = bar.add_task(f"  channel {number}: {what}", total=100)
+                    shown = f"  {what}" if number is None else f"  channel {number}: {what}"
+                    at_work[number] = bar.add_task(shown, total=100)
                 bar.update(at_work[number], completed=round(100 * share))
 
         try:

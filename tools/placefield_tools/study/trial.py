@@ -143,7 +143,7 @@ def plain_channel(placemap: Map, traverse: Traverse) -> MapChannel:
     return replace(placemap.channels[0], metric=metric)
 
 
-def _fixed_scales(descriptors: Array, traverse: Traverse, config: Config) -> tuple[Channel, ...]:
+def _fixed_scales(descriptors: Array, *_: object) -> tuple[Channel, ...]:
     places = len(descriptors)
     fitting = [scale for scale in SCALES if 2 * scale + scale // 2 <= places]
     return fixed_scale_channels(places, fitting or SCALES)
