@@ -1,6 +1,6 @@
 """Fits descriptor models on the raw features of reference traverses."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 
 import numpy as np
@@ -60,7 +60,8 @@ def fit_descriptors(
         kind, standardise, *shared, components, variance_kept=kept, network=network
     )
     return model, [
-        np.concatenate([model.reduce(block) for block in traverse]) for traverse in in_blocks()
+        _joined(map(model.reduce, in_block), (len(raws), model.dimensions))
+        for raws, in_block in zip(traverses, in_blocks(), strict=True)
     ]
 
 
@@ -87,9 +88,21 @@ def _fit_plain(
         kind, standardise, mean, unit, components, variance_kept=kept, plain=True, network=network
     )
     return model, [
-        np.concatenate([model.of_reference(raws[rows]) for rows in blocks(len(raws), BLOCK)])
+        _joined(
+            (model.of_reference(raws[rows]) for rows in blocks(len(raws), BLOCK)),
+            (len(raws), model.dimensions),
+        )
         for raws in traverses
     ]
+
+
+def _joined(in_blocks: Iterable[Array], shape: tuple[int, int]) -> Array:
+    """Join blocks of rows to an array of this shape, without holding them all beside it."""
+    joined, end = np.empty(shape, np.float32), 0
+    for block in in_blocks:
+        joined[end : end + len(block)] = block
+        end += len(block)
+    return joined
 
 
 def _mean_moments(moments: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -53,6 +53,7 @@ class Descriptors(Source):
         (self._names, self._vectors), listing = _folder(path) if path.is_dir() else _file(path)
         self._frames = listing.frames
         self.origin, self.stamped, self.span = listing.origin, listing.stamped, listing.span
+        self._vectors = np.asarray(self._vectors)  # a row of a memmap takes much longer to make
         self.dimensions = self._vectors.shape[1]
         self._chosen = listing.chosen(start, stride, path)
         self.count = len(self._chosen)
@@ -168,8 +169,11 @@ def _without_table(count: int) -> Listing:
 
 
 def _as_given(vector: NDArray[np.floating[Any]]) -> GivenDescriptor:
-    """Return a copy as float16 or float32; a number too large for float32 becomes infinite."""
+    """Return it as float16 or float32; a number too large for float32 becomes infinite.
+
+    It stays in the file's memory where possible, so that of many descriptors there is no copy.
+    """
     with np.errstate(over="ignore"):
         if vector.dtype.itemsize == 2:
-            return np.array(vector, np.float16)
-        return np.array(vector, np.float32)
+            return np.asarray(vector, np.float16)
+        return np.asarray(vector, np.float32)
