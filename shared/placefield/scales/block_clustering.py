@@ -89,9 +89,10 @@ def _sweep(
         )
         near = order[first:end]
         squared = _squared_between(block, centres.rows(near))
+        least = squared.min(axis=1)
         nearest[rows] = near[squared.argmin(axis=1)]
-        spread += float(np.sqrt(squared.min(axis=1)).sum(dtype=np.float64))
-        powers = _powers(squared, fuzzifier)
+        spread += float(np.sqrt(least).sum(dtype=np.float64))
+        powers = _powers(squared, least, fuzzifier)
         sums.vectors[near] += powers.T @ block.vectors
         sums.positions[near] += powers.T.astype(np.float64) @ block.positions
         weights[near] += powers.sum(axis=0, dtype=np.float64)
@@ -127,22 +128,27 @@ def _squared_between(frames: Placed, centres: Placed) -> Floats:
     Positions are subtracted first: in a long route their squares have too few digits.
     """
     squared = squared_distances(frames.vectors, centres.vectors)
-    squared += np.square(frames.positions[:, None] - centres.positions)
+    apart = np.subtract.outer(frames.positions, centres.positions).astype(np.float32)
+    squared += apart * apart
     return squared
 
 
-def _powers(squared: Floats, fuzzifier: float) -> Floats:
-    """Return µ^m of Eqs. 1 and 2, (B, C), of squared distances to the centres, (B, C).
+def _powers(squared: Floats, least: Floats, fuzzifier: float) -> Floats:
+    """Return µ^m of Eqs. 1 and 2, (B, C).
 
     Logarithms of the ratios to the nearest centre neither overflow nor all vanish. They are of
     order 1 where a membership counts, so float32 is enough, which is several times as fast.
+
+    Args:
+        squared: (B, C), squared distances to the centres.
+        least: (B,), the least of each row.
+        fuzzifier: m.
     """
-    tiny, least = np.finfo(np.float32).tiny, np.float32(_LEAST_LOG)
-    squared = np.maximum(squared, tiny)
-    ratios = squared.min(axis=1, keepdims=True) / squared
+    tiny = np.finfo(np.float32).tiny
+    ratios = np.maximum(least, tiny)[:, None] / np.maximum(squared, tiny)
     logs = np.log(np.maximum(ratios, tiny)) / np.float32(fuzzifier - 1)
     logs -= np.log(np.exp(logs).sum(axis=1, keepdims=True))
-    return np.asarray(np.exp(np.float32(fuzzifier) * np.maximum(logs, least)), np.float32)
+    return np.exp(np.float32(fuzzifier) * np.maximum(logs, np.float32(_LEAST_LOG)))
 
 
 def _means(sums: Placed, weights: NDArray[np.float64], before: Placed) -> Placed:

@@ -6,7 +6,7 @@ its potential. The candidate of the highest potential becomes a centre and lower
 its neighbours, until all that are left are low.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import heapify, heapreplace
 
@@ -111,11 +111,10 @@ def _count_centres(frames: Placed, radius: float, potentials: Array64, progress:
         if ratio > _ACCEPT or to_nearest_centre[candidate] / radius + ratio >= 1:
             centres += 1
             centre = frames.exact(slice(candidate, candidate + 1))
-            for rows in _near(frames, slice(candidate, candidate + 1), _FAR * _SQUASH * radius):
-                squared = squared_distances(frames.exact(rows), centre)[:, 0]
-                nearest = to_nearest_centre[rows]
-                np.minimum(nearest, np.sqrt(squared), out=nearest)
-                potentials[rows] -= potential * _nearness(squared, _SQUASH * radius)
+            rows = _within(frames, slice(candidate, candidate + 1), _FAR * _SQUASH * radius)
+            squared = squared_distances(frames.exact(rows), centre)[:, 0]
+            to_nearest_centre[rows] = np.minimum(to_nearest_centre[rows], np.sqrt(squared))
+            potentials[rows] -= potential * _nearness(squared, _SQUASH * radius)
             progress((1 - ratio) / (1 - _REJECT))
         potentials[candidate] = 0
 
@@ -124,19 +123,21 @@ def _potentials(frames: Placed, radius: float, progress: Progress) -> Array64:
     potentials = np.zeros(frames.count)
     for rows in blocks(frames.count, _BLOCK):
         block = frames.exact(rows)
-        for columns in _near(frames, rows, _FAR * radius):
-            squared = squared_distances(block, frames.exact(columns))
-            potentials[rows] += _nearness(squared, radius).sum(axis=1)
+        near = _within(frames, rows, _FAR * radius)
+        for number in range(near.start // _BLOCK, -(-near.stop // _BLOCK)):
+            columns = frames.exact(slice(number * _BLOCK, (number + 1) * _BLOCK))
+            potentials[rows] += _nearness(squared_distances(block, columns), radius).sum(axis=1)
         progress(rows.stop / frames.count)
     return potentials
 
 
-def _near(frames: Placed, rows: slice, reach: float) -> Iterator[slice]:
-    """Yield the blocks of the frames that are within reach of some on the route."""
-    ends = frames.positions[rows.start] - reach, frames.positions[rows.stop - 1] + reach
-    first, last = np.searchsorted(frames.positions, ends).tolist()
-    for number in range(first // _BLOCK, min(last, frames.count - 1) // _BLOCK + 1):
-        yield slice(number * _BLOCK, min((number + 1) * _BLOCK, frames.count))
+def _within(frames: Placed, rows: slice, reach: float) -> slice:
+    """Return the frames that are within reach of some on the route."""
+    positions = frames.positions
+    first = np.searchsorted(positions, positions[rows.start] - reach)
+    return slice(
+        int(first), int(np.searchsorted(positions, positions[rows.stop - 1] + reach, "right"))
+    )
 
 
 def _nearness(squared: Array64, radius: float) -> Array64:
