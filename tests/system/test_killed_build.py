@@ -34,7 +34,7 @@ def test_after_a_kill_finished_channels_are_not_made_again_and_the_map_has_the_s
     tmp_path: Path,
 ) -> None:
     rng = np.random.default_rng(0)
-    walk = np.cumsum(rng.normal(size=(900, 30)), axis=0)
+    walk = np.cumsum(rng.normal(size=(600, 20)), axis=0)
     references = [str(tmp_path / f"{name}.npy") for name in ("day", "dusk")]
     for reference in references:
         np.save(reference, (walk + rng.normal(size=walk.shape)).astype(np.float32))

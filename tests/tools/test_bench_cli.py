@@ -66,6 +66,18 @@ def test_a_feature_is_measured_under_its_kind(
     assert json.loads(capsys.readouterr().out) == {"gist+grayscale_ms": 1.5}
 
 
+def test_a_build_is_measured_of_so_many_places(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def measured(places: int) -> list[Figure]:
+        return [Figure("places", places, "")]
+
+    monkeypatch.setattr("placefield_tools.bench.build_cost.bench_build", measured)
+    monkeypatch.setattr("placefield_tools.bench.machine.with_machine", lambda measure: measure())
+    bench(monkeypatch, "build", "--places", "5000", "--json")
+    assert json.loads(capsys.readouterr().out) == {"places": 5000}
+
+
 def test_a_malformed_kind_of_feature_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,7 @@ from placefield.features.descriptors import (
 from placefield.features.kinds import FeatureKind
 from placefield.features.network import Network
 
+_PASSES = 3  # over all frames: for their mean, for their covariance, and to reduce them
 _FARTHEST = 4.0  # plain PCA: a query's descriptor may be this many times as long as any place's
 
 
@@ -28,6 +29,7 @@ def fit_descriptors(
     plain: bool = False,
     network: Network | None = None,
     routes: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[DescriptorModel, list[Array]]:
     """Fit the model on reference traverses, and return it with their descriptors.
 
@@ -41,6 +43,7 @@ def fit_descriptors(
         network: the network that gave the features, if one did.
         routes: so many of the first traverses are of different routes, which count equally in the
             mean and in the squared deviation of the model.
+        progress: called with the fraction that is done; an exception of it ends the work.
 
     Returns:
         The model, and the descriptors of each traverse, (K, N) float32.
@@ -52,8 +55,10 @@ def fit_descriptors(
     if not standardise:
         moments = [shared] * len(traverses)
 
+    reported = _reported(sum(map(len, traverses)), progress)
+
     def in_blocks() -> Iterator[Iterator[Array]]:
-        return map(standardised, traverses, moments)
+        return map(reported, map(standardised, traverses, moments))
 
     components, kept = _principal_axes(lambda: chain.from_iterable(in_blocks()), dimensions)
     model = DescriptorModel(
@@ -94,6 +99,22 @@ def _fit_plain(
         )
         for raws in traverses
     ]
+
+
+def _reported(
+    frames: int, progress: Callable[[float], None]
+) -> Callable[[Iterable[Array]], Iterator[Array]]:
+    """Return what yields blocks of frames, and reports the fraction of all passes over them."""
+    done = 0
+
+    def reported(in_blocks: Iterable[Array]) -> Iterator[Array]:
+        nonlocal done
+        for block in in_blocks:
+            yield block
+            done += len(block)
+            progress(done / (_PASSES * frames))
+
+    return reported
 
 
 def _joined(in_blocks: Iterable[Array], shape: tuple[int, int]) -> Array:

@@ -7,8 +7,9 @@ is the mean of the squared distances of their parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -192,6 +193,7 @@ def fit_parts(
     standardise: bool,
     plain: bool,
     routes: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[AnyModel, list[Array]]:
     """Fit the model of a feature of one or more parts, see ``fit_descriptors``.
 
@@ -202,6 +204,7 @@ def fit_parts(
         standardise: see ``fit_descriptors``.
         plain: likewise.
         routes: likewise.
+        progress: likewise.
 
     Returns:
         The model, and the descriptors of each traverse, (K, N) float32.
@@ -217,6 +220,7 @@ def fit_parts(
             plain=plain,
             network=part.network,
             routes=routes,
+            progress=partial(_of_part, progress, number, len(parts)),
         )
         for number, (part, largest) in enumerate(zip(parts, dimensions, strict=True))
     ]
@@ -228,6 +232,10 @@ def fit_parts(
         return models[0], fitted[0][1]
     described = [own for _, own in fitted]
     return JoinedModel(models), [join(own) for own in zip(*described, strict=True)]
+
+
+def _of_part(progress: Callable[[float], None], number: int, parts: int, share: float) -> None:
+    progress((number + share) / parts)
 
 
 def parts_of(model: AnyModel) -> tuple[FeaturePart, ...]:

@@ -128,7 +128,9 @@ def build_map(
     ]
     first = traverses[0]
     parts = parts or (FeaturePart(config.features.kind, None, None),)
-    model, descriptors = _described(traverses, shown, config.features, parts)
+    model, descriptors = _described(
+        traverses, shown, config.features, parts, steps.share(None, "fitting descriptors")
+    )
     places = descriptors[0]
     held_back = held_back_places(len(places), config.seed)
     steps = steps.of([*descriptors, *place_of], config.model_dump_json())
@@ -200,6 +202,7 @@ def _described(
     shown: Sequence[NDArray[np.intp]],
     features: FeatureConfig,
     parts: Sequence[FeaturePart],
+    share: Share,
 ) -> tuple[AnyModel, list[Array]]:
     """Fit the descriptor model, and describe those frames of each traverse that show a place."""
     first = traverses[0]
@@ -212,7 +215,9 @@ def _described(
         standardise=features.standardise,
         plain=features.plain_pca,
         routes=len(routes),
+        progress=share,
     )
+    share(1)
     places = described[0] if len(routes) == 1 else np.concatenate(described[: len(routes)])
     return model, [places, *described[len(routes) :]]
 

@@ -60,6 +60,6 @@ def with_route_position(vectors: NDArray[np.float32], weight: float) -> Placed:
 
 
 def _total_variance(vectors: NDArray[np.float32]) -> np.float64:
-    parts = np.array_split(vectors, -(-vectors.shape[1] // _COLUMNS), axis=1)
+    parts = np.array_split(vectors, vectors.shape[1] // _COLUMNS + 1, axis=1)
     variances = [some.var(axis=0, dtype=np.float64) for some in parts]
     return np.float64(np.concatenate(variances).sum())

@@ -125,7 +125,7 @@ def test_without_the_gate_a_metric_is_learned_of_one_traverse_too() -> None:
     assert all(channel.metric.learned for channel in built.channels)
 
 
-def test_progress_reports_of_every_channels_clustering_and_learning() -> None:
+def test_progress_reports_of_every_long_step() -> None:
     reported: dict[tuple[int | None, str], list[float]] = {}
 
     def progress(number: int | None, what: str, share: float) -> None:
@@ -133,9 +133,11 @@ def test_progress_reports_of_every_channels_clustering_and_learning() -> None:
 
     steps = Steps(progress=progress)
     build_map([weathered(seed=1), weathered(seed=2)], config_of("lmnn"), steps=steps)
-    assert set(reported) == {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
-    for shares in reported.values():
-        assert len(shares) > 5
+    of_channels = {(n, what) for n in (0, 1) for what in ("clustering", "learning")}
+    of_all = {"fitting descriptors", "estimating clusters", "finding revisited places"}
+    assert set(reported) == of_channels | {(None, what) for what in of_all}
+    for step, shares in reported.items():
+        assert len(shares) > (5 if step in of_channels else 1)
         assert shares == sorted(shares)
         assert shares[-1] == 1
 

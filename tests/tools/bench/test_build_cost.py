@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from placefield_tools.bench import build_cost as build
+from placefield_tools.bench.described_build import described_build
 from placefield_tools.bench.figure import as_object
 
 
@@ -44,3 +45,9 @@ def test_the_command_is_timed_and_its_memory_watched(monkeypatch: pytest.MonkeyP
     figures = as_object(build._command_figures())
     assert all(np.isfinite(value) and value > 0 for value in figures.values())
     assert figures["build_peak_mb"] > 20
+
+
+def test_a_build_of_described_places_has_targets_up_to_a_million() -> None:
+    figures = described_build(400)
+    assert [figure.at_most for figure in figures] == [1200, None, 6000]
+    assert all(value > 0 for value in as_object(figures).values())

@@ -1,13 +1,10 @@
 """Building maps: the metric beside metric-learn's, and the command with its time and memory."""
 
 import os
-import subprocess
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,10 +17,12 @@ from placefield.maps.build import build_map
 from placefield.maps.build_steps import Steps
 from placefield.maps.traverse import Traverse
 from placefield.metric.lmnn import LmnnFit, fit_lmnn, objective, target_neighbours
+from placefield_tools.bench.described_build import described_build
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.ratio import Ratio
 from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import Timings, repeat
+from placefield_tools.bench.watched_command import Watched, peak_mb_of, watched
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.common.parallel import cores, map_in_order
 
@@ -40,17 +39,15 @@ _LARGE = 6000  # frames whose features are much larger than the libraries
 Array = NDArray[np.float32]
 
 
-def bench_build() -> list[Figure]:
-    """Measure the build; takes about ten minutes."""
+def bench_build(places: int | None = None) -> list[Figure]:
+    """Measure the build; takes about ten minutes.
+
+    Args:
+        places: measure only the build of so many described places.
+    """
+    if places is not None:
+        return described_build(places)
     return [*_command_figures(), *_memory_figures(), *_lmnn_figures()]
-
-
-@dataclass(frozen=True)
-class _Build:
-    """Time and memory of a build."""
-
-    seconds: float
-    peak_mb: float
 
 
 def _command_figures() -> list[Figure]:
@@ -59,7 +56,7 @@ def _command_figures() -> list[Figure]:
         one = _write_frames(folder / "day", shift=0)
         two = [*one, *_write_frames(folder / "other", shift=8)]
         first = _build(one)
-        on_all: list[_Build] = []
+        on_all: list[Watched] = []
 
         def in_turn() -> tuple[float, float]:
             on_all.append(_build(two))
@@ -85,25 +82,14 @@ def _write_frames(folder: Path, *, shift: int) -> list[str]:
     return [str(folder)]
 
 
-def _build(references: Sequence[str]) -> _Build:
+def _build(references: Sequence[str]) -> Watched:
     """Run the command and watch its memory; the map is not kept."""
     with tempfile.TemporaryDirectory(prefix="placefield-bench-") as folder:
         flags = ["-o", f"{folder}/route.pfmap", "--feature", "gist", "--channels", str(_CHANNELS)]
-        return _watched([*PLACEFIELD, "build", *references, *flags])
+        return watched([*PLACEFIELD, "build", *references, *flags])
 
 
-def _watched(command: Sequence[str]) -> _Build:
-    start, peak = time.perf_counter(), 0.0
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        while process.poll() is None:
-            peak = max(peak, _peak_mb(process.pid))
-            time.sleep(0.02)
-    if process.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}")
-    return _Build(time.perf_counter() - start, peak)
-
-
-def _on_one_core(build: Callable[[], _Build]) -> _Build:
+def _on_one_core(build: Callable[[], Watched]) -> Watched:
     allowed = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(allowed)})
     try:
@@ -136,9 +122,9 @@ def _memory_ratio(traverses: int, channels: int) -> float:
     with threadpool_limits(1):
         # All libraries are loaded, and all kernels compiled.
         _learn([raw[:100] for raw in raws], channels, clusters=4)
-        before = _peak_mb(os.getpid())
+        before = peak_mb_of(os.getpid())
         dimensions = _learn(raws, channels, clusters=_LARGE // 30)
-    added = 1e6 * (_peak_mb(os.getpid()) - before)
+    added = 1e6 * (peak_mb_of(os.getpid()) - before)
     features = sum(raw.nbytes for raw in raws)
     return float((features + added) / (features + 4 * _LARGE * traverses * dimensions))
 
@@ -155,15 +141,6 @@ def _learn(raws: Sequence[Array], channels: int, *, clusters: int) -> int:
     config = {"scales": scales, "metric": {"gate": len(raws) > 1, "steps": 2}}
     placemap = build_map(traverses, Config.model_validate(config), steps=Steps(map_in_order))
     return placemap.model.dimensions
-
-
-def _peak_mb(process: int) -> float:
-    """Return the most memory that a process has held; 0 where it is gone or nobody can tell."""
-    try:
-        lines = Path(f"/proc/{process}/status").read_text().splitlines()
-    except OSError:
-        return 0.0
-    return sum(float(line.split()[1]) * 1.024e-3 for line in lines if line.startswith("VmHWM"))
 
 
 def _lmnn_figures() -> list[Figure]:
