@@ -38,7 +38,7 @@ def test_after_a_kill_finished_channels_are_not_made_again_and_the_map_has_the_s
     references = [str(tmp_path / f"{name}.npy") for name in ("day", "dusk")]
     for reference in references:
         np.save(reference, (walk + rng.normal(size=walk.shape)).astype(np.float32))
-    path, kept = tmp_path / "killed.pfmap", tmp_path / "killed.pfmap.partial"
+    path, kept = tmp_path / "killed.pfmap", tmp_path / "killed.pfmap.building"
 
     with started(references, path) as process:
         end = time.monotonic() + PATIENCE_S

@@ -150,7 +150,7 @@ def saved_new(make: MakesMap, path: Path, *, overwrite: bool) -> "Map":
     """Make a map and save it at a path for a new map, which is refused before the work.
 
     Until it is saved, no other process can change the map that it replaces. Finished steps are kept
-    in ``NAME.pfmap.partial``, which is removed once the map is saved.
+    in ``NAME.pfmap.building``, which is removed once the map is saved.
 
     Raises:
         ConfigError: see ``_check_new_map``.
@@ -162,7 +162,7 @@ def saved_new(make: MakesMap, path: Path, *, overwrite: bool) -> "Map":
 
     _check_new_map(path, overwrite=overwrite)
     with replacing(path):
-        kept_in = path.with_name(f"{path.name}.partial")
+        kept_in = path.with_name(f"{path.name}.building")
         made = make(kept_in=kept_in)
         _check_new_map(path, overwrite=overwrite)  # another process may have made one meanwhile
         save_map(made, path)
