@@ -13,7 +13,7 @@ from placefield.scales.placed import Placed
 
 _TOLERANCE = 1e-3  # furthest move of a centre, in mean distances of frames to their nearest one
 _MAX_SWEEPS = 100
-_MOST_MEMBERSHIPS = 2**24  # 128 MB, of which scikit-fuzzy holds several
+_MOST_MEMBERSHIPS = 2**18  # of all frames in all clusters; for more, scikit-fuzzy takes longer
 
 Vectors = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -55,7 +55,8 @@ def cluster(
         seed: of the stretches.
         progress: called after every sweep. An exception of it ends the clustering.
 
-    If the (K, C) memberships fit in memory, scikit-fuzzy clusters; else `cluster_in_blocks`.
+    If the (K, C) memberships are few, scikit-fuzzy clusters; else `cluster_in_blocks`, to the same
+    labels.
 
     Raises:
         ConfigError: the fuzzifier is not above 1.

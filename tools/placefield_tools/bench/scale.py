@@ -17,9 +17,10 @@ from placefield_tools.bench.feeding import Feeder
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import started
 from placefield_tools.bench.random_walks import drive_along, observed_again, random_walk
+from placefield_tools.bench.shard_parts import shard_parts
 from placefield_tools.bench.shard_speed import bench_shards
 from placefield_tools.bench.start import bench_start
-from placefield_tools.bench.synthetic import made_map
+from placefield_tools.bench.synthetic import made_channel, made_map
 from placefield_tools.common.own_command import PLACEFIELD
 from placefield_tools.common.progress import tracked
 
@@ -29,6 +30,7 @@ _FRAMES = 300
 _WARM_UP = 20  # frames
 _LIGHT = 0.8  # how strong the noise is that sets the query apart
 _SHARDED = 100_000
+_PARTS_OF = 60  # frames
 _BARS = {100_000: 30.0, 1_000_000: 10.0}  # frames per second
 
 Array = NDArray[np.float32]
@@ -77,6 +79,7 @@ def _figures_of(walk: Array) -> list[Figure]:
         ]
         if size == _SHARDED:
             figures += bench_shards(path, model, query, matches)
+            figures += shard_parts(made_channel(walk, 0), query[:_PARTS_OF])
         if size >= config.build.coarse_from:
             figures += _beside_exact(size, path, model, query, matches)
     return figures
