@@ -62,7 +62,7 @@ class _Cache(FunctionCache):
             called = getattr(named, "_cache", None)
             if isinstance(called, _Cache):
                 self.sources |= {_digest(called.file), *called.sources}
-            elif isinstance(named, (int, float, np.ndarray)):
+            elif isinstance(named, (int, float, np.generic, np.ndarray)):
                 self.sources.add(f"{name} = {np.asarray(named).tolist()}")
         self.file: str = function.__code__.co_filename
 

@@ -53,9 +53,10 @@ def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cac
     [
         ("inner(x) + 1", "@kernel\ndef inner(x):\n    return {factor} * x\n"),
         ("inner * x + 1", "inner = {factor}\n"),
+        ("inner * x + 1", "import numpy\ninner = numpy.int64({factor})\n"),
         ("inner[1] * x + 1", "import numpy\ninner = numpy.array([9, {factor}])\n"),
     ],
-    ids=["function", "number", "array"],
+    ids=["function", "number", "numpy number", "array"],
 )
 def test_machine_code_is_compiled_again_where_a_constant_or_function_of_it_has_changed(
     tmp_path: Path, outer: str, inner: str
