@@ -7,7 +7,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from placefield.kernels import pairwise_sum
 
 PATIENCE_S = 240
 """For a process that compiles, on a machine that other work keeps busy."""
@@ -123,3 +126,9 @@ def test_kept_machine_code_that_was_cut_off_is_compiled_again(
         file.write_bytes(file.read_bytes()[:length])
     ended = sum_in_another_process(tmp_path)
     assert (ended.returncode, ended.stdout) == (0, "3.0\n"), ended.stderr
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 18, 36, 127, 128])
+def test_a_pairwise_sum_is_that_of_numpy_to_the_last_bit(count: int) -> None:
+    values = np.random.default_rng(count).normal(size=(100, count)) ** 5
+    assert [pairwise_sum(some) for some in values] == [np.sum(some) for some in values]

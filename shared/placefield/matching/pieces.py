@@ -22,6 +22,8 @@ class Pieces:
         self._after = min(int(chains.edges[last + 1]) - own.stop, REACH)
         self._chains = chains
         self._into = [self._into_shard(each, last) for each in (chains.ahead, chains.behind)]
+        passages = sum(len(each.source) for each in self._into)
+        self._is_closed = self._before == self._after == passages == 0
 
     def _into_shard(self, passages: Passages, last: int) -> Passages:
         """Return the passages that lead to the shard's pieces."""
@@ -40,6 +42,8 @@ class Pieces:
             last: trace of the frame before; None if there is none.
         """
         halos = np.zeros((len(self.edges) - 1, *sides.shape), np.float32)
+        if self._is_closed:
+            return halos
         for hypothesis, passages in enumerate(self._into):
             if last is not None and len(passages.source):
                 self._pass(passages, hypothesis, last, halos)
