@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.matching.belief_kernels import pick
 from placefield.matching.carrying import carry_back
 from placefield.matching.motion import (
     FIND,
@@ -16,7 +17,6 @@ from placefield.matching.motion import (
     SPEEDS,
     Array,
     StepLengths,
-    motion,
     step_likelihood,
 )
 from placefield.matching.odometry import Displacement, speeds_of
@@ -66,7 +66,9 @@ class BackwardPass:
             lengths: of steps on the whole map.
             roads: of the whole map.
         """
-        self._lengths, self._roads, self._motion = lengths, roads, motion()
+        self._lengths, self._roads, chains = lengths, roads, roads.chains
+        passages = chains.ahead, chains.behind
+        self._passages = passages if any(len(each.source) for each in passages) else None
 
     def grow(self, lengths: StepLengths) -> None:
         """Replace the lengths of steps: the map has more places."""
@@ -81,19 +83,17 @@ class BackwardPass:
         cells = self._roads.cells
         if cells is not None and later.displacement is not None:
             return self._back_by_odometry(later.displacement, cells, later.transit, message, trace)
-        before = np.empty_like(trace.belief)
-        lost = step_back(
+        placed, lost = step_back(
             later.transit,
             message.placed,
             message.lost,
             self._lengths.apart,
             self._lengths.stationary,
-            self._motion,
-            self._roads.chains,
+            self._roads.chains.edges,
+            self._passages,
             trace.places,
-            before,
         )
-        return BackwardMessage(before, lost)
+        return BackwardMessage(placed, lost)
 
     def _back_by_odometry(
         self,
@@ -123,7 +123,6 @@ class BackwardPass:
 
 def posterior(trace: Trace, message: BackwardMessage) -> Posterior:
     """Return the smoothed posterior of a frame, given its backward message."""
-    belief = np.empty(len(trace.places), np.float32)
-    too_fast = weigh(trace.belief, message.placed, trace.lost, message.lost, belief)
-    kept = np.flatnonzero(belief >= min(np.float32(NEGLIGIBLE), belief.max()))
+    belief, too_fast = weigh(trace.belief, message.placed, trace.lost, message.lost)
+    kept = pick(belief, min(NEGLIGIBLE, float(belief.max())))
     return Posterior(trace.places[kept], belief[kept], too_fast)
