@@ -44,10 +44,9 @@ def likeliest(belief: Array, total: float) -> Places:
 
     There are ``MOST_PLACES`` at most, those of most belief. If no belief counts, the likeliest.
     """
-    most = belief[0]
-    for i in range(len(belief)):
-        most = max(most, belief[i])
-    places = pick(belief, min(_NEGLIGIBLE * total, float(most)))
+    places = pick(belief, _NEGLIGIBLE * total)
+    if len(places) == 0:
+        places = pick(belief, float(belief.max()))
     if len(places) <= _MOST_PLACES:
         return places
     first = np.argsort(-belief[places], kind="mergesort")[:_MOST_PLACES]
@@ -128,12 +127,13 @@ def resolve(belief: Array, by_place: Array, total: float) -> tuple[Array, int]:
         by_place: (2, K) float32, its sums over the speeds.
         total: of all beliefs.
     """
-    posterior, divisor = np.empty(by_place.shape[1], np.float32), np.float32(total)
+    posterior, divisor = by_place[0].copy(), np.float32(total)
+    for speed in range(_RESOLVED, belief.shape[1]):
+        too_fast = belief[0, speed]
+        for i in range(len(posterior)):
+            posterior[i] -= too_fast[i]
     for i in range(len(posterior)):
-        resolved = by_place[0, i]
-        for speed in range(_RESOLVED, belief.shape[1]):
-            resolved -= belief[0, speed, i]
-        posterior[i] = max(resolved, np.float32(0)) / divisor
+        posterior[i] = max(posterior[i], np.float32(0)) / divisor
     best = 0
     for i in range(len(posterior)):
         if posterior[i] > posterior[best]:

@@ -103,6 +103,7 @@ class FilterMatcher(Matcher):
         self._unmapped = whole.unmapped
         before, after = own.start > 0, own.stop < whole.lengths.apart.shape[1]
         self._halo = HALO * before, HALO * after
+        self._ends = np.array([own.start, own.stop], np.int32)
         self._likely = NO_PLACES
         self._last: Quantized | None = None
         self._missed = 0  # observations in a row
@@ -121,7 +122,9 @@ class FilterMatcher(Matcher):
         self._filter.grow(lengths)
         for smoother in self._smoothers:
             smoother.grow(lengths, vicinity)
-        self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
+        count = lengths.apart.shape[1]
+        self._lengths, self._own = lengths, slice(0, count)
+        self._ends = np.array([0, count], np.int32)
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict the beliefs of the shard's places, and update them by the frame.
@@ -248,7 +251,7 @@ class FilterMatcher(Matcher):
         places, belief, too_fast = smoothed.posterior
         if not len(places):
             return SmoothedCandidate(NO_CANDIDATE, smoothed.lag)
-        first, end = np.searchsorted(places, (self._own.start, self._own.stop))
+        first, end = np.searchsorted(places, self._ends).tolist()
         places, belief = places[first:end], belief[first:end]
         if not len(places):
             places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)

@@ -72,10 +72,10 @@ class PlaceFilter:
         self.statistics = DriveStatistics(self._unlearned)
         """Statistics of the drive so far."""
         self._lengths, self._own, self._roads = lengths, own, roads
-        self._pieces = Pieces(roads.chains, own)
         self._last_trace: Trace | None = None
         self._apart = np.ascontiguousarray(lengths.apart[:, own])
         self._all_places = lengths.apart.shape[1]
+        self._pieces = Pieces(roads.chains, own, self._all_places)
         # Beliefs are (hypotheses, speeds, places), not normalised: ``_total`` is their sum.
         self._belief = np.empty((2, len(SPEEDS), own.stop - own.start), np.float32)
         self._halo = np.empty((2, len(SPEEDS), REACH), np.float32)
@@ -109,7 +109,7 @@ class PlaceFilter:
         self._lengths, self._apart = lengths, np.ascontiguousarray(lengths.apart)
         self._all_places += added
         self._own = slice(0, self._all_places)
-        self._pieces = Pieces(self._roads.chains, self._own)
+        self._pieces = Pieces(self._roads.chains, self._own, self._all_places)
 
     def _anywhere(self, by_speed: Vector) -> Array:
         """Return the probability of each place, (2, S), of a vehicle that may be anywhere."""
@@ -162,7 +162,7 @@ class PlaceFilter:
         )
         kept = (1 - LOSE) / self._total
         transition = Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
-        halos = np.float32(1 - LOSE) * self._pieces.halos(self._halo, self._last_trace)
+        halos = self._pieces.halos(self._halo, self._last_trace)
         return advance(
             self._belief,
             self._pieces.edges,
