@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.matching.belief_kernels import pick
 from placefield.matching.carrying import carry_back
 from placefield.matching.motion import (
     FIND,
@@ -22,7 +21,7 @@ from placefield.matching.motion import (
 from placefield.matching.odometry import Displacement, speeds_of
 from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.matching.smooth_kernel import step_back, weigh
-from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace
+from placefield.matching.trace import ObservedTransition, Trace
 
 Vector = NDArray[np.float64]
 
@@ -123,6 +122,5 @@ class BackwardPass:
 
 def posterior(trace: Trace, message: BackwardMessage) -> Posterior:
     """Return the smoothed posterior of a frame, given its backward message."""
-    belief, too_fast = weigh(trace.belief, message.placed, trace.lost, message.lost)
-    kept = pick(belief, min(NEGLIGIBLE, float(belief.max())))
-    return Posterior(trace.places[kept], belief[kept], too_fast)
+    smoothed = weigh(trace.places, trace.belief, message.placed, trace.lost, message.lost)
+    return Posterior(*smoothed)

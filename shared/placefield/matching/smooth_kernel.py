@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
+from placefield.matching.belief_kernels import pick
 from placefield.matching.chains import Passages
 from placefield.matching.motion import (
     FIND,
@@ -16,13 +17,13 @@ from placefield.matching.motion import (
     motion,
     step_likelihoods,
 )
-from placefield.matching.trace import ObservedTransition
+from placefield.matching.trace import NEGLIGIBLE, ObservedTransition
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
 
 _FIND, _LOSE, _HYPOTHESES, _SPEEDS, _RESOLVED = FIND, LOSE, HYPOTHESES, SPEEDS, RESOLVED
-_MOTION = motion()
+_MOTION, _NEGLIGIBLE = motion(), NEGLIGIBLE
 _BOTH, _STAY, _COME = np.uint64(2), np.uint64(0), np.uint64(1)  # unsigned, see ``filter_kernels``
 
 
@@ -235,19 +236,19 @@ def _rows_in_reach(
 
 @kernel
 def weigh(
-    filtered: Array, message: Array, filtered_lost: Vector, message_lost: Vector
-) -> tuple[Array, float]:
+    places: Places, filtered: Array, message: Array, filtered_lost: Vector, message_lost: Vector
+) -> tuple[Places, Array, float]:
     """Weight the filter's posterior of a frame by the backward message.
 
     Args:
+        places: (n,) int32, ascending.
         filtered: (n, 2, S) float32, posterior on the map and on its reverse.
         message: (n, 2, S) float32, the backward message.
         filtered_lost: (S,) float64, posterior of being lost.
         message_lost: (S,) float64, the backward message when lost.
 
     Returns:
-        The posterior of each place at speeds that the map resolves, (n,) float32, and the posterior
-        that the vehicle moves faster than that.
+        See ``Posterior``.
     """
     belief = np.empty(len(filtered), np.float32)
     total = (filtered_lost * message_lost).sum()
@@ -265,4 +266,5 @@ def weigh(
         too_fast += faster
     for i in range(len(belief)):
         belief[i] = np.float32(belief[i] / total)
-    return belief, float(min(too_fast / total, 1.0))
+    kept = pick(belief, min(_NEGLIGIBLE, float(belief.max())))
+    return places[kept], belief[kept], float(min(too_fast / total, 1.0))
