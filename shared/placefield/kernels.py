@@ -2,11 +2,13 @@
 
 import hashlib
 import inspect
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -15,8 +17,26 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
+_SCIPY_BLAS = "scipy.linalg.cython_blas"
 
 _LANES = 64  # interleaved results, so that the compiler can vectorise
+
+
+def _load_numba_without_scipy() -> None:
+    """Load numba's array functions without SciPy's linear algebra, whose import takes 0.2 s.
+
+    numba imports it as it loads them, and then uses it for correlations alone. Kernels have none.
+    """
+    modules: dict[str, ModuleType | None] = cast(Any, sys.modules)
+    if _SCIPY_BLAS in modules:
+        return
+    modules[_SCIPY_BLAS] = None  # an import of it fails at once
+    with suppress(ImportError):
+        import_module("numba.np.arraymath")
+    del modules[_SCIPY_BLAS]
+
+
+_load_numba_without_scipy()
 
 
 class _CacheFile(IndexDataCacheFile):

@@ -132,3 +132,16 @@ def test_kept_machine_code_that_was_cut_off_is_compiled_again(
 def test_a_pairwise_sum_is_that_of_numpy_to_the_last_bit(count: int) -> None:
     values = np.random.default_rng(count).normal(size=(100, count)) ** 5
     assert [pairwise_sum(some) for some in values] == [np.sum(some) for some in values]
+
+
+def test_compiled_code_is_loaded_without_the_linear_algebra_of_scipy(tmp_path: Path) -> None:
+    """Its import would take a quarter of the time in which a worker loads its compiled code."""
+    ended = subprocess.run(
+        [sys.executable, "-c", f"{SUM}; import sys; print('scipy.linalg' in sys.modules)"],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (0, "3.0\nFalse\n"), ended.stderr
