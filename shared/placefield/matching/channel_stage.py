@@ -17,7 +17,6 @@ from placefield.matching.candidate import Candidate
 from placefield.matching.comparing import Comparison, MetricPlaces
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.sharding import ChannelShard, MetricShards
-from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
 
 Compared = Mapping[MapMetric, Comparison]
 """The comparisons of a frame with the places, under each metric of a stage."""
@@ -80,8 +79,8 @@ class ChannelStage:
             descriptors, to the last bit.
         """
         if len(descriptors):
-            quantized = quantize(np.asarray(descriptors), DESCRIPTOR_UNIT)
-            by_metric = [places.compare_quantized(quantized) for places in self._places.values()]
+            stacked = np.asarray(descriptors)
+            by_metric = [places.compare(stacked) for places in self._places.values()]
             for comparisons in zip(*by_metric, strict=True):
                 yield dict(zip(self._places, comparisons, strict=True))
 

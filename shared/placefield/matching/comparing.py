@@ -89,10 +89,7 @@ class MetricPlaces:
 
         A comparison does not depend on the other descriptors, to the last bit.
         """
-        return self.compare_quantized(quantize(descriptors, DESCRIPTOR_UNIT))
-
-    def compare_quantized(self, quantized: Quantized) -> Iterator[Comparison]:
-        """Do as ``compare`` does with quantized descriptors, (B, N), in ``DESCRIPTOR_UNIT``."""
+        quantized = quantize(descriptors, DESCRIPTOR_UNIT)
         if self._project is not None:
             quantized = self._project(quantized)
         looks = self._metric.looks
