@@ -33,7 +33,7 @@ class Strict(BaseModel):
 class Message(Strict):
     """Root of all messages."""
 
-    version: Literal[2] = 2  # of the schema
+    version: Literal[3] = 3  # of the schema
 
     def encode(self) -> bytes:
         """Return the message as msgpack."""
