@@ -18,6 +18,7 @@ from placefield.bus.candidate_messages import (
 )
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import FeatureMessage, FrameMessage, MatchMessage, StatsMessage
+from placefield.bus.wire import pack, unpack
 from placefield.config import Rule
 from placefield.errors import MessageError
 from placefield.features.calibration import Calibration
@@ -362,7 +363,7 @@ def test_smoothed_frames_come_back_with_how_likely_each_is_too_fast() -> None:
     ]
     packed = SmoothedFrames.of(9, [*smoothed, SmoothedFrame(3, 5, 4, NO_CANDIDATE)])
     assert packed is not None
-    unpacked = SmoothedFrames.model_validate(msgpack.unpackb(msgpack.packb(packed.model_dump())))
+    unpacked = SmoothedFrames.model_validate(unpack(pack(vars(packed))))
     assert [frame.candidate.too_fast for frame in unpacked.frames(9)] == [*sent, 0.0]
 
 
