@@ -26,6 +26,7 @@ class Judged:
         reliability: of the probabilities, if the method gives them.
         claims: the known matches, likewise.
         mean_lag: mean number of later frames that a match uses.
+        first_known: number of the first known match, if there is one.
         too_fast: number of frames where the vehicle seems faster than the map resolves.
     """
 
@@ -36,6 +37,7 @@ class Judged:
     reliability: Reliability | None = None
     claims: Claims | None = None
     mean_lag: float = 0.0
+    first_known: int | None = None
     too_fast: int = 0
 
 
@@ -59,6 +61,7 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
         curve,
         reliability(probability[judged][answered[judged]], correct[judged][answered[judged]]),
         claims(known[judged], correct[judged], on_route),
+        first_known=int(np.argmax(known)) if known.any() else None,
         too_fast=sum(match.too_fast for match in matches),
     )
 
