@@ -57,6 +57,11 @@ class Bus:
         """The Zenoh identity of this session."""
         return str(self._session.zid())
 
+    @property
+    def connected(self) -> bool:
+        """Whether the session has a link to a router now."""
+        return bool(self._session.info.routers_zid())
+
     def publisher(self, key: str) -> Publisher:
         """Declare a publisher of a key."""
         return Publisher(self._declare_publisher(key))
