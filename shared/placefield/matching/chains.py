@@ -171,7 +171,23 @@ def crossed_to(chains: Chains, places: Places) -> Places:
     farthest = places[last[active]] - ahead.shift[active].astype(np.int64) + REACH + 1
     ends = np.minimum(farthest, edges[ahead.target[active] + 1])
     leads = (ends > begins) & (places[last[active]] >= source)
-    ranges = zip(begins[leads].tolist(), ends[leads].tolist(), strict=True)
+    return _ranges(begins[leads], ends[leads])
+
+
+def crossed_back_to(chains: Chains, places: Places) -> Places:
+    """Return where passages may lead in a step in reverse; see ``crossed_to``."""
+    edges, behind = chains.edges, chains.behind
+    first = np.searchsorted(places, edges[behind.source])  # place after the passage
+    active = np.flatnonzero(first < len(places))
+    source, target = behind.source[active], behind.target[active]
+    nearest = places[first[active]] - behind.shift[active].astype(np.int64)
+    begins, ends = np.maximum(nearest - REACH, edges[target]), edges[target + 1]
+    leads = (ends > begins) & (places[first[active]] < edges[source + 1])
+    return _ranges(begins[leads], ends[leads])
+
+
+def _ranges(begins: NDArray[np.integer], ends: NDArray[np.integer]) -> Places:
+    ranges = zip(begins.tolist(), ends.tolist(), strict=True)
     return np.concatenate(
         [NO_PLACES, *(np.arange(begin, end, dtype=np.int32) for begin, end in ranges)]
     )

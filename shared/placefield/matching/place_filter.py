@@ -117,9 +117,7 @@ class PlaceFilter:
 
     def local(self, observation: Observation) -> FilterPartial:
         """Predict the beliefs of the shard's places, and update them by the frame."""
-        self._observation = observation
-        weights = (min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1))
-        self._weights = np.fromiter(weights, np.float32, 2)
+        self._weigh(observation)
         ratios = np.exp(self._weights[:, None] * observation.evidence)
         full_ratio = ratios[1] if self._weights[1] == 1 else np.exp(observation.evidence)
         by_speed = np.empty((2, len(SPEEDS)))
@@ -142,18 +140,28 @@ class PlaceFilter:
             beliefs_at(self._belief, places),
         )
 
+    def _weigh(self, observation: Observation) -> None:
+        """Keep an observation, and how much of its evidence counts, see ``AGAIN``."""
+        self._observation = observation
+        weights = (min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1))
+        self._weights = np.fromiter(weights, np.float32, 2)
+
     def _begin(self, ratios: Array, by_speed: Vector) -> tuple[float, float]:
         """Update the initial beliefs by the first frame, without a prediction."""
-        self.begun = True
-        self._prior, self._jump_likelihood = self._motion.prior, 1.0
-        self._lost_likelihood = np.ones(len(SPEEDS))
+        self._predict_nothing()
         self._belief *= ratios[1]
         self._by_place = self._belief.sum(axis=1)
         by_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
         return 0.0, 0.0
 
-    def _advance(self, ratios: Array, full_ratio: Array, by_speed: Vector) -> tuple[float, float]:
-        """Predict and update by the motion model; return ``predicted`` and ``expected``."""
+    def _predict_nothing(self) -> None:
+        """Begin: no transition leads to the first frame."""
+        self.begun = True
+        self._prior, self._jump_likelihood = self._motion.prior, 1.0
+        self._lost_likelihood = np.ones(len(SPEEDS))
+
+    def _predict_lost(self) -> Transition:
+        """Predict the beliefs of being lost, and return the transition to the frame."""
         self._prior = self.statistics.prior.astype(np.float32)
         lengths, step = self._lengths, self._observation.step
         self._lost_likelihood, self._jump_likelihood = step_likelihood_when_lost(
@@ -164,7 +172,11 @@ class PlaceFilter:
         jumped = self._jump_likelihood * (1 - float(lost.sum())) * self._unlearned
         found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
         kept = (1 - LOSE) / self._total
-        transition = Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
+        return Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
+
+    def _advance(self, ratios: Array, full_ratio: Array, by_speed: Vector) -> tuple[float, float]:
+        """Predict and update by the motion model; return ``predicted`` and ``expected``."""
+        transition = self._predict_lost()
         halos = np.float32(1 - LOSE) * self._pieces.halos(self._halo, self._last_trace)
         return advance(
             self._belief,
