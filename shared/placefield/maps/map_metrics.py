@@ -31,10 +31,18 @@ def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
 
     With ``coarse``, it gets an index for the coarse search.
     """
-    identity = np.eye(descriptors.shape[1], dtype=np.float32)
     places = np.empty(descriptors.shape, np.int16)
     for block in blocks(len(places), _BLOCK):
         places[block] = quantize(descriptors[block], DESCRIPTOR_UNIT)
+    return identity_of_quantized(places, coarse=coarse)
+
+
+def identity_of_quantized(places: Quantized, *, coarse: bool = False) -> MapMetric:
+    """Return the identity metric with these quantized places (K, N), see ``identity_metric``.
+
+    They may be mapped from a file; no copy of all of them is made.
+    """
+    identity = np.eye(places.shape[1], dtype=np.float32)
     return _metric(False, identity, DESCRIPTOR_UNIT, places, coarse)
 
 

@@ -100,4 +100,4 @@ class Surroundings(NamedTuple):
         own = self.active.places
         rows = np.minimum(np.searchsorted(own, places), len(own) - 1)
         there = self.belief[hypothesis][:, rows]
-        return np.where(own[rows] == places, there, self.elsewhere[hypothesis][:, None])
+        return np.asarray(np.where(own[rows] == places, there, self.elsewhere[hypothesis][:, None]))

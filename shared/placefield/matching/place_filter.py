@@ -15,6 +15,7 @@ hypothesis: the same places in reverse order, which chance follows as often.
 import math
 from collections.abc import Sequence
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,20 @@ from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace, mos
 _NOVEL = 0.25  # the evidence of a frame of at least this novelty counts in full
 
 Vector = NDArray[np.float64]
+
+
+class Rolled(NamedTuple):
+    """The transition from one frame to the next by odometry.
+
+    Attributes:
+        pace: places per frame.
+        speeds: (S,) float32, chance of each speed.
+        found: (2, S) float32, see ``Transition``.
+    """
+
+    pace: float
+    speeds: Array
+    found: Array
 
 
 class PlaceFilter:
@@ -199,38 +214,40 @@ class PlaceFilter:
         by_speed: Vector,
     ) -> tuple[float, float]:
         """Predict by odometry, which gives the speed on the map and when lost, and update."""
-        self._prior = self.statistics.prior.astype(np.float32)
-        speeds = speeds_of(displacement.pace / cells.spacing)
         by_place = self._by_place * np.float32((1 - LOSE) / self._total)
         carried = carried_to(self._own, by_place, self._last_trace, self._roads, displacement)
-        steps, self._lost_likelihood, self._jump_likelihood = self._likelihoods_of_displacement(
-            displacement, cells
-        )
-        lost = float(self._lost.sum()) / self._total
-        still_lost = self._lost_likelihood * lost * speeds
-        jumped = self._jump_likelihood * (1 - lost) * speeds
-        found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
+        rolled = self._predict_lost_by_odometry(displacement.pace / cells.spacing)
         return spread(
             self._belief,
             carried,
-            steps,
-            speeds.astype(np.float32),
-            found,
+            self._step_likelihoods(self._apart, rolled.pace),
+            rolled.speeds,
+            rolled.found,
             ratios,
             full_ratio,
             self._by_place,
             by_speed,
         )
 
-    def _likelihoods_of_displacement(
-        self, displacement: Displacement, cells: RouteCells
-    ) -> tuple[Array, Vector, float]:
-        """Return the likelihood of the step at each place, (K,), when lost, (1,), and of a jump."""
-        lengths, step = self._lengths, self._observation.step
-        pace = displacement.pace / cells.spacing
-        steps = np.empty(self._apart.shape[1], np.float32)
-        step_likelihood(self._apart, 0, lengths.stationary, pace, step, steps)
-        return steps, *step_likelihood_when_lost(lengths, np.array([pace]), step)
+    def _predict_lost_by_odometry(self, pace: float) -> Rolled:
+        """Predict the beliefs of being lost, at a pace in places per frame."""
+        self._prior = self.statistics.prior.astype(np.float32)
+        speeds = speeds_of(pace)
+        self._lost_likelihood, self._jump_likelihood = step_likelihood_when_lost(
+            self._lengths, np.array([pace]), self._observation.step
+        )
+        lost = float(self._lost.sum()) / self._total
+        still_lost = self._lost_likelihood * lost * speeds
+        jumped = self._jump_likelihood * (1 - lost) * speeds
+        found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
+        return Rolled(pace, speeds.astype(np.float32), found)
+
+    def _step_likelihoods(self, apart: Array, pace: float) -> Array:
+        """Return the likelihood of the step at each of some places, (n,); see ``StepLengths``."""
+        steps = np.empty(apart.shape[1], np.float32)
+        stationary = self._lengths.stationary
+        step_likelihood(apart, 0, stationary, pace, self._observation.step, steps)
+        return steps
 
     def _likeliest(self, total: float) -> NDArray[np.int32]:
         """Return at least those places of the shard whose belief counts in the whole map."""

@@ -11,18 +11,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.matching.active_carrying import (
+    carried_to_active,
+    reached_in_both_ways,
+    staying,
+)
 from placefield.matching.active_places import Surroundings, active_places
 from placefield.matching.belief_kernels import beliefs_at
 from placefield.matching.candidate import NO_PLACES
 from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import LOSE, REACH, SPEEDS, Array, StepLengths
 from placefield.matching.observation import Observation
+from placefield.matching.odometry import Displacement
+from placefield.matching.odometry_kernel import spread
 from placefield.matching.partial_results import FilterPartial
-from placefield.matching.place_filter import PlaceFilter
-from placefield.matching.roads import LINE, Roads
+from placefield.matching.place_filter import PlaceFilter, Rolled
+from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.search.inverted import least_of
 
-KEPT = 512
+KEPT = 256
 """Most places that are kept from frame to frame."""
 
 Vector = NDArray[np.float64]
@@ -30,19 +37,15 @@ Places = NDArray[np.int32]
 
 
 class _Part(NamedTuple):
-    """Some places, with their beliefs before a frame and their evidence.
+    """Some places of a map.
 
     Attributes:
-        belief: (2, S, n) float32; receives the beliefs after the frame.
-        pieces: see ``advance``.
-        halos: see ``advance``, but not times ``kept``.
+        belief: (2, S, n) float32, before the frame; receives the beliefs after it.
         apart: (6, n) float32, see ``StepLengths``.
         evidence: (n,) float32, see ``Observation``.
     """
 
     belief: Array
-    pieces: Places
-    halos: Array
     apart: Array
     evidence: Array
 
@@ -65,7 +68,7 @@ class SparseFilter(PlaceFilter):
         Args:
             lengths: of steps on the map.
             sample: (J,) int32, places that represent the map.
-            roads: of the map, whose metres are not known.
+            roads: of the map.
         """
         super().__init__(lengths, slice(0, 0), roads)
         self._sample, self._apart_of_sample = sample, lengths.apart[:, sample]
@@ -83,14 +86,18 @@ class SparseFilter(PlaceFilter):
         """Whether the vehicle is less likely at the kept places than elsewhere or lost."""
         return float(self._by_place[0].sum()) < 0.5 * self._total
 
-    def activate(self, proposed: Places) -> Places:
+    def activate(self, proposed: Places, displacement: Displacement | None) -> Places:
         """Return the active places of the next frame, (n,) int32, ascending.
 
         Args:
             proposed: (m,) int32, places that resemble the frame.
+            displacement: to the frame; None if the odometry is not known.
         """
         if not len(self.kept) and not len(proposed):
             proposed = np.zeros(1, np.int32)
+        if displacement is not None and self._roads.cells is not None:
+            reached = reached_in_both_ways(displacement, self._roads, self.kept)
+            proposed = np.concatenate([proposed, reached])
         chains = self._roads.chains
         self._active = active_places(self.kept, proposed, chains, self._all_places)
         return self._active.places
@@ -102,28 +109,16 @@ class SparseFilter(PlaceFilter):
             observation: its evidence is that of the sample, then that of the active places.
         """
         self._weigh(observation)
-        transition = self._predict_lost() if self.begun else None
         own, rest = self._parts(observation.evidence)
-        of_own, of_rest = self._update(own, transition), self._update(rest, transition)
-        share = (self._all_places - len(self._active.places)) / rest.belief.shape[2]
-        by_speed = of_own.by_speed + share * of_rest.by_speed
-        both = of_own.by_place[0] + of_own.by_place[1]
-        rows = least_of(-both, KEPT)
-        self.kept, self._belief = self._active.places[rows], own.belief[:, :, rows]
-        self._by_place = of_own.by_place[:, rows]
-        own.belief[:, :, rows] = 0
-        self._pool = own.belief.sum(axis=2, dtype=np.float64) + share * of_rest.by_speed
-        if transition is None:
+        cells, displacement = self._roads.cells, observation.displacement
+        if not self.begun:
             self._predict_nothing()
-        return FilterPartial(
-            of_own.predicted + share * of_rest.predicted,
-            of_own.expected + share * of_rest.expected,
-            by_speed,
-            self._halo,
-            self.kept,
-            own.evidence[rows],
-            beliefs_at(self._belief, np.arange(len(rows), dtype=np.int32)),
-        )
+            of_own, of_rest = self._begun(own), self._begun(rest)
+        elif cells is not None and displacement is not None:
+            of_own, of_rest = self._rolled(own, rest, displacement, cells)
+        else:
+            of_own, of_rest = self._moved(own, rest)
+        return self._partial(own, of_own, of_rest)
 
     def _parts(self, evidence: Array) -> tuple[_Part, _Part]:
         """Return the active places, and those of the sample that are not active."""
@@ -132,39 +127,100 @@ class SparseFilter(PlaceFilter):
         others = np.flatnonzero(places[at] != self._sample)
         if not len(others):
             others = np.arange(count)
-        elsewhere = (self._pool / max(self._all_places - len(self.kept), 1)).astype(np.float32)
-        belief = _everywhere(elsewhere, len(places))
+        self._elsewhere = self._pool / max(self._all_places - len(self.kept), 1)
+        belief = self._as_elsewhere(len(places))
         belief[:, :, np.searchsorted(places, self.kept)] = self._belief
-        halos = Surroundings(self._active, belief, elsewhere).halos(self._roads.chains)
-        apart = self._lengths.apart[:, places]
-        own = _Part(belief, self._active.pieces, halos, apart, evidence[count:])
-        rest = _Part(
-            _everywhere(elsewhere, len(others)),
-            np.array([0, len(others)], np.int32),
-            _everywhere(elsewhere, REACH)[None],
-            self._apart_of_sample[:, others],
-            evidence[:count][others],
-        )
-        return own, rest
+        own = _Part(belief, self._lengths.apart[:, places], evidence[count:])
+        belief = self._as_elsewhere(len(others))
+        return own, _Part(belief, self._apart_of_sample[:, others], evidence[:count][others])
 
-    def _update(self, part: _Part, transition: Transition | None) -> _Sums:
-        """Predict and update the beliefs of some places; without a transition only update them."""
-        belief, pieces, halos, apart, evidence = part
-        ratios = np.exp(self._weights[:, None] * evidence)
-        by_speed = np.empty(belief.shape[:2])
-        by_place = belief.sum(axis=1)
-        if transition is None:
-            belief *= ratios[1]
-            sums = belief.sum(axis=2, dtype=np.float64)
-            return _Sums(0.0, 0.0, sums, belief.sum(axis=1))
-        full_ratio = ratios[1] if self._weights[1] == 1 else np.exp(evidence)
-        halos *= np.float32((1 - LOSE) / self._total)
+    def _as_elsewhere(self, places: int) -> Array:
+        """Return beliefs of so many places, (2, S, n), each as that of a place that is not kept."""
+        return np.repeat(self._elsewhere[:, :, None].astype(np.float32), places, axis=2)
+
+    def _ratios(self, part: _Part) -> tuple[Array, Array]:
+        """Return the likelihood ratios of the frame, and those if all of the evidence counts."""
+        ratios = np.exp(self._weights[:, None] * part.evidence)
+        return ratios, ratios[1] if self._weights[1] == 1 else np.exp(part.evidence)
+
+    def _begun(self, part: _Part) -> _Sums:
+        """Update the beliefs of a part by the first frame, without a prediction."""
+        part.belief[:] *= self._ratios(part)[0][1]
+        by_speed = part.belief.sum(axis=2, dtype=np.float64)
+        return _Sums(0.0, 0.0, by_speed, part.belief.sum(axis=1))
+
+    def _moved(self, own: _Part, rest: _Part) -> tuple[_Sums, _Sums]:
+        """Predict by the motion model, and update."""
+        transition, kept = self._predict_lost(), np.float32((1 - LOSE) / self._total)
+        chains, elsewhere = self._roads.chains, self._elsewhere.astype(np.float32)
+        halos = kept * Surroundings(self._active, own.belief, elsewhere).halos(chains)
+        of_own = self._advanced(own, self._active.pieces, halos, transition)
+        whole = np.array([0, rest.belief.shape[2]], np.int32)
+        halos = kept * self._as_elsewhere(REACH)[None]
+        return of_own, self._advanced(rest, whole, halos, transition)
+
+    def _advanced(self, part: _Part, pieces: Places, halos: Array, transition: Transition) -> _Sums:
+        by_place, by_speed = part.belief.sum(axis=1), np.empty((2, len(SPEEDS)))
         predicted, expected = advance(
-            belief, pieces, halos, transition, apart, ratios, full_ratio, by_place, by_speed
+            part.belief,
+            pieces,
+            halos,
+            transition,
+            part.apart,
+            *self._ratios(part),
+            by_place,
+            by_speed,
         )
         return _Sums(predicted, expected, by_speed, by_place)
 
+    def _rolled(
+        self, own: _Part, rest: _Part, displacement: Displacement, cells: RouteCells
+    ) -> tuple[_Sums, _Sums]:
+        """Predict by odometry, and update."""
+        rolled, kept = (
+            self._predict_lost_by_odometry(displacement.pace / cells.spacing),
+            np.float32((1 - LOSE) / self._total),
+        )
+        stays = staying(self._roads, displacement)
+        elsewhere = np.outer((stays, 1 - stays), kept * self._elsewhere.sum(axis=1))
+        elsewhere = elsewhere[:, :, None].astype(np.float32)  # from where no place is kept
+        carried = elsewhere + carried_to_active(
+            self._active.places, (self.kept, kept * self._by_place), self._roads, displacement
+        )
+        of_own = self._spread(own, carried, rolled)
+        carried = np.repeat(elsewhere, rest.belief.shape[2], axis=2)
+        return of_own, self._spread(rest, carried, rolled)
 
-def _everywhere(belief: Array, places: int) -> Array:
-    """Return the beliefs in so many places, (2, S, n), of which each has the same, (2, S)."""
-    return np.repeat(belief[:, :, None], places, axis=2)
+    def _spread(self, part: _Part, carried: Array, rolled: Rolled) -> _Sums:
+        by_place = np.empty((2, carried.shape[2]), np.float32)
+        by_speed = np.empty((2, len(SPEEDS)))
+        predicted, expected = spread(
+            part.belief,
+            carried,
+            self._step_likelihoods(part.apart, rolled.pace),
+            rolled.speeds,
+            rolled.found,
+            *self._ratios(part),
+            by_place,
+            by_speed,
+        )
+        return _Sums(predicted, expected, by_speed, by_place)
+
+    def _partial(self, own: _Part, of_own: _Sums, of_rest: _Sums) -> FilterPartial:
+        """Keep the likeliest places, and return the sums over all places."""
+        share = (self._all_places - len(self._active.places)) / of_rest.by_place.shape[1]
+        rows = least_of(-of_own.by_place.sum(axis=0), KEPT)
+        self.kept, self._belief = self._active.places[rows], own.belief[:, :, rows]
+        self._by_place = of_own.by_place[:, rows]
+        belief = beliefs_at(own.belief, rows.astype(np.int32))
+        own.belief[:, :, rows] = 0
+        self._pool = own.belief.sum(axis=2, dtype=np.float64) + share * of_rest.by_speed
+        return FilterPartial(
+            of_own.predicted + share * of_rest.predicted,
+            of_own.expected + share * of_rest.expected,
+            of_own.by_speed + share * of_rest.by_speed,
+            self._halo,
+            self.kept,
+            own.evidence[rows],
+            belief,
+        )

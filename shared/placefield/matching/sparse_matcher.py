@@ -16,10 +16,10 @@ from placefield.matching.sparse_filter import SparseFilter
 from placefield.matching.trace import NEGLIGIBLE
 from placefield.search.inverted import distinct
 
-PROPOSED = 1024
+PROPOSED = 512
 """Places that the index proposes for a frame."""
 
-LISTS, LISTS_WHEN_LOST = 32, 256
+LISTS, LISTS_WHEN_LOST = 128, 512
 """Lists of the index that are read for a frame, and for one of a lost vehicle."""
 
 
@@ -35,11 +35,11 @@ class SparseMatcher(FilterMatcher):
 
     def _select(self, frame: Comparison, displacement: Displacement | None) -> Comparison:
         lists = LISTS_WHEN_LOST if self._filter.is_lost else LISTS
-        self._active = self._filter.activate(frame.nearest(lists, PROPOSED))
+        self._active = self._filter.activate(frame.nearest(lists, PROPOSED), displacement)
         return frame
 
     def _missing(self, step: float, displacement: Displacement | None) -> Observation:
-        active = self._filter.activate(NO_PLACES)
+        active = self._filter.activate(NO_PLACES, displacement)
         evidence = np.zeros(self._sample_size + len(active), np.float32)
         return Observation(step, displacement, 0.0, evidence, 0.0)
 
