@@ -24,6 +24,7 @@ from placefield.matching.sharding import ChannelShard
 Array = NDArray[np.float32]
 Reading = float | None
 
+DEFAULT = MatchingConfig()
 COUNT, DIMENSIONS = 4000, 32  # of a map of which few places are kept, and few proposed
 
 
@@ -60,7 +61,7 @@ class Answers:
         topology: Topology,
         frames: Sequence[Array | None],
         readings: Sequence[Reading] = (),
-        matching: MatchingConfig = MatchingConfig(),
+        matching: MatchingConfig = DEFAULT,
     ) -> None:
         shard = ChannelShard(channel_of(metric), matching, topology=topology)
         matcher, places = shard.new_matcher(), MetricPlaces(metric, exact=matching.exact)

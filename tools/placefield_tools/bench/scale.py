@@ -74,7 +74,7 @@ def _of_one_metric(size: int) -> list[Figure]:
     with tempfile.TemporaryDirectory(prefix="placefield-") as folder:
         path, drive = Path(folder) / f"walk{SUFFIX}", drive_along(size, _FRAMES, seed=1)
         file, shape = Path(folder) / "walk.npy", (size, DIMENSIONS)
-        walk = np.lib.format.open_memmap(file, "w+", np.int16, shape)  # type: ignore[no-untyped-call]
+        walk = np.lib.format.open_memmap(file, "w+", np.int16, shape)
         write_random_walk(walk, seed=0)
         seen = walk[drive] * np.float32(DESCRIPTOR_UNIT)
         placemap = map_of_one_metric(identity_of_quantized(walk, coarse=_is_coarse(size)))
