@@ -139,7 +139,7 @@ def test_the_page_reports_how_the_services_are(shown: Shown) -> None:
     shown.await_text("whole gaps", "0")
     shown.await_text("whole partial", "0")
     shown.await_text("whole behind", "0")
-    shown.await_text("services", "all services are there")
+    shown.await_text("services", "all services are running")
 
 
 def test_a_paused_page_stays_and_looks_back(
@@ -242,7 +242,7 @@ def test_a_page_with_nothing_to_show_says_so_and_one_whose_host_is_gone_turns_gr
         wait_until(lambda: "\n" in dashboard.out or not dashboard.runs, "the dashboard is ready")
         shown = Shown(browser.new_page(), dashboard.url)
         try:
-            shown.await_text("services", "all services are there")
+            shown.await_text("services", "all services are running")
             assert [shown.text(f"channel-{number}") for number in range(3)] == ["no frame yet"] * 3
             pictures = [shown.page.locator(f"img[data-shown={name}]") for name in _PICTURES]
             assert not any(picture.is_visible() for picture in pictures)

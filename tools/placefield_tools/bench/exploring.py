@@ -1,6 +1,8 @@
 """The cost of a frame while a drive is explored, and the memory of a place."""
 
 import time
+from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 import psutil  # type: ignore[import-untyped]
@@ -10,28 +12,34 @@ from placefield.config import MatchingConfig
 from placefield.matching.exploring import Explorer
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.random_walks import random_walk
+from placefield_tools.bench.timing import Timings
 
 _DIMENSIONS = 512  # of GIST
-_MEAN_OF = 100  # frames
+_IN_TURN = 10  # frames
 _BUDGET_MS = 100.0  # of a frame, at 10 frames per second
-_SHORT = 10  # the drive is measured after one of so many parts, too
+_SHORT = 10  # a drive of one of so many parts is measured in turn with the whole
 
 
 def bench_explore(frames: int) -> list[Figure]:
-    """Explore a drive of so many frames, each of which is a new place."""
+    """Explore a drive of so many frames and a part of it; each frame is a new place."""
     raws = random_walk(frames, _DIMENSIONS, seed=0)
-    explorer = Explorer(MatchingConfig())
+    before, after = Explorer(MatchingConfig()), Explorer(MatchingConfig())
     short = frames // _SHORT
-    before_ms = _explore(explorer, raws[:short])
+    _explore(before, raws[:short])
+    _explore(after, raws[:short])
     resident = psutil.Process().memory_info().rss
-    after_ms = _explore(explorer, raws[short:])
+    _explore(after, raws[short:])
     grown = psutil.Process().memory_info().rss - resident
+    times = Timings.of(
+        [_farther(before), _farther(after)], compared=[(1, 0)], clock=time.process_time
+    )
+    before_ms, after_ms = (1e3 * times.median(way) / _IN_TURN for way in range(2))
     return [
         Figure("explore_ms", after_ms, f"a frame after {frames} places", at_most=_BUDGET_MS),
         Figure("explore_short_ms", before_ms, f"a frame after {short} places"),
         Figure(
             "explore_growth",
-            after_ms / before_ms,
+            times.ratio(1, 0),
             f"how many times as long, with {_SHORT} times the places",
             at_most=_SHORT,
         ),
@@ -39,16 +47,13 @@ def bench_explore(frames: int) -> list[Figure]:
     ]
 
 
-def _explore(explorer: Explorer, raws: NDArray[np.float32]) -> float:
-    """Explore these frames; return the mean computing time of the last of them, milliseconds."""
-    for raw in raws[:-_MEAN_OF]:
-        _update(explorer, raw)
-    start = time.process_time()
-    for raw in raws[-_MEAN_OF:]:
-        _update(explorer, raw)
-    return (time.process_time() - start) / _MEAN_OF * 1e3
+def _farther(explorer: Explorer) -> Callable[[], None]:
+    """Return what explores some more frames, which are new places, at each call."""
+    seeds = count(1)
+    return lambda: _explore(explorer, random_walk(_IN_TURN, _DIMENSIONS, seed=next(seeds)))
 
 
-def _update(explorer: Explorer, raw: NDArray[np.float32]) -> None:
-    explorer.update(raw)
-    explorer.smoothed()
+def _explore(explorer: Explorer, raws: NDArray[np.float32]) -> None:
+    for raw in raws:
+        explorer.update(raw)
+        explorer.smoothed()

@@ -12,12 +12,15 @@ from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started
 from placefield_tools.bench.load import Answers, LiveCamera, play
+from placefield_tools.bench.ratio import Ratio
 from placefield_tools.bench.street_frames import street_frames
+from placefield_tools.bench.timing import repeat
 from placefield_tools.common.own_command import PLACEFIELD
 
 CAMERAS = 16
 _RATE = 10.0  # frames per second and camera
-_SECONDS = 10.0
+_SECONDS = 5.0  # of a turn
+_LIMIT_S = 120.0
 _WARM_UP_S = 2.0
 _FRAMES = 640  # of the route that they drive
 _SIZE = (320, 240)
@@ -35,6 +38,13 @@ class Load:
 
     answers: Answers
     cpu_s: float
+
+    @classmethod
+    def of_all(cls, turns: "Sequence[Load]") -> "Load":
+        """Return what the services did in all turns together."""
+        latencies = np.concatenate([turn.answers.latencies for turn in turns])
+        answers = Answers(sum(turn.answers.sent for turn in turns), latencies)
+        return cls(answers, sum(turn.cpu_s for turn in turns))
 
     def figures(self, prefix: str, whose: str, *, at_most: float | None = None) -> list[Figure]:
         """Make figures of it; the bar is on the frames lost."""
@@ -56,37 +66,66 @@ class Load:
 def camera_figures(map_path: Path) -> list[Figure]:
     """Measure 16 cameras at 10 frames/s, JPEGs of 320 x 240, through one set and through 16.
 
+    Both layouts run all the time, and serve the cameras in turn.
+
     Args:
         map_path: of a map.
     """
     frames = street_frames(_FRAMES, size=_SIZE, shift=8)
     runs = [f"camera{number}" for number in range(CAMERAS)]
-    together = _load(map_path, [runs], frames)
-    separate = _load(map_path, [[run] for run in runs], frames)
-    return load_figures(together, separate)
+    turns: list[tuple[Load, Load]] = []
+    with (
+        _serving(map_path, [runs]) as together,
+        _serving(map_path, [[run] for run in runs]) as separate,
+    ):
+        for layout in (together, separate):
+            layout.play(frames, _WARM_UP_S)
+
+        def in_turn() -> list[float]:
+            turns.append((together.play(frames, _SECONDS), separate.play(frames, _SECONDS)))
+            return [load.cpu_ms for load in turns[-1]]
+
+        repeat(in_turn, [(1, 0)], limit_s=_LIMIT_S)
+    return load_figures(turns)
 
 
-def load_figures(together: Load, separate: Load) -> list[Figure]:
-    """Compare the cameras' frames through one set of services with those through a set each."""
+def load_figures(turns: Sequence[tuple[Load, Load]]) -> list[Figure]:
+    """Compare, turn by turn, one set of services for all cameras with a set for each camera."""
+    together, separate = (Load.of_all(loads) for loads in zip(*turns, strict=True))
+    cpu_ms = np.array([[load.cpu_ms for load in turn] for turn in turns])
     return [
         *together.figures("cameras", "one set of services for 16 cameras", at_most=0),
         *separate.figures("cameras_separate", "16 sets of services"),
         Figure(
             "cameras_cpu_ratio",
-            separate.cpu_ms / together.cpu_ms,
+            Ratio.of(cpu_ms[:, 1], cpu_ms[:, 0]),
             "computing time per answered frame, 16 sets over one",
         ),
     ]
 
 
-def _load(map_path: Path, sets: Sequence[Sequence[str]], frames: Sequence[bytes]) -> Load:
-    """Publish the frames of all cameras to sets of services; each set serves some runs."""
+class _Layout:
+    """Cameras, and the sets of services that serve them."""
+
+    def __init__(self, chains: Sequence[Chain], cameras: Sequence[LiveCamera]) -> None:
+        self._chains, self._cameras = chains, cameras
+
+    def play(self, frames: Sequence[bytes], seconds: float) -> Load:
+        """Publish frames of all cameras for so long."""
+        before = self._cpu_seconds()
+        answers = play(self._cameras, frames, rate=_RATE, seconds=seconds)
+        return Load(answers, self._cpu_seconds() - before)
+
+    def _cpu_seconds(self) -> float:
+        return sum(chain.cpu_seconds() for chain in self._chains)
+
+
+@contextmanager
+def _serving(map_path: Path, sets: Sequence[Sequence[str]]) -> Iterator[_Layout]:
+    """Start sets of services; each set serves some runs."""
     commands = [_up(map_path, runs) for runs in sets]
     with started(commands) as chains, _cameras(chains, sets) as cameras:
-        play(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)
-        before = sum(chain.cpu_seconds() for chain in chains)
-        answers = play(cameras, frames, rate=_RATE, seconds=_SECONDS)
-        return Load(answers, sum(chain.cpu_seconds() for chain in chains) - before)
+        yield _Layout(chains, cameras)
 
 
 def _up(map_path: Path, runs: Sequence[str]) -> list[str]:
