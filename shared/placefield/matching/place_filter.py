@@ -15,7 +15,6 @@ hypothesis: the same places in reverse order, which chance follows as often.
 import math
 from collections.abc import Sequence
 from functools import reduce
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,7 @@ from placefield.matching.motion import (
 )
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, speeds_of
-from placefield.matching.odometry_kernel import spread
+from placefield.matching.odometry_kernel import Rolled, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.pieces import Pieces
 from placefield.matching.roads import LINE, Roads, RouteCells
@@ -55,20 +54,6 @@ from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace, mos
 _NOVEL = 0.25  # the evidence of a frame of at least this novelty counts in full
 
 Vector = NDArray[np.float64]
-
-
-class Rolled(NamedTuple):
-    """The transition from one frame to the next by odometry.
-
-    Attributes:
-        pace: places per frame.
-        speeds: (S,) float32, chance of each speed.
-        found: (2, S) float32, see ``Transition``.
-    """
-
-    pace: float
-    speeds: Array
-    found: Array
 
 
 class PlaceFilter:

@@ -23,9 +23,9 @@ from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import LOSE, REACH, SPEEDS, Array, StepLengths
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement
-from placefield.matching.odometry_kernel import spread
+from placefield.matching.odometry_kernel import Rolled, spread
 from placefield.matching.partial_results import FilterPartial
-from placefield.matching.place_filter import PlaceFilter, Rolled
+from placefield.matching.place_filter import PlaceFilter
 from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.search.inverted import least_of
 
