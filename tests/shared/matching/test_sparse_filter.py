@@ -1,5 +1,6 @@
 """The filter of a large map, beside that of all places."""
 
+import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -217,3 +218,21 @@ def test_a_vehicle_that_nobody_saw_for_long_may_be_anywhere() -> None:
     few, every = both(metric_on(topology, places), topology, frames)
     assert_the_same_beliefs(few, every, COUNT, 0.02)
     assert few.at_once[-1].place == 3009
+
+
+def test_a_frame_takes_no_memory_for_places_that_are_not_active() -> None:
+    """The filter of all places has 144 bytes for each."""
+    count, topology = 100_000, Topology.line(100_000)
+    places = unit_length(np.random.default_rng(1).normal(size=(count, 8)))
+    metric = identity_metric(places, coarse=True)
+    shard = ChannelShard(channel_of(metric), MatchingConfig(), topology=topology)
+    matcher, compare = shard.new_matcher(), MetricPlaces(metric, exact=False).compare
+    for frame in compare(places[:30]):
+        matcher.update(frame)
+    tracemalloc.start()
+    for frame in compare(places[30:60]):
+        matcher.update(frame)
+    kept, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept < 2e6
+    assert peak < 40 * count
