@@ -37,7 +37,7 @@ def carried_to_active(
     places, belief = kept
     carried = np.zeros((2, 2, len(first)), np.float32)
     carry(_rows(first, places), belief.T.copy(), merged, displacement, 0, carried)
-    return carried[:, :, _rows(first, active)]
+    return np.take(carried, _rows(first, active), axis=2)
 
 
 def staying(roads: Roads, displacement: Displacement) -> float:

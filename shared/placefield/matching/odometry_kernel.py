@@ -9,7 +9,7 @@ from placefield.kernels import kernel, sum_of
 from placefield.matching.motion import Array
 
 
-class Rolled(NamedTuple):
+class OdometryTransition(NamedTuple):
     """The transition from one frame to the next by odometry.
 
     Attributes:

@@ -45,7 +45,7 @@ from placefield.matching.motion import (
 )
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, speeds_of
-from placefield.matching.odometry_kernel import Rolled, spread
+from placefield.matching.odometry_kernel import OdometryTransition, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.pieces import Pieces
 from placefield.matching.roads import LINE, Roads, RouteCells
@@ -201,20 +201,20 @@ class PlaceFilter:
         """Predict by odometry, which gives the speed on the map and when lost, and update."""
         by_place = self._by_place * np.float32((1 - LOSE) / self._total)
         carried = carried_to(self._own, by_place, self._last_trace, self._roads, displacement)
-        rolled = self._predict_lost_by_odometry(displacement.pace / cells.spacing)
+        transition = self._predict_lost_by_odometry(displacement.pace / cells.spacing)
         return spread(
             self._belief,
             carried,
-            self._step_likelihoods(self._apart, rolled.pace),
-            rolled.speeds,
-            rolled.found,
+            self._step_likelihoods(self._apart, transition.pace),
+            transition.speeds,
+            transition.found,
             ratios,
             full_ratio,
             self._by_place,
             by_speed,
         )
 
-    def _predict_lost_by_odometry(self, pace: float) -> Rolled:
+    def _predict_lost_by_odometry(self, pace: float) -> OdometryTransition:
         """Predict the beliefs of being lost, at a pace in places per frame."""
         self._prior = self.statistics.prior.astype(np.float32)
         speeds = speeds_of(pace)
@@ -225,7 +225,7 @@ class PlaceFilter:
         still_lost = self._lost_likelihood * lost * speeds
         jumped = self._jump_likelihood * (1 - lost) * speeds
         found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
-        return Rolled(pace, speeds.astype(np.float32), found)
+        return OdometryTransition(pace, speeds.astype(np.float32), found)
 
     def _step_likelihoods(self, apart: Array, pace: float) -> Array:
         """Return the likelihood of the step at each of some places, (n,); see ``StepLengths``."""

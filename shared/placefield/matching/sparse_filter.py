@@ -23,7 +23,7 @@ from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import LOSE, REACH, SPEEDS, Array, StepLengths
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement
-from placefield.matching.odometry_kernel import Rolled, spread
+from placefield.matching.odometry_kernel import OdometryTransition, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.place_filter import PlaceFilter
 from placefield.matching.roads import LINE, Roads, RouteCells
@@ -71,7 +71,7 @@ class SparseFilter(PlaceFilter):
             roads: of the map.
         """
         super().__init__(lengths, slice(0, 0), roads)
-        self._sample, self._apart_of_sample = sample, lengths.apart[:, sample]
+        self._sample, self._apart_of_sample = sample, np.take(lengths.apart, sample, axis=1)
 
     def forget(self) -> None:
         """Reset the beliefs: the vehicle may be anywhere. The statistics of the drive stay."""
@@ -79,6 +79,7 @@ class SparseFilter(PlaceFilter):
         super().forget()
         self.kept: Places = NO_PLACES
         """The places that are kept, (m,) int32, ascending."""
+        # The sums of the beliefs in all other places, (2, S).
         self._pool: Vector = self._all_places * self._anywhere(0.5 * self._unlearned).astype(float)
 
     @property
@@ -113,11 +114,11 @@ class SparseFilter(PlaceFilter):
         cells, displacement = self._roads.cells, observation.displacement
         if not self.begun:
             self._predict_nothing()
-            of_own, of_rest = self._begun(own), self._begun(rest)
+            of_own, of_rest = self._at_first(own), self._at_first(rest)
         elif cells is not None and displacement is not None:
-            of_own, of_rest = self._rolled(own, rest, displacement, cells)
+            of_own, of_rest = self._by_odometry(own, rest, displacement, cells)
         else:
-            of_own, of_rest = self._moved(own, rest)
+            of_own, of_rest = self._by_motion(own, rest)
         return self._partial(own, of_own, of_rest)
 
     def _parts(self, evidence: Array) -> tuple[_Part, _Part]:
@@ -125,14 +126,15 @@ class SparseFilter(PlaceFilter):
         places, count = self._active.places, len(self._sample)
         at = np.minimum(np.searchsorted(places, self._sample), len(places) - 1)
         others = np.flatnonzero(places[at] != self._sample)
-        if not len(others):
+        if not len(others):  # then hardly any places are left that they represent
             others = np.arange(count)
         self._elsewhere = self._pool / max(self._all_places - len(self.kept), 1)
         belief = self._as_elsewhere(len(places))
         belief[:, :, np.searchsorted(places, self.kept)] = self._belief
-        own = _Part(belief, self._lengths.apart[:, places], evidence[count:])
+        own = _Part(belief, np.take(self._lengths.apart, places, axis=1), evidence[count:])
         belief = self._as_elsewhere(len(others))
-        return own, _Part(belief, self._apart_of_sample[:, others], evidence[:count][others])
+        apart = np.take(self._apart_of_sample, others, axis=1)
+        return own, _Part(belief, apart, evidence[:count][others])
 
     def _as_elsewhere(self, places: int) -> Array:
         """Return beliefs of so many places, (2, S, n), each as that of a place that is not kept."""
@@ -143,13 +145,13 @@ class SparseFilter(PlaceFilter):
         ratios = np.exp(self._weights[:, None] * part.evidence)
         return ratios, ratios[1] if self._weights[1] == 1 else np.exp(part.evidence)
 
-    def _begun(self, part: _Part) -> _Sums:
+    def _at_first(self, part: _Part) -> _Sums:
         """Update the beliefs of a part by the first frame, without a prediction."""
         part.belief[:] *= self._ratios(part)[0][1]
         by_speed = part.belief.sum(axis=2, dtype=np.float64)
         return _Sums(0.0, 0.0, by_speed, part.belief.sum(axis=1))
 
-    def _moved(self, own: _Part, rest: _Part) -> tuple[_Sums, _Sums]:
+    def _by_motion(self, own: _Part, rest: _Part) -> tuple[_Sums, _Sums]:
         """Predict by the motion model, and update."""
         transition, kept = self._predict_lost(), np.float32((1 - LOSE) / self._total)
         chains, elsewhere = self._roads.chains, self._elsewhere.astype(np.float32)
@@ -173,33 +175,31 @@ class SparseFilter(PlaceFilter):
         )
         return _Sums(predicted, expected, by_speed, by_place)
 
-    def _rolled(
+    def _by_odometry(
         self, own: _Part, rest: _Part, displacement: Displacement, cells: RouteCells
     ) -> tuple[_Sums, _Sums]:
         """Predict by odometry, and update."""
-        rolled, kept = (
-            self._predict_lost_by_odometry(displacement.pace / cells.spacing),
-            np.float32((1 - LOSE) / self._total),
-        )
+        transition = self._predict_lost_by_odometry(displacement.pace / cells.spacing)
+        kept = np.float32((1 - LOSE) / self._total)
         stays = staying(self._roads, displacement)
         elsewhere = np.outer((stays, 1 - stays), kept * self._elsewhere.sum(axis=1))
         elsewhere = elsewhere[:, :, None].astype(np.float32)  # from where no place is kept
         carried = elsewhere + carried_to_active(
             self._active.places, (self.kept, kept * self._by_place), self._roads, displacement
         )
-        of_own = self._spread(own, carried, rolled)
+        of_own = self._spread(own, carried, transition)
         carried = np.repeat(elsewhere, rest.belief.shape[2], axis=2)
-        return of_own, self._spread(rest, carried, rolled)
+        return of_own, self._spread(rest, carried, transition)
 
-    def _spread(self, part: _Part, carried: Array, rolled: Rolled) -> _Sums:
+    def _spread(self, part: _Part, carried: Array, transition: OdometryTransition) -> _Sums:
         by_place = np.empty((2, carried.shape[2]), np.float32)
         by_speed = np.empty((2, len(SPEEDS)))
         predicted, expected = spread(
             part.belief,
             carried,
-            self._step_likelihoods(part.apart, rolled.pace),
-            rolled.speeds,
-            rolled.found,
+            self._step_likelihoods(part.apart, transition.pace),
+            transition.speeds,
+            transition.found,
             *self._ratios(part),
             by_place,
             by_speed,
@@ -210,8 +210,8 @@ class SparseFilter(PlaceFilter):
         """Keep the likeliest places, and return the sums over all places."""
         share = (self._all_places - len(self._active.places)) / of_rest.by_place.shape[1]
         rows = least_of(-of_own.by_place.sum(axis=0), KEPT)
-        self.kept, self._belief = self._active.places[rows], own.belief[:, :, rows]
-        self._by_place = of_own.by_place[:, rows]
+        self.kept, self._belief = self._active.places[rows], np.take(own.belief, rows, axis=2)
+        self._by_place = np.take(of_own.by_place, rows, axis=1)
         belief = beliefs_at(own.belief, rows.astype(np.int32))
         own.belief[:, :, rows] = 0
         self._pool = own.belief.sum(axis=2, dtype=np.float64) + share * of_rest.by_speed

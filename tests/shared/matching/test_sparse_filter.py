@@ -107,7 +107,7 @@ def assert_the_same_beliefs(few: Answers, every: Answers, count: int, tolerance:
 
 
 @given(st.integers(2, 150), st.booleans(), st.booleans(), st.data())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_where_all_places_are_kept_the_beliefs_are_those_of_the_filter_of_all(
     count: int, knows_metres: bool, reverse: bool, data: st.DataObject
 ) -> None:
