@@ -27,10 +27,11 @@ from placefield.matching.odometry_kernel import OdometryTransition, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.place_filter import PlaceFilter
 from placefield.matching.roads import LINE, Roads, RouteCells
+from placefield.matching.trace import MOST_PLACES
 from placefield.search.inverted import least_of
 
-KEPT = 256
-"""Most places that are kept from frame to frame."""
+KEPT = MOST_PLACES
+"""Most places that are kept from frame to frame: as many as the smoother knows."""
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
