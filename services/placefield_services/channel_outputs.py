@@ -84,6 +84,6 @@ def candidates_publisher(bus: Bus, keys: Keys, identity: str, lag: int) -> Cache
     ``channel_outputs`` for the arguments.
     """
     cache = ReplayCache(2 * WINDOW + lag)
-    candidates = CachedPublisher(bus.publisher(keys.candidates(identity)), cache)
+    candidates = CachedPublisher(bus.gathering_publisher(keys.candidates(identity)), cache)
     serve_caches(bus, keys.cache(keys.all_candidates), candidates.caches)
     return candidates

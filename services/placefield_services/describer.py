@@ -14,8 +14,9 @@ from functools import partial
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import FrameMessage, RawFeatureMessage
+from placefield.bus.publishing import Publisher
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
-from placefield.bus.session import Publisher, open_bus
+from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError
 from placefield.features.descriptor_stage import DescriptorStage, FrameStage, warm_up

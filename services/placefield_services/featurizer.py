@@ -68,8 +68,8 @@ def serve_featurizer(
             moments = replicated_cache(bus, keys.cache(keys.moments), MOMENTS)
             process.answers[run] = features.cache
             outputs[run] = FeaturizerOutputs(
-                CachedPublisher(bus.publisher(keys.feature), features.cache),
-                CachedPublisher(bus.publisher(keys.moments), moments.cache),
+                CachedPublisher(bus.gathering_publisher(keys.feature), features.cache),
+                CachedPublisher(bus.newest_publisher(keys.moments), moments.cache),
                 bus.publisher(keys.unobserved),
                 features.fetch,
                 moments.fetch,

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from placefield.bus.publishing import Publisher
 from placefield.bus.replay_cache import CachedPublisher, Fetch
-from placefield.bus.session import Publisher
 from placefield_services.raw_features import RawFeatures
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield.bus.publishing import Publisher
 from placefield.bus.replay_cache import CachedPublisher
-from placefield.bus.session import Publisher
 from placefield.fusion.fusion_stage import AnyFusionStage
 from placefield.fusion.joiner import Joined
 from placefield.fusion.match import Match

@@ -99,12 +99,17 @@ class ServiceProcess:
         gc.enable()
         notify_ready()
         while not stop.is_set():
-            accepted = list(self._accept(inbox, inbox.get_batch(_POLL_S, at_once), accept))
+            received = inbox.get_batch(_POLL_S, at_once)
+            self._bus.outbox.begin()
+            accepted = list(self._accept(inbox, received, accept))
             if accepted:
                 with counting_failure(self.counts[run] for run, _ in accepted):
                     work([todo for _, todo in accepted])
             if after_batch is not None:
                 self._finish_batch(after_batch)
+            if not inbox.is_waiting or self._bus.outbox.is_due:
+                with counting_failure(self.counts.values()):
+                    self._bus.outbox.send_all()
             self._report_if_due()
 
     def _accept(

@@ -2,11 +2,13 @@
 
 import hashlib
 import inspect
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -15,8 +17,26 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., object])
+_SCIPY_BLAS = "scipy.linalg.cython_blas"
 
 _LANES = 64  # interleaved results, so that the compiler can vectorise
+
+
+def _load_numba_without_scipy() -> None:
+    """Load numba's array functions without SciPy's linear algebra, whose import takes 0.2 s.
+
+    numba imports it as it loads them, and then uses it for correlations alone. Kernels have none.
+    """
+    modules: dict[str, ModuleType | None] = cast(Any, sys.modules)
+    if _SCIPY_BLAS in modules:
+        return
+    modules[_SCIPY_BLAS] = None  # an import of it fails at once
+    with suppress(ImportError):
+        import_module("numba.np.arraymath")
+    del modules[_SCIPY_BLAS]
+
+
+_load_numba_without_scipy()
 
 
 class _CacheFile(IndexDataCacheFile):
@@ -62,7 +82,7 @@ class _Cache(FunctionCache):
             called = getattr(named, "_cache", None)
             if isinstance(called, _Cache):
                 self.sources |= {_digest(called.file), *called.sources}
-            elif isinstance(named, (int, float, np.ndarray)):
+            elif isinstance(named, (int, float, np.generic, np.ndarray)):
                 self.sources.add(f"{name} = {np.asarray(named).tolist()}")
         self.file: str = function.__code__.co_filename
 
@@ -106,6 +126,22 @@ def sum_of(values: NDArray[np.floating[Any]]) -> float:
     total = 0.0
     for j in range(_LANES):
         total += sums[j]
+    return total
+
+
+@kernel
+def pairwise_sum(values: NDArray[np.float64]) -> float:
+    """Sum up to 128 values (n,) to the same bits as ``np.sum``: eight sums, added in pairs."""
+    total, even = 0.0, len(values) - len(values) % 8
+    if even > 0:
+        sums = values[:8].copy()
+        for i in range(8, even):
+            sums[i % 8] += values[i]
+        total = ((sums[0] + sums[1]) + (sums[2] + sums[3])) + (
+            (sums[4] + sums[5]) + (sums[6] + sums[7])
+        )
+    for i in range(even, len(values)):
+        total += values[i]
     return total
 
 

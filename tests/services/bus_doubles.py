@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from placefield.bus.inbox import Received
 from placefield.bus.message import Header, Message
+from placefield.bus.publishing import Publisher
 from placefield.bus.replay_cache import Fetched
-from placefield.bus.session import Publisher
 from placefield_services.background_query import NotYet
 
 

@@ -9,6 +9,7 @@ from bus_doubles import header, received
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Message
+from placefield.bus.publishing import Outbox
 from placefield.bus.session import Bus
 from placefield_services.notifying import NOTIFY_SOCKET, notify_alive, notify_ready
 from placefield_services.process import ServiceProcess
@@ -17,7 +18,8 @@ from placefield_services.process import ServiceProcess
 class SilentBus(Bus):
     """A bus without readers."""
 
-    def __init__(self) -> None: ...
+    def __init__(self) -> None:
+        self.outbox = Outbox()
 
     def put(self, key: str, message: Message) -> None: ...
 

@@ -14,6 +14,7 @@ from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Message
 from placefield.bus.messages import StatsMessage
+from placefield.bus.publishing import Outbox
 from placefield.bus.replay_cache import ReplayCache
 from placefield.bus.session import Bus
 from placefield.errors import MessageError
@@ -28,6 +29,7 @@ class QuietBus(Bus):
     """A bus with only one process."""
 
     def __init__(self) -> None:
+        self.outbox = Outbox()
         self.published: list[tuple[str, Message]] = []
         self.dropped: list[str] = []
 
@@ -93,6 +95,32 @@ def test_a_message_that_cannot_be_handled_yet_delays_only_its_run(
     assert [sequence for run, sequence in accepted if run == "test"] == [0, 1, 2, 3]
     assert [sequence for run, sequence in accepted if run == "other"] == [0, 1, 2, 3]
     assert process.counts == {"test": {"received": 4}, "other": {"received": 4}}
+
+
+def test_answers_wait_in_the_outbox_while_messages_wait_in_the_inbox(
+    bus: QuietBus, process: ServiceProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handled, sent_after = 0, []
+
+    def accept(message: Received) -> None:
+        nonlocal handled
+        handled += 1
+
+    monkeypatch.setattr(bus.outbox, "send_all", lambda: sent_after.append(handled))
+    monkeypatch.setattr(Outbox, "is_due", False)
+    serve(process, accept, messages_of(2 * AT_ONCE))
+    assert sent_after == [2 * AT_ONCE]
+
+
+def test_an_answer_that_cannot_be_sent_stops_nothing_and_is_counted(
+    bus: QuietBus, process: ServiceProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(bus.outbox, "send_all", fail)
+    serve(process, lambda message: None, messages_of(1))
+    assert process.counts["test"] == {"received": 1, "failed": 1}
 
 
 def test_messages_that_do_not_parse_or_fail_stop_nothing_and_are_counted(

@@ -242,7 +242,7 @@ def test_not_a_number_is_no_raw_feature(run: Run) -> None:
     run.both_are_known()
     run.leave(3)
     bad = np.array([1, np.nan, 1], np.float32)
-    run.send("a", 3, RawFeatureMessage.model_construct(version=2, model="model", raw=bad))
+    run.send("a", 3, RawFeatureMessage.model_construct(version=3, model="model", raw=bad))
     assert run.take(3) is None
     assert run.counts["malformed"] == 1
 

@@ -1,11 +1,15 @@
 """A host that several tests use, and a query that is not all well."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from shutil import copytree
+from typing import TYPE_CHECKING
 
 import pytest
 from hosting import UNREADABLE, Host, Listener
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 
 @pytest.fixture(scope="session")
@@ -29,8 +33,21 @@ def listener(host: Host) -> Iterator[Listener]:
 @pytest.fixture(scope="session")
 def damaged_dir(made_up: Path, mixed_dir: Path) -> Path:
     """The query of all sorts of frames, some of which cannot be read."""
-    damaged = copytree(mixed_dir, made_up / "damaged")
+    damaged = shutil.copytree(mixed_dir, made_up / "damaged")
     files = sorted(damaged.iterdir())
     for number, size in UNREADABLE.items():
         files[number].write_bytes(files[number].read_bytes()[:size])
     return damaged
+
+
+@pytest.fixture(scope="session")
+def browser() -> "Iterator[Browser]":
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(names)}")
+    with playwright.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()

@@ -25,6 +25,9 @@ from placefield.maps.map import Map
 RATE = "12"
 """Frames a second: a service that was killed is back before the last of them."""
 
+LAPS = 6
+"""How often the route is driven in a stream that is as fast as the services are."""
+
 CHANNELS = ("--channel", "0", "--channel", "1", "--channel", "2")
 
 BEFORE = 15
@@ -48,9 +51,12 @@ def smoothed(route_map: Map, query_dir: Path) -> list[Smoothed]:
 
 
 @contextmanager
-def replaying(endpoint: str, frames: Path, logs: Path) -> Iterator[Process]:
-    """Replay inside the block, and to its end."""
-    command = "replay", frames, "--rate", RATE, "--endpoint", endpoint
+def replaying(
+    endpoint: str, frames: Path, logs: Path, rate: str | None = RATE
+) -> Iterator[Process]:
+    """Replay inside the block, and to its end; without a rate as fast as it is answered."""
+    limit = () if rate is None else ("--rate", rate)
+    command = "replay", frames, *limit, "--endpoint", endpoint
     with Process(logs, *command) as replay:
         yield replay
         wait_until(lambda: not replay.runs, "the replay is over")
@@ -73,6 +79,26 @@ def test_a_service_that_is_killed_costs_no_frame_and_no_bit_of_an_answer(
         answers = first + listener.answers(first=BEFORE)
         assert smoothed_of(listener.smoothed(answers[0][0].stream)) == smoothed
     assert answers_of(answers) == undisturbed
+
+
+@pytest.mark.parametrize("service", ["featurizer", "fuser"])
+def test_a_service_that_is_killed_in_a_backlog_costs_no_frame_and_no_bit_of_an_answer(
+    tmp_path: Path, host: Host, route_map: Map, query_dir: Path, service: str
+) -> None:
+    laps = tmp_path / "laps"
+    laps.mkdir()
+    frames = sorted(query_dir.iterdir()) * LAPS
+    linked = [laps / f"{number:04}.jpg" for number in range(len(frames))]
+    for link, frame in zip(linked, frames, strict=True):
+        link.symlink_to(frame)
+    with host.listener() as listener, replaying(host.endpoint, laps, tmp_path, rate=None):
+        first = listener.answers(count=BEFORE)
+        for process in host.service(service):
+            process.kill()
+        answers = first + listener.answers(first=BEFORE)
+        smoothed = smoothed_of(listener.smoothed(answers[0][0].stream))
+    assert answers_of(answers) == offline(route_map, linked)
+    assert smoothed == smoothed_offline(route_map, linked)
 
 
 def test_if_all_caches_of_a_stream_are_killed_at_once_later_answers_are_marked_as_forgotten(

@@ -50,6 +50,20 @@ def test_a_plan_as_json_is_one_object_with_the_names_that_were_given(map_path: P
         assert process["command"].startswith(f"placefield {process['service']}")
 
 
+def test_a_plan_of_a_run_names_it_in_every_command_of_a_service(map_path: Path) -> None:
+    figures = json.loads(run_plan(map_path, "--run", "rear", "--json").output)
+    for process in figures["hosts"][0]["processes"]:
+        assert ("--run rear" in process["command"]) == (process["service"] != "router")
+
+
+def test_a_host_that_is_not_needed_is_named_idle_and_has_no_commands(map_path: Path) -> None:
+    ended = run_plan(map_path, "--hosts", "3", "--cores", "2")
+    assert "host3 is idle: the others suffice." in ended.output
+    assert "tcp/host3" not in ended.output
+    hosts = json.loads(run_plan(map_path, "--hosts", "3", "--cores", "2", "--json").output)["hosts"]
+    assert [host["idle"] for host in hosts] == [False, False, True]
+
+
 def test_one_host_alone_stays_on_loopback_and_a_rate_beyond_it_is_said(map_path: Path) -> None:
     ended = run_plan(map_path, "--rate", "5000")
     assert ended.exit_code == 1, ended.output

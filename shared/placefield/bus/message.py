@@ -6,11 +6,10 @@ every field: a malformed message raises ``MessageError``.
 
 from typing import Annotated, Literal, Self
 
-import msgpack
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from placefield.bus.wire import unpack
+from placefield.bus.wire import pack, unpack
 from placefield.errors import MessageError, OtherMapError
 
 MAX_BYTES = 128 * 2**20
@@ -33,12 +32,11 @@ class Strict(BaseModel):
 class Message(Strict):
     """Root of all messages."""
 
-    version: Literal[2] = 2  # of the schema
+    version: Literal[3] = 3  # of the schema
 
     def encode(self) -> bytes:
         """Return the message as msgpack."""
-        packed: bytes = msgpack.packb(self.model_dump())
-        return packed
+        return pack(vars(self))
 
     @classmethod
     def decode(cls, data: bytes) -> Self:

@@ -11,7 +11,8 @@ from itertools import chain, islice
 
 from placefield.bus.message import Header, Message
 from placefield.bus.messages import CacheQuery
-from placefield.bus.session import Bus, Publisher
+from placefield.bus.publishing import Publisher
+from placefield.bus.session import Bus
 from placefield.errors import MessageError
 
 LENGTH = 1000

@@ -13,10 +13,12 @@ from typing import Any
 
 import zenoh
 
+from placefield.bus.bundle import unpack_all
 from placefield.bus.credentials import access_control
 from placefield.bus.inbox import Received
 from placefield.bus.keys import EVERY_TOKEN, Keys, run_of
 from placefield.bus.message import MAX_BYTES, Header, Message
+from placefield.bus.publishing import GatheringPublisher, NewestPublisher, Outbox, Publisher
 from placefield.bus.settings import (
     VIEWERS,
     client_settings,
@@ -40,21 +42,6 @@ _ALIVE_S = 2.0
 _ATTEMPT_S = 0.5
 
 
-class Publisher:
-    """Publishes messages on one key. It waits, and drops nothing, when the link is congested."""
-
-    def __init__(self, publisher: zenoh.Publisher) -> None:
-        self._publisher = publisher
-
-    def put(self, header: Header, message: Message | None = None) -> None:
-        """Send a message with its header; no message at the end of a stream."""
-        self.send(header, message.encode() if message else b"")
-
-    def send(self, header: Header, payload: bytes) -> None:
-        """Send an encoded message."""
-        self._publisher.put(payload, attachment=header.encode())
-
-
 class Bus:
     """A session: publishers, subscriptions and liveliness tokens."""
 
@@ -62,16 +49,34 @@ class Bus:
         self._session = session
         self._declared: list[Any] = []  # Zenoh undeclares an object that has no reference left
         self._last_logged = -_LOG_EVERY_S
+        self.outbox = Outbox()
+        """The messages of the publishers that gather."""
 
     @property
     def identity(self) -> str:
         """The Zenoh identity of this session."""
         return str(self._session.zid())
 
+    @property
+    def connected(self) -> bool:
+        """Whether the session has a link to a router now."""
+        return bool(self._session.info.routers_zid())
+
     def publisher(self, key: str) -> Publisher:
         """Declare a publisher of a key."""
-        return Publisher(
-            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+        return Publisher(self._declare_publisher(key))
+
+    def gathering_publisher(self, key: str) -> Publisher:
+        """Declare a publisher of a key whose messages travel together, by way of ``outbox``."""
+        return GatheringPublisher(self._declare_publisher(key), self.outbox)
+
+    def newest_publisher(self, key: str) -> Publisher:
+        """Declare a publisher of a key of which only the newest message in ``outbox`` is sent."""
+        return NewestPublisher(self._declare_publisher(key), self.outbox)
+
+    def _declare_publisher(self, key: str) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.BLOCK
         )
 
     def put(self, key: str, message: Message) -> None:
@@ -96,27 +101,30 @@ class Bus:
         Each key has its own thread. With ``in_turn`` several keys share one thread, so that their
         messages are received in the order in which they were sent.
 
-        A message without a valid header is dropped and counted as ``malformed``. So is a message
-        that was put on many keys at once. With ``ends_empty`` so is the end of a stream that has a
-        payload.
+        A message without a valid header is dropped and counted as ``malformed``; a bundle is as a
+        whole. So is a message that was put on many keys at once. With ``ends_empty`` so is the end
+        of a stream that has a payload.
         """
 
         def call(sample: zenoh.Sample) -> None:
-            try:
-                _check_key(str(sample.key_expr))
-                attachment = sample.attachment
-                header = Header.decode(attachment.to_bytes() if attachment else b"")
-                if len(sample.payload) > MAX_BYTES:
-                    raise MessageError(f"{len(sample.payload)} bytes, more than {MAX_BYTES}")
-                if ends_empty and header.end and len(sample.payload):
-                    raise MessageError("the end of a stream has no payload")
-                receive(Received(str(sample.key_expr), header, sample.payload.to_bytes()))
-            except MessageError as error:
-                counts["malformed"] += 1
-                self.log_dropped(str(sample.key_expr), error)
+            key, attachment = str(sample.key_expr), sample.attachment
+            with self._counting_malformed(key, counts):
+                _check_key(key)
+                header = attachment.to_bytes() if attachment else b""
+                for message in unpack_all(header, sample.payload.to_bytes()):
+                    with self._counting_malformed(key, counts):
+                        receive(_received(key, *message, ends_empty=ends_empty))
 
         handler = zenoh.handlers.Callback(call, indirect=not in_turn)
         self._declared.append(self._session.declare_subscriber(key, handler))
+
+    @contextmanager
+    def _counting_malformed(self, key: str, counts: Counter[str]) -> Iterator[None]:
+        try:
+            yield
+        except MessageError as error:
+            counts["malformed"] += 1
+            self.log_dropped(key, error)
 
     def subscribe_raw(self, key: str, receive: Callable[[str, bytes], None]) -> None:
         """Call ``receive(key, payload)`` for each message on a key, on the bus's thread."""
@@ -334,6 +342,17 @@ def _open(attempts: Iterator[zenoh.Config], failure: str) -> Iterator[Bus]:
             yield Bus(session)
         return
     raise BusError(failure)
+
+
+def _received(key: str, header: Header, payload: bytes, *, ends_empty: bool) -> Received:
+    """Return a received message.
+
+    Raises:
+        MessageError: it is the end of a stream, has a payload, and ``ends_empty``.
+    """
+    if ends_empty and header.end and payload:
+        raise MessageError("the end of a stream has no payload")
+    return Received(key, header, payload)
 
 
 def _check_key(key: str) -> None:

@@ -1,12 +1,13 @@
 """Arrays and containers in messages: raw bytes with dtype and shape, and limits on the size."""
 
 import itertools
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PlainSerializer, PlainValidator
+from pydantic import PlainValidator
 
 # Large data come as bytes, so a message has few and short lists and mappings. Without these limits
 # the message of an untrusted client could become objects of a hundred times its size.
@@ -20,6 +21,21 @@ _DTYPES = {
     "float32": np.float32,
     "float64": np.float64,
 }
+_NAMES = {np.dtype(kind): name for name, kind in _DTYPES.items()}
+
+
+def pack(fields: Mapping[str, Any]) -> bytes:
+    """Write the fields of a message as msgpack."""
+    packed: bytes = msgpack.packb(fields, default=_to_wire)
+    return packed
+
+
+def _to_wire(value: Any) -> Mapping[str, Any]:
+    """Return an array, or a part of a message, as fields."""
+    if isinstance(value, np.ndarray):
+        return {"dtype": _NAMES[value.dtype], "shape": value.shape, "data": value.tobytes()}
+    fields: Mapping[str, Any] = vars(value)
+    return fields
 
 
 def unpack(data: bytes) -> Any:
@@ -32,10 +48,6 @@ def unpack(data: bytes) -> Any:
         return container
 
     return msgpack.unpackb(data, use_list=False, list_hook=count, object_hook=count, **_LIMITS)
-
-
-def _array_to_wire(array: NDArray[Any]) -> dict[str, Any]:
-    return {"dtype": array.dtype.name, "shape": array.shape, "data": array.tobytes()}
 
 
 def _array_from_wire(value: Any) -> NDArray[Any]:
@@ -97,25 +109,9 @@ def _image(value: Any) -> bytes | NDArray[np.uint8]:
     return array
 
 
-def _image_to_wire(image: bytes | NDArray[np.uint8]) -> Any:
-    return image if isinstance(image, bytes) else _array_to_wire(image)
-
-
-FloatVector = Annotated[
-    NDArray[np.float32], PlainValidator(_float_vector), PlainSerializer(_array_to_wire)
-]
-Descriptor = Annotated[
-    NDArray[np.float16] | NDArray[np.float32],
-    PlainValidator(_descriptor),
-    PlainSerializer(_array_to_wire),
-]
-IndexVector = Annotated[
-    NDArray[np.int32], PlainValidator(_index_vector), PlainSerializer(_array_to_wire)
-]
-NumberVector = Annotated[
-    NDArray[np.float64], PlainValidator(_number_vector), PlainSerializer(_array_to_wire)
-]
-Sums = Annotated[NDArray[np.float64], PlainValidator(_sums), PlainSerializer(_array_to_wire)]
-Image = Annotated[
-    bytes | NDArray[np.uint8], PlainValidator(_image), PlainSerializer(_image_to_wire)
-]
+FloatVector = Annotated[NDArray[np.float32], PlainValidator(_float_vector)]
+Descriptor = Annotated[NDArray[np.float16] | NDArray[np.float32], PlainValidator(_descriptor)]
+IndexVector = Annotated[NDArray[np.int32], PlainValidator(_index_vector)]
+NumberVector = Annotated[NDArray[np.float64], PlainValidator(_number_vector)]
+Sums = Annotated[NDArray[np.float64], PlainValidator(_sums)]
+Image = Annotated[bytes | NDArray[np.uint8], PlainValidator(_image)]

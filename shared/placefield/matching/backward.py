@@ -16,13 +16,12 @@ from placefield.matching.motion import (
     SPEEDS,
     Array,
     StepLengths,
-    motion,
     step_likelihood,
 )
 from placefield.matching.odometry import Displacement, speeds_of
 from placefield.matching.roads import LINE, Roads, RouteCells
 from placefield.matching.smooth_kernel import step_back, weigh
-from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace
+from placefield.matching.trace import ObservedTransition, Trace
 
 Vector = NDArray[np.float64]
 
@@ -66,7 +65,9 @@ class BackwardPass:
             lengths: of steps on the whole map.
             roads: of the whole map.
         """
-        self._lengths, self._roads, self._motion = lengths, roads, motion()
+        self._lengths, self._roads, chains = lengths, roads, roads.chains
+        passages = chains.ahead, chains.behind
+        self._passages = passages if any(len(each.source) for each in passages) else None
 
     def grow(self, lengths: StepLengths) -> None:
         """Replace the lengths of steps: the map has more places."""
@@ -81,19 +82,17 @@ class BackwardPass:
         cells = self._roads.cells
         if cells is not None and later.displacement is not None:
             return self._back_by_odometry(later.displacement, cells, later.transit, message, trace)
-        before = np.empty_like(trace.belief)
-        lost = step_back(
+        placed, lost = step_back(
             later.transit,
             message.placed,
             message.lost,
             self._lengths.apart,
             self._lengths.stationary,
-            self._motion,
-            self._roads.chains,
+            self._roads.chains.edges,
+            self._passages,
             trace.places,
-            before,
         )
-        return BackwardMessage(before, lost)
+        return BackwardMessage(placed, lost)
 
     def _back_by_odometry(
         self,
@@ -123,7 +122,5 @@ class BackwardPass:
 
 def posterior(trace: Trace, message: BackwardMessage) -> Posterior:
     """Return the smoothed posterior of a frame, given its backward message."""
-    belief = np.empty(len(trace.places), np.float32)
-    too_fast = weigh(trace.belief, message.placed, trace.lost, message.lost, belief)
-    kept = np.flatnonzero(belief >= min(np.float32(NEGLIGIBLE), belief.max()))
-    return Posterior(trace.places[kept], belief[kept], too_fast)
+    smoothed = weigh(trace.places, trace.belief, message.placed, trace.lost, message.lost)
+    return Posterior(*smoothed)

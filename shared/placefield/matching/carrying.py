@@ -81,8 +81,7 @@ def carried_to(
     assert roads.cells is not None
     carried = np.zeros((2, *by_place.shape), np.float32)
     least = NEGLIGIBLE / len(roads.cells.middles)
-    picked = np.empty(by_place.shape[1], np.int32)
-    inside = picked[: pick(by_place[0] + by_place[1], least, picked)]
+    inside = pick(by_place[0] + by_place[1], least)
     first = own.start
     places, belief = inside + np.int32(first), by_place.T[inside].copy()
     carry(places, belief, roads, displacement, first, carried)

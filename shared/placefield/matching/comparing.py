@@ -127,12 +127,11 @@ class MetricPlaces:
         distances = products(metric.places, descriptors)
         looks = metric.looks
         looked = None if looks is None else products(looks.descriptors, descriptors)
+        deviations = _to_all_distances(distances, metric.squares, descriptors).tolist()
         for number, (vector, row) in enumerate(zip(descriptors, distances, strict=True)):
-            _to_distances(row, 1.0, metric.squares, vector)
-            deviation = _deviation(row)
             if looks is not None and looked is not None:
                 _lower(looked[number], 1.0, looks, vector, row)
-            yield Comparison(metric, vector, row, deviation)
+            yield Comparison(metric, vector, row, deviations[number])
 
     def _coarsely(self, descriptors: Quantized) -> Iterator[Comparison]:
         metric, coarse, project_coarsely = self._metric, self._metric.coarse, self._project_coarsely
@@ -232,6 +231,18 @@ def _to_distances(
     for place in range(len(products)):
         product = np.int32(unit * products[place])
         products[place] = np.int32(place_squares[place] + square - 2 * product)
+
+
+@kernel
+def _to_all_distances(
+    products: Distances, place_squares: NDArray[np.int32], descriptors: Quantized
+) -> NDArray[np.float64]:
+    """Turn products, (B, K), into squared distances, and return their standard deviations, (B,)."""
+    deviations = np.empty(len(products))
+    for b in range(len(products)):
+        _to_distances(products[b], 1.0, place_squares, descriptors[b])
+        deviations[b] = _deviation(products[b])
+    return deviations
 
 
 @kernel

@@ -5,6 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.kernels import kernel, pairwise_sum
+from placefield.matching.motion import Array
+
 Vector = NDArray[np.float64]
 
 _FORGET = 0.99  # of a frame's weight is left at the next
@@ -27,13 +30,9 @@ class DriveStatistics:
         self._evidence, self._weight = 0.0, 0.0
 
     @property
-    def prior(self) -> Vector:
+    def prior(self) -> Array:
         """Chance of each speed after a change, (S,), learned: a drive keeps its frame rate."""
-        count = float(self._speeds.sum())
-        if count == 0:
-            return self._prior
-        learned = (1 - _BASE) * count / (count + _UNLEARNED)
-        return np.asarray((1 - learned) * self._prior + learned * self._speeds / count)
+        return _learned(self._prior, self._speeds)
 
     @property
     def lost_evidence(self) -> float:
@@ -65,3 +64,13 @@ class DriveStatistics:
         nats = math.log(max(ratio, _LEAST_RATIO))
         self._evidence = _FORGET * self._evidence + was_on_map * novelty * nats
         self._weight = _FORGET * self._weight + was_on_map * novelty
+
+
+@kernel
+def _learned(prior: Vector, speeds: Vector) -> Array:
+    """Return the chance of each speed, (S,) float32, from the prior and the speeds so far."""
+    count = pairwise_sum(speeds)
+    if count == 0:
+        return prior.astype(np.float32)
+    learned = (1 - _BASE) * count / (count + _UNLEARNED)
+    return ((1 - learned) * prior + learned * speeds / count).astype(np.float32)

@@ -16,8 +16,8 @@ _BEYOND = 0.02  # weight of a place's evidence beyond the bound
 
 
 @kernel
-def nearness(distances: Distances, first: int, near: Distances) -> None:
-    """Write twice the squared distance of places (K,) from a frame.
+def nearness(distances: Distances, first: int, count: int) -> Distances:
+    """Return twice the squared distance of places (K,) from a frame, (K,) int32.
 
     It is the mean of the place's own distance and the least distance of the place and its two
     neighbours, because a frame between two places is far from both.
@@ -25,9 +25,9 @@ def nearness(distances: Distances, first: int, near: Distances) -> None:
     Args:
         distances: (n,) int32, squared; neighbours before and after the places may be included.
         first: index of the first place in ``distances``.
-        near: (K,) int32, receives the result.
+        count: K.
     """
-    count, last = len(near), len(distances) - 1
+    near, last = np.empty(count, np.int32), len(distances) - 1
     here = distances[first : first + count]
     inner, own, behind = near[1:], here[1:], here[2:]
     for i in range(count - 2):
@@ -36,6 +36,7 @@ def nearness(distances: Distances, first: int, near: Distances) -> None:
     for i in (0, count - 1):
         before, after = distances[max(first + i - 1, 0)], distances[min(first + i + 1, last)]
         near[i] = np.int32(here[i] + min(before, here[i], after))
+    return near
 
 
 @kernel
@@ -46,9 +47,9 @@ def evidence_of(
     nats: float,
     lost: float,
     unmapped: float,
-    evidence: Array,
-) -> None:
-    """Write the evidence of a frame at places (K,), see ``Observation``.
+    most: float,
+) -> Array:
+    """Return the evidence of a frame at places (K,) float32, see ``Observation``.
 
     No place can be likelier than the average one by more than the number of places. A sample may
     miss the observed place; the nearest place still counts most.
@@ -60,7 +61,7 @@ def evidence_of(
         nats: by which a frame is less likely where ``near`` is one more.
         lost: nats by which a frame is likelier when lost than at an average place.
         unmapped: fraction of places, beside those of the map, that are half alike.
-        evidence: (K,) float32, receives it.
+        most: evidence beyond so many nats counts for little.
     """
     least = sample[0]
     for i in range(0, len(sample), every):
@@ -73,17 +74,12 @@ def evidence_of(
     if unmapped > 0:
         mean += unmapped * math.exp(-nats * (_UNMAPPED_NEAR - least))
     average = np.float32(math.log(mean) + lost)
-    slope = np.float32(-nats)
+    slope, highest, beyond = np.float32(-nats), np.float32(most), np.float32(_BEYOND)
+    evidence = np.empty(len(near), np.float32)
     for i in range(len(near)):
-        evidence[i] = slope * np.float32(np.int32(near[i] - least)) - average
-
-
-@kernel
-def bound(evidence: Array, most: float) -> None:
-    """Let evidence, (K,) float32, count for little beyond so many nats."""
-    highest, beyond = np.float32(most), np.float32(_BEYOND)
-    for i in range(len(evidence)):
-        evidence[i] = min(evidence[i], highest + beyond * (evidence[i] - highest))
+        nats_of_place = slope * np.float32(np.int32(near[i] - least)) - average
+        evidence[i] = min(nats_of_place, highest + beyond * (nats_of_place - highest))
+    return evidence
 
 
 @kernel

@@ -5,14 +5,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.kernels import kernel, sum_of
+from placefield.kernels import kernel
 from placefield.matching.motion import REACH, SPEEDS, Array, Motion, step_likelihood
 
 _BLOCK = 1024  # places whose beliefs stay in the cache from one loop to the next
-_LANES = 128  # partial sums of a block that are added side by side
+_LANES = 64  # pairs of partial sums of a block that are added side by side
+# Indices are unsigned. A signed one may count from the end, so loops over it are not vectorised.
+_ONE, _TWO, _REACH, _HYPOTHESES = np.uint64(1), np.uint64(2), np.uint64(REACH), np.uint64(2)
 _SPEEDS = SPEEDS  # a constant of compiled code
 
 Vector = NDArray[np.float64]
+Index = int | np.uint64
+State = tuple[Index, Index]
+"""A hypothesis and a speed."""
 
 
 class Transition(NamedTuple):
@@ -36,13 +41,27 @@ class Transition(NamedTuple):
     stationary: float
 
 
+class _Beliefs(NamedTuple):
+    """The beliefs of a shard, and what updates them; see ``advance``.
+
+    Attributes:
+        belief: (2, S, K) float32.
+        by_place: (2, K) float32.
+        ratios: (2, K) float32.
+    """
+
+    belief: Array
+    by_place: Array
+    ratios: Array
+
+
 class _Block(NamedTuple):
     """A block of places, and buffers for it.
 
     Attributes:
         first: its first place.
         size: how many places it has.
-        end: where the places of its piece end.
+        within: how many there are up to the last one that a step from the block leads to.
         steps: (S, _BLOCK) float32, likelihood of the step by the place it leads to.
         changed: (_BLOCK + REACH,) float32, belief that changes its speed, in the block and after
             it.
@@ -50,9 +69,9 @@ class _Block(NamedTuple):
         predicted: (_BLOCK,) float32, beliefs before the update, at all speeds.
     """
 
-    first: int
-    size: int
-    end: int
+    first: Index
+    size: Index
+    within: Index
     steps: Array
     changed: Array
     moving: Array
@@ -92,7 +111,7 @@ def advance(
         The sum of the beliefs on the map before the update, and the sum of each times its
         ``full_ratio``.
     """
-    speeds = len(transition.prior)
+    beliefs, speeds = _Beliefs(belief, by_place, ratios), len(transition.prior)
     steps = np.empty((speeds, _BLOCK), np.float32)
     changed = np.empty(_BLOCK + REACH, np.float32)
     moving = np.empty(_BLOCK + 2 * REACH, np.float32)
@@ -103,26 +122,29 @@ def advance(
         end = pieces[piece + 1]
         # The places before a block are overwritten first, so their old beliefs are kept here.
         before = _mixed_halo(halos[piece], transition)
-        after_all = before[1].copy()
+        sides = before, before[1].copy()
         for first in range(pieces[piece], end, _BLOCK):
-            size = min(_BLOCK, end - first)
-            block = _Block(first, size, end, steps, changed, moving, predicted)
+            size, within = min(_BLOCK, end - first), min(_BLOCK + REACH, end - first)
+            block = _Block(
+                np.uint64(first),
+                np.uint64(size),
+                np.uint64(within),
+                steps,
+                changed,
+                moving,
+                predicted,
+            )
             for speed in range(speeds):
-                likelihoods, places_per_frame = steps[speed, :size], _SPEEDS[speed]
                 step_likelihood(
                     apart,
                     first,
                     transition.stationary,
-                    places_per_frame,
+                    _SPEEDS[speed],
                     transition.step,
-                    likelihoods,
+                    steps[speed, :size],
                 )
-            for hypothesis in range(2):
-                sides = before[hypothesis], after_all
-                own, sums = belief[hypothesis], by_place[hypothesis]
-                _advance_block(
-                    block, own, sides, transition, hypothesis, ratios, sums, by_speed[hypothesis]
-                )
+            for hypothesis in range(_HYPOTHESES):
+                _advance_block(beliefs, block, hypothesis, sides, transition, by_speed)
                 if hypothesis == 0:
                     total += _sum_of_block(predicted[:size])
                     _multiply(predicted[:size], full_ratio[first : first + size])
@@ -132,142 +154,152 @@ def advance(
 
 @kernel
 def _advance_block(
+    beliefs: _Beliefs,
     block: _Block,
-    belief: Array,
+    hypothesis: Index,
     sides: tuple[Array, Array],
     transition: Transition,
-    hypothesis: int,
-    ratios: Array,
-    by_place: Array,
     by_speed: Vector,
 ) -> None:
     """Predict and update the beliefs of one hypothesis in a block.
 
     Args:
+        beliefs: of all places.
         block: the block.
-        belief: (S, K) float32; receives those after the frame.
-        sides: beliefs with changed speeds, (S, REACH) float32 each: in the places before the block,
-            replaced by those before the next one, and in the places after its piece.
-        transition: see ``advance``.
         hypothesis: 0 for the map, 1 for its reverse.
-        ratios: see ``advance``.
-        by_place: (K,) float32, sums over the speeds; receives the new ones.
-        by_speed: (S,) float64, receives, added, the sums over the places.
+        sides: beliefs with changed speeds: in the places before the block, (2, S, REACH) float32,
+            replaced by those before the next one; and in the places after its piece, (S, REACH).
+        transition: see ``advance``.
+        by_speed: (2, S) float64; receives, added, the sums over the places of the block.
     """
-    motion, size, moving = transition.motion, block.size, block.moving
-    first, end = block.first, block.first + size
-    limit = min(end + REACH, block.end)
-    inside = REACH + limit - first  # where in ``moving`` the piece ends
-    _sum_changes(belief[0, first:limit], by_place[first:limit], motion.change, block.changed)
-    sums = block.predicted[:size], by_place[first:end]
-    sums[0][:], sums[1][:] = 0, 0
-    own_ratios = ratios[0, first:end], ratios[1, first:end]
+    motion, first, size, moving = transition.motion, block.first, block.size, block.moving
     before, after_all = sides
-    for speed in range(len(by_speed)):
-        kept, change = np.float32(transition.kept), motion.change[speed]
-        stay, join = kept * (np.float32(1) - change), kept * transition.prior[speed]
-        moving[:REACH] = before[speed]
-        _mix(belief[speed, first:limit], stay, block.changed, join, moving[REACH:inside])
-        moving[inside : size + 2 * REACH] = after_all[speed, : size + 2 * REACH - inside]
-        before[speed] = moving[size : size + REACH]
-        chances, least = motion.chances[speed], motion.least[speed]
-        direction = 1 if hypothesis == 1 else -1
-        sources = (
-            moving[REACH + direction * least :],
-            moving[REACH + direction * (least + 1) :],
-            moving[REACH + direction * (least + 2) :],
+    _sum_changes(beliefs, block, hypothesis, motion.change)
+    for i in range(size):
+        block.predicted[i] = 0
+        beliefs.by_place[hypothesis, first + i] = 0
+    kept = np.float32(transition.kept)
+    for speed in range(np.uint64(len(motion.change))):
+        state = hypothesis, speed
+        stay, join = kept * (np.float32(1) - motion.change[speed]), kept * transition.prior[speed]
+        for i in range(_REACH):
+            moving[i] = before[hypothesis, speed, i]
+        _mix(beliefs, block, state, (stay, join))
+        for i in range(size + _REACH - block.within):
+            moving[_REACH + block.within + i] = after_all[speed, i]
+        for i in range(_REACH):
+            before[hypothesis, speed, i] = moving[size + i]
+        least = np.uint64(motion.least[speed])
+        steps = least, least + _ONE, least + _TWO
+        chances = (
+            motion.chances[speed, steps[0]],
+            motion.chances[speed, steps[1]],
+            motion.chances[speed, steps[2]],
         )
-        found, after = transition.found[hypothesis, speed], belief[speed, first:end]
-        if least == 0:
-            _stay_or_come(chances, sources, block.steps[speed], found, own_ratios, after, sums)
+        if hypothesis == 0:
+            sources = _REACH - steps[0], _REACH - steps[1], _REACH - steps[2]
         else:
-            _come(chances[least:], sources, block.steps[speed], found, own_ratios, after, sums)
-        by_speed[speed] += _sum_of_block(after)
+            sources = _REACH + steps[0], _REACH + steps[1], _REACH + steps[2]
+        found = transition.found[hypothesis, speed]
+        if least == 0:
+            _stay_or_come(beliefs, block, state, chances, sources, found)
+        else:
+            _come(beliefs, block, state, chances, sources, found)
+        by_speed[hypothesis, speed] += _sum_of_block(
+            beliefs.belief[hypothesis, speed, first : first + size]
+        )
+
+
+@kernel
+def _sum_changes(beliefs: _Beliefs, block: _Block, h: Index, change: Array) -> None:
+    """Sum the belief that leaves each speed: the same fraction of all but the first, stationary."""
+    belief, by_place, _ = beliefs
+    first, moves = block.first, change[_ONE]
+    more = change[0] - moves
+    for i in range(block.within):
+        block.changed[i] = moves * by_place[h, first + i] + more * belief[h, 0, first + i]
+
+
+@kernel
+def _mix(beliefs: _Beliefs, block: _Block, state: State, factors: tuple[float, float]) -> None:
+    """Write the beliefs at one speed, in the block and after it, after changes of speed."""
+    (h, s), (stay, join) = state, factors
+    belief, first, moving, changed = beliefs.belief, block.first, block.moving, block.changed
+    for i in range(block.within):
+        moving[_REACH + i] = stay * belief[h, s, first + i] + join * changed[i]
+
+
+@kernel
+def _stay_or_come(
+    beliefs: _Beliefs,
+    block: _Block,
+    state: State,
+    chances: tuple[float, float, float],
+    sources: tuple[Index, Index, Index],
+    found: float,
+) -> None:
+    """Predict and update the beliefs in a block at a speed whose steps are of 0 to 2 places.
+
+    Args:
+        beliefs: receive those after the frame.
+        block: the block, with the beliefs that move.
+        state: the hypothesis and the speed.
+        chances: of the steps of each length, float32.
+        sources: where in ``block.moving`` each of these steps leads from, to the first place.
+        found: probability that a lost vehicle is found at a place, float32.
+    """
+    (h, s), (here, near, far) = state, sources
+    belief, by_place, ratios = beliefs
+    first, moving, steps, predicted = block.first, block.moving, block.steps, block.predicted
+    for i in range(block.size):
+        stayed = chances[0] * moving[here + i] * steps[s, i]
+        came = (chances[1] * moving[near + i] + chances[2] * moving[far + i]) * steps[s, i] + found
+        predicted[i] += stayed + came
+        after = stayed * ratios[0, first + i] + came * ratios[1, first + i]
+        belief[h, s, first + i] = after
+        by_place[h, first + i] += after
+
+
+@kernel
+def _come(
+    beliefs: _Beliefs,
+    block: _Block,
+    state: State,
+    chances: tuple[float, float, float],
+    sources: tuple[Index, Index, Index],
+    found: float,
+) -> None:
+    """Predict and update as above, at a speed at which no vehicle stays at its place."""
+    (h, s), (near, middle, far) = state, sources
+    belief, by_place, ratios = beliefs
+    first, moving, steps, predicted = block.first, block.moving, block.steps, block.predicted
+    for i in range(block.size):
+        nearer = chances[0] * moving[near + i] + chances[1] * moving[middle + i]
+        came = (nearer + chances[2] * moving[far + i]) * steps[s, i] + found
+        predicted[i] += came
+        after = came * ratios[1, first + i]
+        belief[h, s, first + i] = after
+        by_place[h, first + i] += after
 
 
 @kernel
 def _mixed_halo(halo: Array, transition: Transition) -> Array:
     """Change the speeds of the beliefs in the halo, as ``advance`` does in the shard."""
-    mixed = np.empty_like(halo)
-    changed = np.empty(REACH, np.float32)
-    change = transition.motion.change
-    for hypothesis in range(len(halo)):
-        by_place = halo[hypothesis].sum(axis=0)
-        _sum_changes(halo[hypothesis, 0], by_place, change, changed)
-        for speed in range(len(change)):
-            stay, join = np.float32(1) - change[speed], transition.prior[speed]
-            _mix(halo[hypothesis, speed], stay, changed, join, mixed[hypothesis, speed])
-    return mixed
-
-
-@kernel
-def _sum_changes(stationary: Array, by_place: Array, change: Array, changed: Array) -> None:
-    """Sum the belief that leaves each speed: the same fraction of all but the first, stationary."""
-    moves = change[-1]
+    mixed, change = np.empty_like(halo), transition.motion.change
+    moves = change[_ONE]
     more = change[0] - moves
-    for i in range(len(stationary)):
-        changed[i] = moves * by_place[i] + more * stationary[i]
-
-
-@kernel
-def _mix(belief: Array, stay: float, changed: Array, join: float, mixed: Array) -> None:
-    """Write the beliefs at one speed after changes of speed."""
-    for i in range(len(mixed)):
-        mixed[i] = stay * belief[i] + join * changed[i]
-
-
-@kernel
-def _stay_or_come(
-    chances: Array,
-    sources: tuple[Array, Array, Array],
-    steps: Array,
-    found: float,
-    ratios: tuple[Array, Array],
-    after: Array,
-    sums: tuple[Array, Array],
-) -> None:
-    """Predict and update the beliefs in n places at a speed whose steps are of 0 to 2 places.
-
-    Args:
-        chances: of steps of so many places, float32.
-        sources: beliefs in the places themselves, in those one place away, and two places away.
-        steps: (n,) float32, likelihood of the step.
-        found: probability that a lost vehicle is found at a place.
-        ratios: likelihood ratios of the frame for a vehicle that stayed, and for one that has come.
-        after: (n,) float32, receives the beliefs.
-        sums: (n,) float32 each; receive, added, the beliefs before and after the update.
-    """
-    here, near, far = sources
-    predicted, updated = sums
-    again, anew = ratios
-    for i in range(len(after)):
-        stayed = chances[0] * here[i] * steps[i]
-        came = (chances[1] * near[i] + chances[2] * far[i]) * steps[i] + found
-        predicted[i] += stayed + came
-        after[i] = stayed * again[i] + came * anew[i]
-        updated[i] += after[i]
-
-
-@kernel
-def _come(
-    chances: Array,
-    sources: tuple[Array, Array, Array],
-    steps: Array,
-    found: float,
-    ratios: tuple[Array, Array],
-    after: Array,
-    sums: tuple[Array, Array],
-) -> None:
-    """Predict and update as above, where no vehicle stays. ``sources`` are successive places."""
-    near, middle, far = sources
-    predicted, updated = sums
-    anew = ratios[1]
-    for i in range(len(after)):
-        moved = chances[0] * near[i] + chances[1] * middle[i] + chances[2] * far[i]
-        came = moved * steps[i] + found
-        predicted[i] += came
-        after[i] = came * anew[i]
-        updated[i] += after[i]
+    for h in range(len(halo)):
+        by_place, changed = np.zeros(REACH, np.float32), np.empty(REACH, np.float32)
+        for s in range(len(change)):
+            for i in range(REACH):
+                by_place[i] += halo[h, s, i]
+        for i in range(REACH):
+            changed[i] = moves * by_place[i] + more * halo[h, 0, i]
+        for s in range(len(change)):
+            stay, join = np.float32(1) - change[s], transition.prior[s]
+            for i in range(REACH):
+                mixed[h, s, i] = stay * halo[h, s, i] + join * changed[i]
+    return mixed
 
 
 @kernel
@@ -279,9 +311,12 @@ def _multiply(values: Array, factors: Array) -> None:
 @kernel
 def _sum_of_block(values: Array) -> float:
     """Sum a block's values. They are few enough for sums in float32."""
-    lanes = np.zeros(_LANES, np.float32)
-    for start in range(0, len(values), _LANES):
-        some = values[start : start + _LANES]
+    lanes = np.zeros(2 * _LANES, np.float32)
+    for start in range(0, len(values), 2 * _LANES):
+        some = values[start : start + 2 * _LANES]
         for i in range(len(some)):
             lanes[i] += some[i]
-    return sum_of(lanes)
+    total = 0.0
+    for i in range(_LANES):
+        total += np.float64(lanes[i]) + np.float64(lanes[i + _LANES])
+    return total

@@ -16,7 +16,7 @@ from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
 from placefield.matching.carrying import reached_by
 from placefield.matching.chains import crossed_to
 from placefield.matching.comparing import Comparison, SampledPlaces
-from placefield.matching.evidence_kernels import bound, evidence_of, nearness, step_length
+from placefield.matching.evidence_kernels import evidence_of, nearness, step_length
 from placefield.matching.matcher import Matcher, Partial, SmoothedCandidate
 from placefield.matching.motion import (
     REACH,
@@ -103,6 +103,7 @@ class FilterMatcher(Matcher):
         self._unmapped = whole.unmapped
         before, after = own.start > 0, own.stop < whole.lengths.apart.shape[1]
         self._halo = HALO * before, HALO * after
+        self._ends = np.array([own.start, own.stop], np.int32)
         self._likely = NO_PLACES
         self._last: Quantized | None = None
         self._missed = 0  # observations in a row
@@ -124,7 +125,9 @@ class FilterMatcher(Matcher):
         self._filter.grow(lengths)
         for smoother in self._smoothers:
             smoother.grow(lengths, vicinity)
-        self._lengths, self._own = lengths, slice(0, lengths.apart.shape[1])
+        count = lengths.apart.shape[1]
+        self._lengths, self._own = lengths, slice(0, count)
+        self._ends = np.array([0, count], np.int32)
 
     def local(self, frame: Comparison | None, odometry_m: float | None = None) -> Partial:
         """Predict the beliefs of the shard's places, and update them by the frame.
@@ -178,9 +181,9 @@ class FilterMatcher(Matcher):
         if deviation == 0:
             return self._missing(step, displacement)
         drive = self._filter.statistics
-        nats = 0.5 / (_TEMPERATURE * drive.deviation(deviation))
-        evidence = self._evidence(frame, nats, drive.lost_evidence)
-        return Observation(step, displacement, novelty, evidence, drive.lost_evidence)
+        nats, lost_evidence = 0.5 / (_TEMPERATURE * drive.deviation(deviation)), drive.lost_evidence
+        evidence = self._evidence(frame, nats, lost_evidence)
+        return Observation(step, displacement, novelty, evidence, lost_evidence)
 
     def _select(self, frame: Comparison, displacement: Displacement | None) -> Comparison:
         """Return the comparison with exact distances to the places where the vehicle may be."""
@@ -196,15 +199,12 @@ class FilterMatcher(Matcher):
             nats: by which the frame is less likely where twice the squared distance is one more.
             lost_evidence: see ``Observation``.
         """
-        near = np.empty(self._own.stop - self._own.start, np.int32)
-        nearness(frame.distances, self._halo[0], near)
+        near = nearness(frame.distances, self._halo[0], self._own.stop - self._own.start)
         sample, every = near, -(-len(near) // SAMPLED)
         if self._sampled is not None:
             sample, every = self._sampled.nearness(frame.descriptor), 1
-        evidence = np.empty(len(near), np.float32)
-        evidence_of(near, sample, every, nats, lost_evidence, self._unmapped, evidence)
-        bound(evidence, math.log(self._lengths.apart.shape[1]))
-        return evidence
+        most = math.log(self._lengths.apart.shape[1])
+        return evidence_of(near, sample, every, nats, lost_evidence, self._unmapped, most)
 
     def _within_reach(self, displacement: Displacement | None, count: int) -> NDArray[np.int32]:
         """Return where the vehicle may be, among the first so many compared places."""
@@ -231,16 +231,14 @@ class FilterMatcher(Matcher):
 
     def _filtered(self) -> Candidate:
         belief, best = self._filter.posterior()
-        picked = np.empty(len(belief), np.int32)
-        own = picked[: pick(belief, min(NEGLIGIBLE, float(belief[best])), picked)].copy()
+        score = float(belief[best])
+        own = pick(belief, min(NEGLIGIBLE, score))
         self._likely = own
         if self._number > 0:  # a step may lead from the shard before to this one
             behind = np.flatnonzero(self._filter.behind >= NEGLIGIBLE) - REACH
             self._likely = np.concatenate([behind.astype(np.int32), own])
         first = self._own.start
-        return Candidate(
-            first + best, float(belief[best]), first + own, belief[own], self._filter.too_fast
-        )
+        return Candidate(first + best, score, first + own, belief[own], self._filter.too_fast)
 
     def fits(self, partial: Partial) -> bool:
         """Whether a partial result of another shard may be for this frame."""
@@ -260,7 +258,7 @@ class FilterMatcher(Matcher):
         places, belief, too_fast = smoothed.posterior
         if not len(places):
             return SmoothedCandidate(NO_CANDIDATE, smoothed.lag)
-        first, end = np.searchsorted(places, (self._own.start, self._own.stop))
+        first, end = np.searchsorted(places, self._ends).tolist()
         places, belief = places[first:end], belief[first:end]
         if not len(places):
             places, belief = np.array([self._own.start], np.int32), np.zeros(1, np.float32)

@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.matching.belief_kernels import (
-    beliefs_at,
+    at_ends,
+    at_likeliest,
     find_and_lose,
     normalise,
-    pick,
     predict_lost,
     resolve,
     step_likelihood_when_lost,
+    sums_of,
 )
 from placefield.matching.carrying import carried_to
 from placefield.matching.drive_statistics import DriveStatistics
@@ -36,7 +37,6 @@ from placefield.matching.motion import (
     HYPOTHESES,
     LOSE,
     REACH,
-    RESOLVED,
     SPEEDS,
     Array,
     StepLengths,
@@ -49,7 +49,7 @@ from placefield.matching.odometry_kernel import OdometryTransition, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.pieces import Pieces
 from placefield.matching.roads import LINE, Roads, RouteCells
-from placefield.matching.trace import NEGLIGIBLE, ObservedTransition, Trace, most
+from placefield.matching.trace import ObservedTransition, Trace
 
 _NOVEL = 0.25  # the evidence of a frame of at least this novelty counts in full
 
@@ -72,10 +72,10 @@ class PlaceFilter:
         self.statistics = DriveStatistics(self._unlearned)
         """Statistics of the drive so far."""
         self._lengths, self._own, self._roads = lengths, own, roads
-        self._pieces = Pieces(roads.chains, own)
         self._last_trace: Trace | None = None
         self._apart = np.ascontiguousarray(lengths.apart[:, own])
         self._all_places = lengths.apart.shape[1]
+        self._pieces = Pieces(roads.chains, own, self._all_places)
         # Beliefs are (hypotheses, speeds, places), not normalised: ``_total`` is their sum.
         self._belief = np.empty((2, len(SPEEDS), own.stop - own.start), np.float32)
         self._halo = np.empty((2, len(SPEEDS), REACH), np.float32)
@@ -109,7 +109,7 @@ class PlaceFilter:
         self._lengths, self._apart = lengths, np.ascontiguousarray(lengths.apart)
         self._all_places += added
         self._own = slice(0, self._all_places)
-        self._pieces = Pieces(self._roads.chains, self._own)
+        self._pieces = Pieces(self._roads.chains, self._own, self._all_places)
 
     def _anywhere(self, by_speed: Vector) -> Array:
         """Return the probability of each place, (2, S), of a vehicle that may be anywhere."""
@@ -129,22 +129,17 @@ class PlaceFilter:
             )
         else:
             predicted, expected = self._advance(ratios, full_ratio, by_speed)
-        places = self._likeliest(float(by_speed.sum()))
-        return FilterPartial(
-            predicted,
-            expected,
-            by_speed,
-            self._own_halo(),
-            places + np.int32(self._own.start),
-            observation.evidence[places],
-            beliefs_at(self._belief, places),
+        places, evidence, belief = at_likeliest(
+            self._belief, self._by_place, by_speed, observation.evidence
         )
+        halo, first = at_ends(self._belief, REACH), np.int32(self._own.start)
+        return FilterPartial(predicted, expected, by_speed, halo, places + first, evidence, belief)
 
     def _weigh(self, observation: Observation) -> None:
         """Keep an observation, and how much of its evidence counts, see ``AGAIN``."""
         self._observation = observation
-        weights = (min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1))
-        self._weights = np.fromiter(weights, np.float32, 2)
+        weights = [min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1)]
+        self._weights = np.array(weights, np.float32)
 
     def _begin(self, ratios: Array, by_speed: Vector) -> tuple[float, float]:
         """Update the initial beliefs by the first frame, without a prediction."""
@@ -162,22 +157,24 @@ class PlaceFilter:
 
     def _predict_lost(self) -> Transition:
         """Predict the beliefs of being lost, and return the transition to the frame."""
-        self._prior = self.statistics.prior.astype(np.float32)
+        self._prior = self.statistics.prior
         lengths, step = self._lengths, self._observation.step
-        self._lost_likelihood, self._jump_likelihood = step_likelihood_when_lost(
-            lengths, SPEEDS, step
+        likelihoods = step_likelihood_when_lost(lengths, SPEEDS, step)
+        self._lost_likelihood, self._jump_likelihood = likelihoods
+        found, self._lost = predict_lost(
+            self._lost / self._total,
+            self._motion.change,
+            self._unlearned,
+            likelihoods,
+            self._all_places,
         )
-        lost = self._lost / self._total
-        still_lost = predict_lost(lost, self._motion.change, self._unlearned, self._lost_likelihood)
-        jumped = self._jump_likelihood * (1 - float(lost.sum())) * self._unlearned
-        found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
         kept = (1 - LOSE) / self._total
         return Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
 
     def _advance(self, ratios: Array, full_ratio: Array, by_speed: Vector) -> tuple[float, float]:
         """Predict and update by the motion model; return ``predicted`` and ``expected``."""
         transition = self._predict_lost()
-        halos = np.float32(1 - LOSE) * self._pieces.halos(self._halo, self._last_trace)
+        halos = self._pieces.halos(self._halo, self._last_trace)
         return advance(
             self._belief,
             self._pieces.edges,
@@ -216,7 +213,7 @@ class PlaceFilter:
 
     def _predict_lost_by_odometry(self, pace: float) -> OdometryTransition:
         """Predict the beliefs of being lost, at a pace in places per frame."""
-        self._prior = self.statistics.prior.astype(np.float32)
+        self._prior = self.statistics.prior
         speeds = speeds_of(pace)
         self._lost_likelihood, self._jump_likelihood = step_likelihood_when_lost(
             self._lengths, np.array([pace]), self._observation.step
@@ -234,21 +231,6 @@ class PlaceFilter:
         step_likelihood(apart, 0, stationary, pace, self._observation.step, steps)
         return steps
 
-    def _likeliest(self, total: float) -> NDArray[np.int32]:
-        """Return at least those places of the shard whose belief counts in the whole map."""
-        both = self._by_place[0] + self._by_place[1]
-        places = np.empty(len(both), np.int32)
-        least = min(NEGLIGIBLE * total, float(both.max()))
-        return most(both, places[: pick(both, least, places)])
-
-    def _own_halo(self) -> Array:
-        """Return the beliefs at the shard's ends, which its neighbours need."""
-        halo = np.zeros_like(self._halo)
-        edge = min(REACH, self._belief.shape[2])
-        halo[0, :, REACH - edge :] = self._belief[0, :, -edge:]
-        halo[1, :, :edge] = self._belief[1, :, :edge]
-        return halo
-
     def reduce(self, partials: Sequence[FilterPartial], number: int) -> Trace:
         """Normalise the beliefs over all shards, and return the frame's trace.
 
@@ -258,16 +240,15 @@ class PlaceFilter:
         """
         observed = self._observation
         by_speed = reduce(np.add, [partial.by_speed for partial in partials])
-        self._total = float(by_speed.sum() + self._lost.sum())
-        too_fast = by_speed[:, RESOLVED:].sum() + self._lost[RESOLVED:].sum()
-        self.too_fast = min(float(too_fast) / self._total, 1.0)
+        self._total, on_map, too_fast = sums_of(by_speed, self._lost)
+        self.too_fast = min(too_fast / self._total, 1.0)
         predicted = sum(partial.predicted for partial in partials)
         if predicted > 0 and observed.novelty > 0:
             expected = sum(partial.expected for partial in partials)
             expected *= math.exp(observed.lost_evidence)
             speeds = by_speed[0] / self._total
             self.statistics.learn(speeds, self._on_map, expected / predicted, observed.novelty)
-        self._on_map = float(by_speed[0].sum()) / self._total
+        self._on_map = on_map / self._total
         for hypothesis, neighbour in enumerate((number - 1, number + 1)):
             if 0 <= neighbour < len(partials):
                 halo = partials[neighbour].halo[hypothesis]
@@ -276,16 +257,14 @@ class PlaceFilter:
         return self._last_trace
 
     def _trace(self, partials: Sequence[FilterPartial]) -> Trace:
-        belief = np.concatenate([partial.belief for partial in partials])
-        evidence = np.concatenate([partial.evidence for partial in partials])
-        places = np.concatenate([partial.places for partial in partials])
-        by_place = normalise(belief, self._total)
-        picked = np.empty(len(by_place), np.int32)
-        least = min(NEGLIGIBLE, float(by_place.max()))
-        kept = most(by_place, picked[: pick(by_place, least, picked)])
+        there = [(partial.places, partial.belief, partial.evidence) for partial in partials]
+        places, belief, evidence = there[0]
+        if len(there) > 1:
+            places, belief, evidence = map(np.concatenate, zip(*there, strict=True))
+        places, belief, evidence = normalise(places, belief, evidence, self._total)
         transit = ObservedTransition(
-            places[kept],
-            np.exp(self._weights[:, None] * evidence[kept]),
+            places,
+            np.exp(self._weights[:, None] * evidence),
             self._prior,
             self._observation.step,
             self._lost_likelihood,
@@ -294,16 +273,14 @@ class PlaceFilter:
         )
         observed = self._observation.novelty > 0
         lost = self._lost / self._total
-        return Trace(transit, belief[kept], lost, self._observation.displacement, observed)
+        return Trace(transit, belief, lost, self._observation.displacement, observed)
 
     def posterior(self) -> tuple[Array, int]:
         """Return the posterior of each place, (K,), at speeds that the map resolves; and the best.
 
         The rest to 1 is the posterior of being at none of these places, or faster.
         """
-        posterior = np.empty(self._belief.shape[2], np.float32)
-        too_fast = self._belief[0, RESOLVED:]
-        return posterior, resolve(self._by_place[0], too_fast, self._total, posterior)
+        return resolve(self._belief, self._by_place, self._total)
 
     @property
     def behind(self) -> Array:

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel
-from placefield.matching.chains import Chains, Passages
+from placefield.matching.belief_kernels import pick
+from placefield.matching.chains import Passages
 from placefield.matching.motion import (
     FIND,
     HYPOTHESES,
@@ -13,15 +14,17 @@ from placefield.matching.motion import (
     RESOLVED,
     SPEEDS,
     Array,
-    Motion,
+    motion,
     step_likelihoods,
 )
-from placefield.matching.trace import ObservedTransition
+from placefield.matching.trace import NEGLIGIBLE, ObservedTransition
 
 Vector = NDArray[np.float64]
 Places = NDArray[np.int32]
 
 _FIND, _LOSE, _HYPOTHESES, _SPEEDS, _RESOLVED = FIND, LOSE, HYPOTHESES, SPEEDS, RESOLVED
+_MOTION, _NEGLIGIBLE = motion(), NEGLIGIBLE
+_BOTH, _STAY, _COME = np.uint64(2), np.uint64(0), np.uint64(1)  # unsigned, see ``filter_kernels``
 
 
 @kernel
@@ -31,11 +34,10 @@ def step_back(
     lost: Vector,
     apart: Array,
     stationary: float,
-    motion: Motion,
-    chains: Chains,
+    edges: Places,
+    passages: tuple[Passages, Passages] | None,
     before: Places,
-    backward: Array,
-) -> Vector:
+) -> tuple[Array, Vector]:
     """Move the backward message from a frame back to the frame before it.
 
     The backward message is the likelihood of all later frames given the state at a frame.
@@ -46,20 +48,19 @@ def step_back(
         lost: (S,) float64, the same when lost.
         apart: (6, K) float32, see ``StepLengths``.
         stationary: see ``StepLengths``.
-        motion: of the vehicle.
-        chains: of the map.
+        edges: of the chains of the map, see ``Chains``.
+        passages: of the chains, ahead and behind; None: there are none.
         before: (m,) int32, places in the trace of the frame before.
-        backward: (m, 2, S) float32, receives the message of the frame before at each of them.
 
     Returns:
-        The message of the frame before when lost, (S,). The message is scaled so that its greatest
-        value is 1.
+        The message of the frame before at each of them, (m, 2, S) float32, and when lost, (S,). It
+        is scaled so that its greatest value is 1.
     """
-    to_lost = _LOSE * transit.jump * (motion.prior * lost).sum()
+    to_lost = _LOSE * transit.jump * (_MOTION.prior * lost).sum()
     weighted, found = _weighted(transit, placed, apart, stationary)
     still_lost = transit.lost_likelihood * ((1 - _FIND) * lost + _FIND / transit.all_places * found)
-    from_lost = still_lost + motion.change * ((motion.prior * still_lost).sum() - still_lost)
-    _reach_back(transit, weighted, motion, chains, to_lost, before, backward)
+    from_lost = still_lost + _MOTION.change * ((_MOTION.prior * still_lost).sum() - still_lost)
+    backward = _reach_back(transit, weighted, edges, passages, to_lost, before)
     values = backward.reshape(backward.size)
     top = from_lost.max()
     for i in range(len(values)):
@@ -67,7 +68,7 @@ def step_back(
     unit = np.float32(1 / top)
     for i in range(len(values)):
         values[i] *= unit
-    return np.asarray(from_lost / top)
+    return backward, from_lost / top
 
 
 @kernel
@@ -81,7 +82,7 @@ def _weighted(
         there, on the map and on its reverse, where the last entry is no place; and the sum over the
         places for a vehicle that was lost, (S,) float64.
     """
-    places, (again, anew) = transit.places, (transit.observed[0], transit.observed[1])
+    places, observed = transit.places, transit.observed
     speeds, count = placed.shape[2], len(places)
     near = np.empty((len(apart), count), np.float32)
     for row in range(len(apart)):
@@ -90,18 +91,17 @@ def _weighted(
     steps = np.empty((speeds, count), np.float32)
     step_likelihoods(near, stationary, _SPEEDS, transit.step, steps)
     weighted = np.empty((2, 2, speeds, count + 1), np.float32)
-    weighted[:, :, :, count] = 0
     found = np.zeros(speeds)
-    for speed in range(speeds):
-        for hypothesis in range(2):
-            stays, comes = weighted[0, hypothesis, speed], weighted[1, hypothesis, speed]
+    for s in range(np.uint64(speeds)):
+        for h in range(_BOTH):
             total = 0.0
-            for i in range(count):
-                follows = placed[i, hypothesis, speed]
-                total += follows * anew[i]
-                stays[i] = follows * steps[speed, i] * again[i]
-                comes[i] = follows * steps[speed, i] * anew[i]
-            found[speed] += _HYPOTHESES[hypothesis] * total
+            for i in range(np.uint64(count)):
+                follows = placed[i, h, s]
+                total += follows * observed[_COME, i]
+                weighted[_STAY, h, s, i] = follows * steps[s, i] * observed[_STAY, i]
+                weighted[_COME, h, s, i] = follows * steps[s, i] * observed[_COME, i]
+            weighted[_STAY, h, s, count], weighted[_COME, h, s, count] = 0, 0
+            found[s] += _HYPOTHESES[h] * total
     return weighted, found
 
 
@@ -109,61 +109,56 @@ def _weighted(
 def _reach_back(
     transit: ObservedTransition,
     weighted: Array,
-    motion: Motion,
-    chains: Chains,
+    edges: Places,
+    passages: tuple[Passages, Passages] | None,
     to_lost: float,
     before: Places,
-    backward: Array,
-) -> None:
+) -> Array:
     """Sum over the places that a vehicle may move to from each place, and over being lost.
 
     Args:
         transit: see ``step_back``.
         weighted: see ``_weighted``.
-        motion: of the vehicle.
-        chains: of the map.
+        edges: see ``step_back``.
+        passages: see ``step_back``.
         to_lost: the message when lost, times the chance of that.
         before: see ``step_back``.
-        backward: see ``step_back``; not scaled.
+
+    Returns:
+        The message, not scaled, (m, 2, S) float32.
     """
-    speeds, kept, lost = len(motion.prior), np.float32(1 - _LOSE), np.float32(to_lost)
+    speeds, kept, lost = len(_MOTION.prior), np.float32(1 - _LOSE), np.float32(to_lost)
+    count = np.uint64(len(before))
     rows = np.empty((REACH + 1, len(before)), np.uint32)
     reached = np.empty((speeds, len(before)), np.float32)
     mixed = np.empty(len(before), np.float32)
-    for hypothesis in range(2):
-        _rows_in_reach(transit.places, before, chains.edges, hypothesis, rows)
-        passages = chains.ahead if hypothesis == 0 else chains.behind
-        crossings = _crossings(transit.places, before, chains.edges, passages)
+    backward = np.empty((len(before), 2, speeds), np.float32)
+    for h in range(_BOTH):
+        _rows_in_reach(transit.places, before, edges, h, rows)
+        crossings = None
+        if passages is not None:
+            crossings = _crossings(transit.places, before, edges, passages[h])
         mixed[:] = 0
-        for speed in range(speeds):
-            reached[speed] = 0
-            least = motion.least[speed]
-            for step in range(least, min(least + 3, REACH + 1)):
-                there = weighted[min(step, 1), hypothesis, speed]
-                _add(motion.chances[speed, step], there, rows[step], reached[speed])
-            _add_crossings(
-                motion.chances[speed], weighted[1, hypothesis, speed], crossings, reached[speed]
-            )
-            _mix(transit.prior[speed], reached[speed], mixed)
-        for speed in range(speeds):
-            by_speed, change = reached[speed], motion.change[speed]
-            for j in range(len(before)):
-                value = by_speed[j] + change * (mixed[j] - by_speed[j])
-                backward[j, hypothesis, speed] = kept * value + lost
-
-
-@kernel
-def _add(chance: float, there: Array, rows: NDArray[np.uint32], reached: Array) -> None:
-    """Add the message at the places that one step leads to, times the step's chance."""
-    if chance > 0:
-        for j in range(len(reached)):
-            reached[j] += chance * there[rows[j]]
-
-
-@kernel
-def _mix(prior: float, reached: Array, mixed: Array) -> None:
-    for j in range(len(mixed)):
-        mixed[j] += prior * reached[j]
+        for s in range(np.uint64(speeds)):
+            least = np.uint64(_MOTION.least[s])
+            for j in range(count):
+                reached[s, j] = 0
+            for step in range(least, min(least + np.uint64(3), np.uint64(REACH + 1))):
+                chance, part = _MOTION.chances[s, step], _STAY if step == 0 else _COME
+                if chance > 0:
+                    for j in range(count):
+                        reached[s, j] += chance * weighted[part, h, s, rows[step, j]]
+            if crossings is not None:
+                _add_crossings(_MOTION.chances[s], weighted[_COME, h, s], crossings, reached[s])
+            prior = transit.prior[s]
+            for j in range(count):
+                mixed[j] += prior * reached[s, j]
+        for s in range(np.uint64(speeds)):
+            change = _MOTION.change[s]
+            for j in range(count):
+                value = reached[s, j] + change * (mixed[j] - reached[s, j])
+                backward[j, h, s] = kept * value + lost
+    return backward
 
 
 @kernel
@@ -241,20 +236,21 @@ def _rows_in_reach(
 
 @kernel
 def weigh(
-    filtered: Array, message: Array, filtered_lost: Vector, message_lost: Vector, belief: Array
-) -> float:
+    places: Places, filtered: Array, message: Array, filtered_lost: Vector, message_lost: Vector
+) -> tuple[Places, Array, float]:
     """Weight the filter's posterior of a frame by the backward message.
 
     Args:
+        places: (n,) int32, ascending.
         filtered: (n, 2, S) float32, posterior on the map and on its reverse.
         message: (n, 2, S) float32, the backward message.
         filtered_lost: (S,) float64, posterior of being lost.
         message_lost: (S,) float64, the backward message when lost.
-        belief: (n,) float32, receives the posterior of each place, at speeds the map resolves.
 
     Returns:
-        Posterior that the vehicle moves faster than that.
+        See ``Posterior``.
     """
+    belief = np.empty(len(filtered), np.float32)
     total = (filtered_lost * message_lost).sum()
     too_fast = (filtered_lost[_RESOLVED:] * message_lost[_RESOLVED:]).sum()
     for i in range(len(filtered)):
@@ -270,4 +266,5 @@ def weigh(
         too_fast += faster
     for i in range(len(belief)):
         belief[i] = np.float32(belief[i] / total)
-    return float(min(too_fast / total, 1.0))
+    kept = pick(belief, min(_NEGLIGIBLE, float(belief.max())))
+    return places[kept], belief[kept], float(min(too_fast / total, 1.0))

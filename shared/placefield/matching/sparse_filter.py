@@ -17,7 +17,6 @@ from placefield.matching.active_carrying import (
     staying,
 )
 from placefield.matching.active_places import Surroundings, active_places
-from placefield.matching.belief_kernels import beliefs_at
 from placefield.matching.candidate import NO_PLACES
 from placefield.matching.filter_kernels import Transition, advance
 from placefield.matching.motion import LOSE, REACH, SPEEDS, Array, StepLengths
@@ -213,7 +212,7 @@ class SparseFilter(PlaceFilter):
         rows = least_of(-of_own.by_place.sum(axis=0), KEPT)
         self.kept, self._belief = self._active.places[rows], np.take(own.belief, rows, axis=2)
         self._by_place = np.take(of_own.by_place, rows, axis=1)
-        belief = beliefs_at(own.belief, rows.astype(np.int32))
+        belief = np.ascontiguousarray(self._belief.transpose(2, 0, 1))
         own.belief[:, :, rows] = 0
         self._pool = own.belief.sum(axis=2, dtype=np.float64) + share * of_rest.by_speed
         return FilterPartial(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from placefield.matching.candidate import NO_PLACES, Candidate
 from placefield.matching.comparing import Comparison
-from placefield.matching.evidence_kernels import bound, evidence_of
+from placefield.matching.evidence_kernels import evidence_of
 from placefield.matching.filter_matcher import SAMPLED, FilterMatcher, WholeMap
 from placefield.matching.motion import Array, evenly_spaced
 from placefield.matching.observation import Observation
@@ -48,10 +48,8 @@ class SparseMatcher(FilterMatcher):
         assert self._sampled is not None
         sample, last = self._sampled.nearness(frame.descriptor), self._own.stop - 1
         near = np.concatenate([sample, _nearness(frame, self._active, last)])
-        evidence = np.empty(len(near), np.float32)
-        evidence_of(near, sample, 1, nats, lost_evidence, self._unmapped, evidence)
-        bound(evidence, math.log(self._own.stop))
-        return evidence
+        most = math.log(self._own.stop)
+        return evidence_of(near, sample, 1, nats, lost_evidence, self._unmapped, most)
 
     def _filtered(self) -> Candidate:
         belief, best = self._filter.posterior()

@@ -61,11 +61,3 @@ class Trace(NamedTuple):
     def places(self) -> NDArray[np.int32]:
         """The places in the trace, (n,) int32, ascending."""
         return self.transit.places
-
-
-def most(belief: Array, places: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the ``MOST_PLACES`` of highest belief among these places, ascending."""
-    if len(places) <= MOST_PLACES:
-        return places
-    first = np.argsort(-belief[places], kind="stable")[:MOST_PLACES]
-    return np.sort(places[first])

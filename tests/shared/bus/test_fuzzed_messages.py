@@ -209,7 +209,7 @@ def decode_or_refuse(kind: type[Message], data: bytes) -> Message | None:
 
 def check_bounds(message: Message) -> None:
     """Check the limits in the docstrings of the messages, with independent code."""
-    assert message.version == 2
+    assert message.version == 3
     match message:
         case Header():
             assert 1 <= len(message.stream) <= 64
@@ -417,14 +417,14 @@ GREEDY = {
     "wide characters": b"\xdb" + struct.pack(">I", SIZE) + "\U0001f600".encode() * (SIZE // 4),
     "an extension": b"\xc9" + struct.pack(">Ib", SIZE, 5) + bytes(SIZE),
     "counts": msgpack.packb(
-        {"version": 2, "service": "s", "counts": {str(n): "x" for n in range(SIZE // 8)}}
+        {"version": 3, "service": "s", "counts": {str(n): "x" for n in range(SIZE // 8)}}
     ),
-    "missing channels": msgpack.packb({"version": 2, "place": 0, "missing": ["x"] * (SIZE // 2)}),
+    "missing channels": msgpack.packb({"version": 3, "place": 0, "missing": ["x"] * (SIZE // 2)}),
     "axes": msgpack.packb(
-        {"version": 2, "image": {"dtype": "uint8", "shape": [1] * SIZE, "data": b"x"}}
+        {"version": 3, "image": {"dtype": "uint8", "shape": [1] * SIZE, "data": b"x"}}
     ),
     "an image of no bytes": msgpack.packb(
-        {"version": 2, "image": {"dtype": "uint8", "shape": [2**31, 2**31], "data": b""}}
+        {"version": 3, "image": {"dtype": "uint8", "shape": [2**31, 2**31], "data": b""}}
     ),
     "a list that is declared": a_list(2**32 - 1),
     "bytes that are declared": b"\x81\xa5image\xc6\xff\xff\xff\xff",

@@ -99,6 +99,24 @@ def test_messages_arrive_whole_in_order_and_none_is_lost(sender: Bus, receiver: 
     assert not counts
 
 
+def test_messages_that_travel_together_are_received_one_by_one(sender: Bus, receiver: Bus) -> None:
+    counts: Counter[str] = Counter()
+    received = subscribe(receiver, KEYS.feature, counts)
+    await_reader(sender)
+    features = sender.gathering_publisher(KEYS.feature)
+    sender.outbox.begin()
+    for sequence in range(3):
+        features.put(header(sequence), FeatureMessage(model=str(sequence), descriptor=None))
+    features.send(END, b"not empty")
+    features.put(header(4))
+    sender.outbox.send_all()
+    came = [received.get(timeout=60) for _ in range(4)]
+    assert [message.header.sequence for message in came] == [0, 1, 2, 4]
+    models = [FeatureMessage.decode(message.payload).model for message in came[:3]]
+    assert models == ["0", "1", "2"]
+    assert counts == {"malformed": 1}
+
+
 def test_runs_do_not_receive_messages_of_each_other(sender: Bus, receiver: Bus) -> None:
     received = subscribe(receiver, KEYS.feature, Counter())
     await_reader(sender)
@@ -116,6 +134,7 @@ def test_a_message_without_a_valid_header_is_counted_and_the_next_one_still_come
     good = header(0).encode()
     garbage = [None, b"", b"\xc1", b"\x00" * 1000, good[:-1], good + b"\0", b"\x91" * 5000]
     garbage.append(END.encode())  # has no payload
+    garbage.append(b"\x92" + good + good)  # a bundle without a list of payloads
     for attachment in garbage:
         untrusted_client.put(KEYS.frame, b"payload", attachment=attachment)
     untrusted_client.delete(KEYS.frame)

@@ -63,7 +63,7 @@ def test_what_is_outside_of_the_window_is_not_drawn(route_map: Map) -> None:
 
 
 def test_matches_lie_on_their_frame_and_place_in_the_matrix() -> None:
-    unsure, sure = drawn(path_drawing([(0, 0, True), (9, 3, False)], 10, 4))
+    sure, unsure = drawn(path_drawing([(0, 0, "sure"), (9, 3, "unsure")], 10, 4))
     assert sure.get("d") == "M5.00 87.50h0"
     assert unsure.get("d") == "M95.00 12.50h0"
 
@@ -129,3 +129,18 @@ def test_what_is_no_frame_is_refused() -> None:
     with pytest.raises(FrameError):
         frame_picture(FrameMessage(image=b"garbage").encode())
     assert frame_picture(FrameMessage(descriptor=np.ones(4, np.float32)).encode()) is None
+
+
+def test_a_point_of_the_drawing_has_a_nearest_place() -> None:
+    poses = np.array([[0, 0, 0], [np.nan] * 3, [50, 0, 0], [100, 0, 0]], np.float64)
+    route = RouteDrawing.of(poses, 4)
+    middle = route.width / 2
+    assert [route.nearest(x, 0.0) for x in (0.0, middle, route.width)] == [0, 2, 3]
+
+
+def test_beliefs_are_drawn_at_their_places_the_likelier_the_longer() -> None:
+    route = RouteDrawing.of(np.empty((0, 3)), 3)
+    places, beliefs = np.array([0, 1, 2], np.int32), np.array([0.5, 0.25, 1e-4])
+    [lines] = drawn(route.belief(places, beliefs))
+    assert lines.get("d") == "M40.0 100.0v-35.0M500.0 100.0v-17.5"
+    assert route.belief(places[2:], beliefs[2:]) == ""

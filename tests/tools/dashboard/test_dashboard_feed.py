@@ -58,7 +58,7 @@ def bus() -> FakeBus:
 
 @pytest.fixture
 def state(route_map: Map) -> LiveState:
-    return LiveState(replace(route_map, digest=NO_DIGEST))
+    return LiveState(replace(route_map, digest=NO_DIGEST), tolerance=3)
 
 
 @pytest.fixture
@@ -76,13 +76,17 @@ def test_a_match_waits_for_what_it_was_made_of(bus: FakeBus, feed: Feed, state: 
     assert state.frame(answer) == b"a frame"
 
 
-def test_the_newest_smoothed_match_is_kept(bus: FakeBus, feed: Feed, state: LiveState) -> None:
-    for sequence in (4, 5, 3):
+def test_smoothed_matches_are_kept_with_their_answers(
+    bus: FakeBus, feed: Feed, state: LiveState
+) -> None:
+    for sequence in (4, 5):
         smoothed = SmoothedMessage(map=NO_DIGEST, place=sequence, score=1.0, lag=7)
         bus.put(KEYS.smoothed, sequence, smoothed.encode())
+        bus.put(KEYS.match, sequence, MatchMessage(map=NO_DIGEST, place=1, score=1.0).encode())
     feed.drain()
-    assert state.smoothed is not None
-    assert (state.smoothed[0].sequence, state.smoothed[1].place) == (5, 5)
+    feed.drain()
+    later = [state.smoothed(answer) for answer in state.answers]
+    assert [smoothed and smoothed.place for smoothed in later] == [4, 5]
 
 
 def test_garbage_is_counted_and_holds_nothing_up(

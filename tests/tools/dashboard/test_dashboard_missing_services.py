@@ -1,7 +1,11 @@
 import pytest
 
-from placefield_tools.dashboard.missing_services import can_answer, missing_in_words
-from placefield_tools.status.service_status import RunStatus
+from placefield_tools.dashboard.missing_services import (
+    can_answer,
+    missing_in_words,
+    slowest_in_words,
+)
+from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 
 def missing_only(*missing: str) -> RunStatus:
@@ -26,3 +30,13 @@ def test_a_run_answers_without_a_channel_but_not_without_the_others(
     missing: tuple[str, ...], answers: bool
 ) -> None:
     assert can_answer(missing_only(*missing)) == answers
+
+
+def test_the_slowest_service_is_named() -> None:
+    def service(name: str, behind: int | None) -> ServiceStatus:
+        return ServiceStatus(name, "a", None, "s", 9, behind, 1.0, False, {})
+
+    services = (service("featurizer", 1), service("fuser", 7), service("channel", None))
+    status = RunStatus("s", 9, 4, services, ())
+    assert slowest_in_words(status) == "; the slowest is fuser, 7 frames behind"
+    assert slowest_in_words(RunStatus("s", 9, 4, (service("fuser", 0),), ())) == ""

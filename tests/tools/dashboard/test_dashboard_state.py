@@ -46,7 +46,7 @@ def candidates(
 
 @pytest.fixture
 def state(route_map: Map) -> LiveState:
-    return LiveState(replace(route_map, digest=NO_DIGEST))
+    return LiveState(replace(route_map, digest=NO_DIGEST), tolerance=3)
 
 
 def numbers(state: LiveState) -> list[int]:
@@ -71,28 +71,6 @@ def test_an_answer_has_what_came_of_its_frame(state: LiveState, route_map: Map) 
     [expected] = distance_matrix(route_map.channels[0].metric, [descriptor], 0)
     assert answer.distances is not None
     np.testing.assert_array_equal(answer.distances, expected)  # a column for each place
-
-
-@pytest.mark.parametrize(
-    ("given", "verdict"),
-    [
-        (MatchMessage(map=NO_DIGEST, place=-1, score=0.0), "no answer"),
-        (MatchMessage(map=NO_DIGEST, place=3, score=1.0), "matched"),
-        (MatchMessage(map=NO_DIGEST, place=3, score=1.0, probability=0.999, known=True), "known"),
-        (MatchMessage(map=NO_DIGEST, place=3, score=1.0, probability=0.5, known=False), "unknown"),
-        (
-            MatchMessage(
-                map=NO_DIGEST, place=3, score=1.0, probability=0.1, known=False, too_fast=True
-            ),
-            "faster than the map resolves",
-        ),
-    ],
-)
-def test_the_verdict_says_what_the_match_comes_to(
-    state: LiveState, given: MatchMessage, verdict: str
-) -> None:
-    state.add_match(header(0), given.encode())
-    assert state.answers[0].verdict == verdict
 
 
 def test_shards_of_a_channel_are_joined_to_one(state: LiveState) -> None:
@@ -189,7 +167,7 @@ def test_what_is_never_answered_is_forgotten(state: LiveState) -> None:
 
 @given(st.binary(max_size=60))
 def test_no_garbage_does_more_than_raise_message_error(route_map: Map, garbage: bytes) -> None:
-    state = LiveState(route_map)
+    state = LiveState(route_map, tolerance=3)
     state.add_frame(header(0), garbage)
     for add in (state.add_feature, state.add_candidates, state.add_match):
         with pytest.raises(MessageError):
@@ -214,10 +192,62 @@ def test_a_new_version_of_the_map_is_shown_from_its_first_match_on(
     assert numbers(state) == [2]
     assert state.answers[0].number == 2
     assert (state.placemap, state.columns) == version
-    assert state.smoothed is None
+    assert state.summary is not None
+    assert state.summary.frames == 1
     assert not state.counts["foreign"]
     state.add_match(header(3), match())
     assert state.counts["foreign"] == 1
+
+
+def smoothed(place: int, *, known: bool = True) -> bytes:
+    return SmoothedMessage(
+        map=NO_DIGEST, place=place, score=5.0, probability=0.999, known=known, lag=9
+    ).encode()
+
+
+@pytest.mark.parametrize("match_first", [True, False])
+def test_a_match_and_its_smoothed_one_come_together_in_either_order(
+    state: LiveState, match_first: bool
+) -> None:
+    adders = [lambda: state.add_match(header(0), match(3))]
+    adders.insert(match_first, lambda: state.add_smoothed(header(0), smoothed(30)))
+    for add in adders:
+        add()
+    [answer] = state.answers
+    assert state.summary is not None
+    later = state.smoothed(answer)
+    assert later is not None
+    assert later.place == 30
+    [correction] = state.summary.corrections
+    assert (correction.first.place, correction.smoothed.place) == (3, 30)
+
+
+def test_a_smoothed_match_of_an_earlier_stream_corrects_nothing_of_this_one(
+    state: LiveState,
+) -> None:
+    state.add_match(header(0, "before"), match())
+    state.add_match(header(0, "now"), match())
+    state.add_smoothed(header(0, "before"), smoothed(30))
+    assert state.summary is not None
+    assert (state.summary.stream, state.summary.frames, state.summary.corrected) == ("now", 1, 0)
+
+
+def test_smoothed_matches_are_forgotten_with_their_answers(state: LiveState) -> None:
+    for sequence in range(2 * KEPT):
+        state.add_match(header(sequence), match())
+        state.add_smoothed(header(sequence), smoothed(3))
+    assert all(state.smoothed(answer) for answer in state.answers)
+    state.add_smoothed(header(0), smoothed(40))  # comes again, long after
+    assert state.summary is not None
+    assert state.summary.corrected == 2 * KEPT  # all became known, each once
+
+
+def test_the_last_seconds_are_by_the_clock_of_the_stream(state: LiveState) -> None:
+    for sequence in range(5):
+        at = Header(stream="s", sequence=sequence, stamp_ns=int(sequence * 10e9))
+        state.add_match(at, match())
+    last = state.last_seconds(state.answers[-1], 20.0)
+    assert [answer.header.sequence for answer in last] == [2, 3, 4]
 
 
 def test_what_is_of_another_map_is_counted_and_not_shown(state: LiveState) -> None:
@@ -229,7 +259,9 @@ def test_what_is_of_another_map_is_counted_and_not_shown(state: LiveState) -> No
     state.add_match(header(0), MatchMessage(**other, place=7, score=1.0).encode())
     state.add_smoothed(header(0), SmoothedMessage(**other, place=7, score=1.0, lag=1).encode())
     assert not state.answers
-    assert state.smoothed is None
+    assert state.newest_smoothed is None
+    assert state.foreign_map == "f" * 16
     assert state.counts["foreign"] == 3
     state.add_match(header(0), match())
+    assert state.foreign_map is None
     assert state.answers[-1].candidates == {}

@@ -10,6 +10,7 @@ from placefield_tools.evaluate.evaluation import evaluate
 from placefield_tools.evaluate.evaluation_report import (
     certainty_figures,
     certainty_line,
+    headline,
     print_table,
 )
 from placefield_tools.evaluate.judging import judge
@@ -57,6 +58,30 @@ def test_no_share_is_reported_none() -> None:
     assert certainty_figures(unanswered)["expected_calibration_error"] is None
 
 
+@pytest.mark.parametrize(
+    ("known", "places", "words"),
+    [
+        ([True, True, True], [0, 1, 2], "3 of 3 frames known, all right; the first at once."),
+        (
+            [False, False, True],
+            [0, 9, 2],
+            "1 of 3 frames known, all right; first known after 2 frames.",
+        ),
+        (
+            [False, True, True],
+            [0, 9, 2],
+            "2 of 3 frames known, 1 of them wrong; first known after 1 frame.",
+        ),
+        ([False, False, False], [0, 1, 2], "None of 3 frames known."),
+    ],
+)
+def test_the_headline_says_what_the_drive_comes_to(
+    known: list[bool], places: list[int], words: str
+) -> None:
+    matches = [Match(place, 1.0, (), 0.9, each) for place, each in zip(places, known, strict=True)]
+    assert headline(judge(matches, within_3(3, 20))) == words
+
+
 def test_one_frame_is_one_frame(
     map_path: Path, query_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,5 +89,6 @@ def test_one_frame_is_one_frame(
     query = Query(str(tmp_path))
     print_table(evaluate(map_path, query, within_3, Config(), services=False), [])
     reported = capsys.readouterr().out
+    assert reported.startswith(("None of 1 frame known.", "1 of 1 frame known"))
     assert "1 frame," in reported
     assert "60 places" in reported

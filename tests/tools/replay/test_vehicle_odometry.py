@@ -75,7 +75,7 @@ def test_more_metres_than_there_are_numbers_for_are_dropped(buses: tuple[Bus, Bu
 
 
 def test_an_odometry_message_is_two_fields_of_msgpack() -> None:
-    by_hand = msgpack.packb({"version": 2, "metres": 12.5})
+    by_hand = msgpack.packb({"version": 3, "metres": 12.5})
     assert OdometryMessage.decode(by_hand) == OdometryMessage(metres=12.5)
 
 

@@ -153,6 +153,14 @@ def test_counts_are_shown_by_name_and_those_that_are_too_fast_in_words() -> None
     assert counts_in_words({}) == ""
 
 
+def test_counts_of_what_is_no_fault_are_named_as_such() -> None:
+    counts = {"received": 70, "late": 6, "duplicate": 8}
+    assert counts_in_words(counts) == (
+        "received 70; sent twice or late, no fault: duplicate 8, late 6"
+    )
+    assert counts_in_words({"late": 1}) == "sent twice or late, no fault: late 1"
+
+
 @pytest.mark.parametrize("digest", [None, "a" * 16, "b" * 16])
 def test_a_service_with_another_map_than_the_fuser_or_the_one_that_is_shown_is_missing(
     digest: str | None,

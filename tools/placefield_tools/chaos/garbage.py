@@ -132,6 +132,13 @@ def _end(rng: random.Random, received: Received, number: int) -> Bytes:
     return header.encode(), rng.choice([b"", received.payload])
 
 
+def _bundle(rng: random.Random, received: Received, _: int) -> Bytes:
+    headers = [received.header.encode()] * rng.randrange(70)
+    payloads = [received.payload] * rng.choice([len(headers), rng.randrange(70)])
+    together: Bytes = msgpack.packb(headers), msgpack.packb(payloads)
+    return together if rng.random() < 0.5 else (_flip(rng, together[0]), together[1])
+
+
 SPOILERS: Mapping[str, Spoiler] = {
     "noise": _noise,
     "flipped bits": _flipped,
@@ -144,6 +151,7 @@ SPOILERS: Mapping[str, Spoiler] = {
     "the future": _of_the_future,
     "many streams": _of_many_streams,
     "end of no stream": _end,
+    "bundle": _bundle,
 }
 
 

@@ -64,7 +64,7 @@ def _dashboard(
     )
     run_name = effective.run
     versions = MapVersions(map_path, channels=None)
-    state = LiveState(versions.open())
+    state = LiveState(versions.open(), effective.matching.tolerance)
     replay = ReplayChild(replay_flags(run_name, effective.bus))
     stop = stop_event()
 
@@ -75,7 +75,8 @@ def _dashboard(
         warn_of_other_runs(bus, run_name)
         prepared = PreparedVersions(versions, ShownMap.of)
         feed = Feed(bus, Keys(run_name), state, prepared.pop_all)
-        site = Site(run_name, map_path.stem, state, feed, replay)
+        precision = effective.matching.precision
+        site = Site(run_name, map_path.stem, state, feed, replay, precision)
         try:
             serve(site, host, port, name or (), ready)
         finally:

@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from placefield_tools.demo.light import Light
 
 _FRAMES = 200  # of the rendered street
+_NEXT = """
+See it live, each command in a terminal of its own:
+  placefield up {map}
+  placefield dashboard {map}
+  placefield replay {query} --rate 10"""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -87,3 +92,4 @@ def _run(reference: str, query: str, output: Path, config: Config) -> None:
     evaluation = evaluate(map_path, Query(query), truth_of, config, services=True)
     title = f"{Path(reference).name} → {Path(query).name}"
     print_table(evaluation, [segments, *draw(output, evaluation, title)])
+    CONSOLE.print(_NEXT.format(map=map_path, query=query), markup=False, soft_wrap=True)

@@ -77,7 +77,7 @@ def _evaluate(
     """
     from placefield_tools.build.map_from_sources import map_of
     from placefield_tools.build.used_part import AskedPart
-    from placefield_tools.common.outputs import make_folder
+    from placefield_tools.common.outputs import check_folder, make_folder
     from placefield_tools.common.progress import CONSOLE
     from placefield_tools.evaluate.evaluation import evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
@@ -107,7 +107,7 @@ def _evaluate(
     options_truth.check_other(protocol, other)
     options_truth.check_every(protocol, every)
     _refuse_to_thin(protocol)
-    make_folder(output)
+    check_folder(output)
     if Path(reference).suffix == SUFFIX:
         options_map.check_preset(effective, Path(reference))
         _refuse_to_rebuild(reference, (channels, min_scale, metric, poses), settings)
@@ -144,6 +144,7 @@ def _evaluate(
             services=services,
             asked=asked,
         )
+        make_folder(output)
         pictures = draw(output, evaluation, f"{Path(reference).name} → {Path(query).name}")
     if as_json:
         if evaluation.ground.truth is None:

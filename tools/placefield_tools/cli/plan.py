@@ -35,6 +35,7 @@ def _plan(
         float | None,
         typer.Option(metavar="GB", min=0.001, help="memory of each host", show_default="no limit"),
     ] = None,
+    run: options.Run = None,
     json_: options.Json = False,
 ) -> None:
     """Propose which processes to run on which host, and print the commands of each host.
@@ -72,7 +73,7 @@ def _plan(
         memory_bytes=memory_bytes,
     )
     commands = [
-        [_command(process, names, number, map_path, manifest.preset) for process in processes]
+        [_command(process, names, number, map_path, manifest.preset, run) for process in processes]
         for number, processes in enumerate(proposed.hosts)
     ]
     if json_:
@@ -118,7 +119,12 @@ def _sizes(map_path: Path, files: Sequence[str]) -> dict[str, int]:
 
 
 def _command(
-    process: "Process", names: Sequence[str], host: int, map_path: Path, preset: str | None
+    process: "Process",
+    names: Sequence[str],
+    host: int,
+    map_path: Path,
+    preset: str | None,
+    run: str | None,
 ) -> str:
     """Return the command line of a process on a host; a single host has its bus on loopback."""
     endpoints = [f"tcp/{name}:{_PORT}" for name in names]
@@ -131,6 +137,7 @@ def _command(
         own += ["--shard", f"{process.shard}/{process.shards}"]
     if preset is not None and process.service in ("channel", "fuser"):
         own += ["--preset", preset]
+    own += [] if run is None else ["--run", run]
     return shlex.join(["placefield", process.service, str(map_path), *own, *flags])
 
 
@@ -148,6 +155,7 @@ def _figures(
         "hosts": [
             {
                 "name": name,
+                "idle": _is_idle(processes),
                 "memory_bytes": needed,
                 "processes": [
                     {
@@ -189,6 +197,9 @@ def _print(
     for column in ("of a core", "own MB", "map's MB"):
         table.add_column(column, justify="right")
     for name, processes in zip(names, proposed.hosts, strict=True):
+        if _is_idle(processes):
+            table.add_row(name, "idle")
+            continue
         for process in processes:
             table.add_row(
                 name,
@@ -212,10 +223,18 @@ def _print(
             "give more hosts or cores, or more --memory",
             soft_wrap=True,
         )
-    for name, needed, own in zip(names, proposed.memory_bytes, commands, strict=True):
+    hosts = zip(names, proposed.hosts, proposed.memory_bytes, commands, strict=True)
+    for name, processes, needed, own in hosts:
+        if _is_idle(processes):
+            console.print(f"\n{name} is idle: the others suffice.")
+            continue
         console.print(f"\n{name}, about {needed / 1e9:.1f} GB of memory:")
         for command in own:
             console.print(f"  {command}", soft_wrap=True)
+
+
+def _is_idle(processes: Sequence["Process"]) -> bool:
+    return all(process.service == "router" for process in processes)
 
 
 def _label(process: "Process") -> str:

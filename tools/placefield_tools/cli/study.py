@@ -63,7 +63,7 @@ def _study(
       placefield study day/ dusk/ --protocol kidnap
       placefield study day/ dusk/ --preset paper
     """
-    from placefield_tools.common.outputs import make_folder
+    from placefield_tools.common.outputs import check_folder, make_folder
     from placefield_tools.evaluate.query import Query
     from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
@@ -98,7 +98,7 @@ def _study(
         raise ConfigError(
             f"{reference}: a map has no frames, and other methods need them; give the frames"
         )
-    make_folder(output)
+    check_folder(output)  # a study that is cut off leaves no empty folder
     parts = Parts(topic, odometry_topic, camera=camera)
     asked_query = Query(query, spacing, protocol, other, effective.seed, parts, every, query_camera)
     truth_of = partial(options_truth.truth_of, tolerance=effective.matching.tolerance, truth=truth)
@@ -107,6 +107,7 @@ def _study(
         published = run_paper_study(
             reference, asked_query, truth_of, effective, features, tolerance=within, asked=asked
         )
+        make_folder(output)
         report = write_paper_report(output, published)
         if as_json:
             print(json.dumps(paper_figures(published)))
@@ -114,6 +115,7 @@ def _study(
             print_paper_study(published, report)
         return
     study = run_study(reference, asked_query, truth_of, effective, tolerance=within, asked=asked)
+    make_folder(output)
     report = write_report(output, study)
     if as_json:
         print(json.dumps(figures(study)))

@@ -3,10 +3,10 @@
 import math
 
 from placefield.bus.messages import MatchMessage
-from placefield.fusion.match import FASTER
+from placefield.fusion.match import FASTER, Match
 
 
-def certainty_of(match: MatchMessage) -> str | None:
+def certainty_of(match: Match | MatchMessage) -> str | None:
     """Return ``known``, ``likely``, ``unknown``, or that the vehicle is faster than the map.
 
     A match that is not known is likely where it is more likely right than wrong. The result is None

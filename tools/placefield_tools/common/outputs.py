@@ -19,6 +19,20 @@ def check_folder_of(file: Path) -> None:
         raise ConfigError(f"{file}: the folder {folder} cannot be written to; choose another")
 
 
+def check_folder(folder: Path) -> None:
+    """Refuse a folder for files to write that cannot be made, and make nothing yet.
+
+    Raises:
+        ConfigError: it is so.
+    """
+    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not existing.is_dir():
+        raise ConfigError(
+            f"{folder}: the folder cannot be made ({existing} is no folder); choose another"
+        )
+    check_folder_of(existing / "file")
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder for files to write, if it is missing, and those that it is in.
 

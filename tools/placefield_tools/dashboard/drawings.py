@@ -23,6 +23,8 @@ _BASE, _TOP, _BAR = (
 _BINS = 200  # of the evidence
 
 _MOST_POINTS = 2000  # of a route
+_LEAST_BELIEF = 0.01  # that is drawn
+_MOST_BELIEF = 70.0  # units that certainty is high
 
 
 def segments_drawing(channel: MapChannel, window: Window) -> str:
@@ -98,19 +100,19 @@ def _upright(name: str, x: float) -> str:
     return f'<path class="{name}" d="M{x:g} 0V{FIELD_HEIGHT}"/>'
 
 
-def path_drawing(places: Sequence[tuple[int, int, bool]], frames: int, count: int) -> str:
+def path_drawing(places: Sequence[tuple[int, int, str]], frames: int, count: int) -> str:
     """Draw matches over a picture of distances, whose sides are 100 units.
 
     Args:
-        places: column in the picture, place, and whether it is known, of each match.
+        places: column in the picture, place, and the class in the page's style, of each match.
         frames: that the picture is wide.
         count: places that it is high.
     """
-    dots: dict[bool, str] = {True: "", False: ""}
-    for column, place, known in places:
+    dots: dict[str, str] = {}
+    for column, place, kind in places:
         x, y = 100 * (column + 0.5) / frames, 100 * (1 - (place + 0.5) / count)
-        dots[known] += f"M{x:.2f} {y:.2f}h0"
-    return f'<path class="unsure" d="{dots[False]}"/><path class="sure" d="{dots[True]}"/>'
+        dots[kind] = dots.get(kind, "") + f"M{x:.2f} {y:.2f}h0"
+    return "".join(f'<path class="{kind}" d="{drawn}"/>' for kind, drawn in dots.items())
 
 
 @dataclass(frozen=True)
@@ -140,9 +142,9 @@ class RouteDrawing:
         width, margin = 1000.0, 40.0
         if not np.isfinite(poses).all(axis=1).any():
             points = np.column_stack(
-                [np.linspace(margin, width - margin, count), np.full(count, 50.0)]
+                [np.linspace(margin, width - margin, count), np.full(count, 100.0)]
             )
-            return cls(width, 100.0, _line(points), 0.0, points, None)
+            return cls(width, 130.0, _line(points), 0.0, points, None)
         poses = np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, np.nan)
         least, most = np.nanmin(poses[:, :2], axis=0), np.nanmax(poses[:, :2], axis=0)
         extent = np.maximum(most - least, 1e-3)
@@ -169,6 +171,21 @@ class RouteDrawing:
                 f'transform="translate({x:.1f} {y:.1f}) rotate({turn:.1f})"/>'
             )
         return f'{drawn}<circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="12"/>'
+
+    def belief(self, places: NDArray[np.int32], beliefs: NDArray[np.float64]) -> str:
+        """Draw the belief in each place: a line beside the route, the longer the likelier."""
+        likely = (beliefs >= _LEAST_BELIEF) & (places < len(self._points))
+        lines = "".join(
+            f"M{x:.1f} {y:.1f}v{-_MOST_BELIEF * belief:.1f}"
+            for (x, y), belief in zip(self._points[places[likely]], beliefs[likely], strict=True)
+            if not np.isnan(x)
+        )
+        return f'<path class="belief" d="{lines}"/>' if lines else ""
+
+    def nearest(self, x: float, y: float) -> int | None:
+        """Return the place nearest to a point of the drawing; None if no place has a pose."""
+        apart = np.hypot(*(self._points - (x, y)).T)
+        return None if np.isnan(apart).all() else int(np.nanargmin(apart))
 
 
 def _line(points: NDArray[np.float64]) -> str:

@@ -85,6 +85,11 @@ class Feed:
         """How many messages were dropped because they came faster than this page reads."""
         return self._newest.dropped
 
+    @property
+    def connected(self) -> bool:
+        """Whether the router answers."""
+        return self._bus.connected
+
     def drain(self) -> None:
         """Add the messages received since to the state; count unreadable ones as ``malformed``.
 

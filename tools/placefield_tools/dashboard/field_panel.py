@@ -19,7 +19,7 @@ class FieldsPanel:
 
     def __init__(self, site: Site) -> None:
         self._count = site.placemap.places.count
-        with card("What channels and scales say", "two-thirds"):
+        with card("Channels", "two-thirds"):
             self._rows = [
                 _Row(number, channel) for number, channel in enumerate(site.placemap.channels)
             ]
@@ -33,7 +33,7 @@ class FieldsPanel:
             row.show(answer, window)
         self._words.text = (
             f"places {window.first} to {window.end - 1}; bars: segments, the longer the higher. "
-            "Red: the field that fires, evidence below it; dashed: the match"
+            "Purple: the active segment, belief below it; dashed: the match"
         )
 
 
@@ -47,7 +47,7 @@ class _Row:
         with ui.element("div").classes("field"):
             with ui.element("div"):
                 ui.label(f"channel {number}").classes("strong")
-                ui.label(f"m {channel.fuzzifier:.2f} · scales {scales[0]} to {scales[-1]}")
+                ui.label(f"segments of {scales[0]} to {scales[-1]} frames")
             with ui.element("div").classes("layers"):
                 self._segments = ui.html("", sanitize=False)
                 self._firing = ui.html("", sanitize=False)
@@ -62,9 +62,9 @@ class _Row:
         candidate = answer.candidates.get(self._number)
         drawn = match_drawing(answer.match.place, window)
         if candidate is None:
-            self._words.text = "silent"
+            self._words.text = "no answer"
         elif candidate.place < 0:
-            self._words.text = "no candidate"
+            self._words.text = "no place"
         else:
             drawn += firing_drawing(self._channel, candidate, answer.rule, window)
             certain = "belief" if answer.rule == "filter" else "score"
@@ -77,4 +77,4 @@ class _Row:
         if fires is None:
             return f"place {place}, in no segment"
         first, end = fires
-        return f"place {place}, scale {end - first}: {first} to {end - 1}"
+        return f"place {place}, segment {first} to {end - 1}"

@@ -1,20 +1,17 @@
 """The live page: the newest answer, or an earlier one to look at."""
 
+from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
+from placefield_tools.dashboard.banner import Banner
 from placefield_tools.dashboard.field_panel import FieldsPanel
-from placefield_tools.dashboard.missing_services import can_answer, missing_in_words
-from placefield_tools.dashboard.panels import (
-    AnswerPanel,
-    CertaintyPanel,
-    FramesPanel,
-    MatchPanel,
-    MatrixPanel,
-    RoutePanel,
-)
+from placefield_tools.dashboard.first_row import FramesPanel, RoutePanel, VerdictPanel
+from placefield_tools.dashboard.panels import CertaintyPanel, CorrectionsPanel, MatrixPanel
+from placefield_tools.dashboard.run_state import run_state
 from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel
 from placefield_tools.dashboard.site import Site, page
 from placefield_tools.dashboard.state import Answer
@@ -23,6 +20,7 @@ _DRAW_EVERY_S = 0.1
 _STATUS_EVERY_S = 1.0  # services report as often
 _WHEN_DRAWN = "return new Promise(drawn => requestAnimationFrame(() => drawn(true)))"
 _PATIENCE_S = 10.0
+_FAR = 10  # frames that a step takes with the shift key
 
 
 def live_page(site: Site) -> None:
@@ -31,27 +29,40 @@ def live_page(site: Site) -> None:
         LivePage(site, board)
 
 
+class AnswerPanel(Protocol):
+    """A panel that shows a part of an answer."""
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer."""
+
+
 class LivePage:
     """One browser's view of the run: it follows, or is paused at an answer."""
 
     def __init__(self, site: Site, board: ui.element) -> None:
         """Fill the page's main part; it is ``stale`` while no match can come."""
-        self._state, self._feed, self._board = site.state, site.feed, board
+        self._site, self._state, self._board = site, site.state, board
         self._placemap = site.placemap
         self._paused_at: Answer | None = None
-        self._shown: Answer | None = None
+        self._shown: tuple[Answer, object] | None = None
+        self._banner = Banner(site)
+        with ui.element("div").classes("first"):
+            first = (
+                VerdictPanel(site),
+                RoutePanel(site, self._look_back_to_place),
+                FramesPanel(site),
+            )
         self._lay_out_controls()
-        frames, self._match = FramesPanel(site), MatchPanel(site)
         self._panels: list[AnswerPanel] = [
-            frames,
-            self._match,
+            *first,
+            CertaintyPanel(site, self._look_back_to_frame),
+            CorrectionsPanel(site, self._look_back_to_frame),
             FieldsPanel(site),
-            MatrixPanel(site),
-            CertaintyPanel(site),
-            RoutePanel(site),
+            MatrixPanel(site, self._look_back_to_frame),
         ]
         self._health = HealthPanel(site)
-        ReplayPanel(site)
+        self._replay = ReplayPanel(site)
+        self._draw_status()
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
         ui.timer(_STATUS_EVERY_S, self._draw_status)
 
@@ -59,12 +70,13 @@ class LivePage:
         section = ui.element("section").classes("card").props('aria-label="Time"')
         with section, ui.element("div").classes("controls"):
             self._pause = ui.button("Pause", on_click=self._pause_or_follow)
-            self._pause.props("dense unelevated no-caps data-shown=pause")
+            self._pause.props("unelevated no-caps data-shown=pause")
+            self._pause.props('title="Space"')
             ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
-                'flat round dense aria-label="One frame back"'
+                'flat round aria-label="One frame back" title="Left arrow; with shift: ten frames"'
             )
             ui.button(icon="chevron_right", on_click=lambda: self._step(1)).props(
-                'flat round dense aria-label="One frame on"'
+                'flat round aria-label="One frame on" title="Right arrow; with shift: ten frames"'
             )
             self._slider = ui.slider(min=0, max=1, value=1).props(
                 'aria-label="Look back over the last answers" data-shown=slider'
@@ -77,26 +89,46 @@ class LivePage:
     def _press(self, pressed: KeyEventArguments) -> None:
         if not pressed.action.keydown:
             return
+        far = _FAR if pressed.modifiers.shift else 1
         if pressed.key.space:
             self._pause_or_follow()
         elif pressed.key.arrow_left:
-            self._step(-1)
+            self._step(-far)
         elif pressed.key.arrow_right:
-            self._step(1)
+            self._step(far)
+        elif pressed.key.home and self._state.answers:
+            self._pause_at(self._state.answers[0])
+        elif pressed.key.end:
+            self._paused_at = None
+            self._draw()
 
     def _pause_or_follow(self) -> None:
-        self._paused_at = self._shown if self._paused_at is None else None
+        self._paused_at = self._shown[0] if self._shown and self._paused_at is None else None
         self._draw()
 
     def _look_back(self, moved: GenericEventArguments) -> None:
-        self._pause_at(int(moved.args))
+        self._pause_at(self._state.at(int(moved.args)))
+
+    def _look_back_to_frame(self, sequence: int) -> None:
+        """Look back to the shown stream's frame with this number, or the kept one nearest to it."""
+        self._look_back_to_nearest(lambda answer: abs(answer.header.sequence - sequence))
+
+    def _look_back_to_place(self, place: int) -> None:
+        """Look back to when the vehicle was nearest to a place, the last time."""
+        self._look_back_to_nearest(lambda answer: abs(answer.match.place - place))
+
+    def _look_back_to_nearest(self, apart: Callable[[Answer], int]) -> None:
+        if self._shown is not None:
+            stream = self._shown[0].header.stream
+            answers = [one for one in self._state.answers if one.header.stream == stream]
+            self._pause_at(min(reversed(answers), key=apart, default=None))
 
     def _step(self, by: int) -> None:
         if self._shown is not None:
-            self._pause_at(self._shown.number + by)
+            self._pause_at(self._state.at(self._shown[0].number + by))
 
-    def _pause_at(self, number: int) -> None:
-        self._paused_at = self._state.at(number) or self._paused_at
+    def _pause_at(self, answer: Answer | None) -> None:
+        self._paused_at = answer or self._paused_at
         self._draw()
 
     async def _draw_in_turn(self) -> None:
@@ -106,26 +138,28 @@ class LivePage:
             await ui.run_javascript(_WHEN_DRAWN, timeout=_PATIENCE_S)
 
     def _draw(self) -> None:
-        """Draw the changes."""
+        """Draw the changes: another answer, or what later frames made of the last ones."""
         answers = self._state.answers
         if not answers or self._state.placemap is not self._placemap:  # the page is loaded again
             return
         answer = self._paused_at or answers[-1]
-        if answer is not self._shown:
-            self._shown = answer
+        if (answer, self._state.newest_smoothed) != self._shown:
+            self._shown = answer, self._state.newest_smoothed
             for panel in self._panels:
                 panel.show(answer)
-        if self._state.smoothed is not None:
-            self._match.show_smoothed(*self._state.smoothed)
         self._draw_controls(answer)
 
     def _draw_status(self) -> None:
-        """Show the status of the services, and grey the match when no newer one can come."""
-        status = self._feed.status()
+        """Show the state of the run and its services; grey the match when no newer can come."""
+        status = self._site.feed.status()
         self._health.show(status)
-        stale = bool(self._state.answers) and not can_answer(status)
+        state = run_state(
+            self._state, status, connected=self._site.feed.connected, run=self._site.run
+        )
+        self._banner.show(state)
+        self._replay.show(is_first=state.name == "idle")
+        stale = not state.is_current
         self._board.classes(**({"add": "stale"} if stale else {"remove": "stale"}))
-        self._match.warn(("not current; " if stale else "") + missing_in_words(status))
 
     def _draw_controls(self, answer: Answer) -> None:
         answers, paused = self._state.answers, self._paused_at is not None

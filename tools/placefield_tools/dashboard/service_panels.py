@@ -4,7 +4,7 @@ import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.missing_services import missing_in_words
+from placefield_tools.dashboard.missing_services import missing_in_words, slowest_in_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
@@ -12,11 +12,17 @@ _COLUMNS = {
     "service": "service",
     "identity": "identity",
     "frame": "frame",
-    "behind": "behind",
+    "behind": "frames behind",
     "rate": "frames/s",
-    "gaps": "gaps",
-    "partial": "partial",
+    "gaps": "missed",
+    "partial": "in part",
     "counts": "other counts",
+}
+_TILES = {
+    "rate": "frames per second",
+    "behind": "frames behind",
+    "gaps": "frames missed",
+    "partial": "answered in part",
 }
 _APART = ("gaps", "partial")  # counts that have a column of their own
 
@@ -29,9 +35,7 @@ class HealthPanel:
         with card("Services", "two-thirds"):
             self._verdict = ui.label("").props("role=status data-shown=services")
             with ui.element("div").classes("tiles"):
-                self._tiles = {
-                    name: _tile(name) for name in ("frames/s", "behind", "gaps", "partial")
-                }
+                self._tiles = {name: _tile(words) for name, words in _TILES.items()}
             self._table = ui.table(
                 rows=[],
                 row_key="identity",
@@ -39,13 +43,14 @@ class HealthPanel:
                     {"name": name, "field": name, "label": label, "align": "left"}
                     for name, label in _COLUMNS.items()
                 ],
-            ).props("dense flat")
+            ).props('dense flat :grid="Quasar.Screen.lt.md"')
             self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
     def show(self, status: RunStatus) -> None:
         """Show the current status of the run."""
         absent = missing_in_words(status)
-        self._verdict.text = absent or "all services are running"
+        slow = slowest_in_words(status)
+        self._verdict.text = absent or f"all services are running{slow}"
         self._verdict.classes(**({"add": "warning"} if absent else {"remove": "warning"}))
         for name, value in _whole(status).items():
             self._tiles[name].text = value
@@ -62,10 +67,10 @@ class HealthPanel:
         return f"messages not shown: {counted}" if counted else ""
 
 
-def _tile(name: str) -> ui.label:
+def _tile(words: str) -> ui.label:
     with ui.element("div"):
-        ui.label(name).classes("quiet")
-        return ui.label("–").classes("value").props(f'data-shown="whole {name}"')
+        ui.label(words).classes("quiet")
+        return ui.label("–").classes("value").props(f'data-shown="whole {words}"')
 
 
 def _whole(status: RunStatus) -> dict[str, str]:
@@ -74,7 +79,7 @@ def _whole(status: RunStatus) -> dict[str, str]:
     rate = max((fuser.rate or 0.0 for fuser in fusers), default=math.nan)
     behind = max((fuser.behind or 0 for fuser in fusers), default=None)
     return {
-        "frames/s": "–" if math.isnan(rate) else f"{rate:.1f}",
+        "rate": "–" if math.isnan(rate) else f"{rate:.1f}",
         "behind": "–" if behind is None else str(behind),
         **{name: str(_sum(status, name)) for name in _APART},
     }
@@ -108,7 +113,8 @@ class ReplayPanel:
 
     def __init__(self, site: Site) -> None:
         self._replay = site.replay
-        with card("Replay", "third"):
+        self._is_first = False
+        with card("Replay", "third replay") as self._card, ui.element("div").classes("form"):
             self._source = ui.input("Source: a folder, a video, camera:0").props(
                 "dense outlined data-shown=source"
             )
@@ -118,15 +124,22 @@ class ReplayPanel:
             self._camera = ui.input("Calibration of the camera, a file; blank: none").props(
                 "dense outlined data-shown=camera"
             )
-            self._loop = ui.checkbox("repeat from the start")
             with ui.element("div").classes("controls"):
+                self._loop = ui.checkbox("repeat from the start")
                 self._start = ui.button("Start", on_click=self._start_replay)
-                self._start.props("dense unelevated no-caps data-shown=start")
+                self._start.props("unelevated no-caps data-shown=start")
                 self._stop = ui.button("Stop", on_click=self._replay.stop)
-                self._stop.props("dense outline no-caps data-shown=stop")
+                self._stop.props("outline no-caps data-shown=stop")
             self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
         ui.timer(0.5, self._draw)
+
+    def show(self, *, is_first: bool) -> None:
+        """Show the panel first, where no frame has come yet, or last."""
+        if is_first != self._is_first:
+            self._is_first = is_first
+            self._card.move(target_index=1 if is_first else -1)
+            self._card.classes(**({"add": "wide"} if is_first else {"remove": "wide"}))
 
     def _start_replay(self) -> None:
         if self._source.value:

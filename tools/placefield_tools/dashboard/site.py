@@ -35,6 +35,7 @@ class Site:
         state: the newest answers of the run, and the version of the map that they are of.
         feed: the run's messages, which update the state.
         replay: the replay that the page starts and stops.
+        precision: the probability from which on a match is known.
     """
 
     run: str
@@ -42,6 +43,7 @@ class Site:
     state: LiveState
     feed: Feed
     replay: ReplayChild
+    precision: float
 
     @property
     def placemap(self) -> Map:
@@ -101,11 +103,11 @@ def _colour_button() -> None:
 
 
 @contextmanager
-def card(title: str, span: str) -> Iterator[None]:
+def card(title: str, span: str) -> Iterator[ui.element]:
     """Add a titled part of a page; the span is its width: ``third``, ``half``, …."""
-    with ui.element("section").classes(f"card {span}").props(f'aria-label="{title}"'):
+    with ui.element("section").classes(f"card {span}").props(f'aria-label="{title}"') as section:
         ui.html(title, sanitize=False, tag="h2")
-        yield
+        yield section
 
 
 def chart(options: Options, words: str) -> ui.echart:

@@ -16,9 +16,9 @@ from placefield.errors import FrameError, MessageError
 from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
-from placefield_tools.common.certainty import certainty_of
 from placefield_tools.dashboard.distance_columns import DistanceColumns, Row
 from placefield_tools.dashboard.fields import thinned
+from placefield_tools.dashboard.stream_summary import StreamSummary
 
 KEPT = 600
 """Number of answers that a viewer can look back over."""
@@ -47,13 +47,6 @@ class Answer:
     rule: Rule | None
     candidates: dict[int, Candidate]
     distances: Row | None
-
-    @property
-    def verdict(self) -> str:
-        """The certainty of the match, in a few words."""
-        if self.match.place < 0:
-            return "no answer"
-        return certainty_of(self.match) or "matched"
 
 
 @dataclass
@@ -88,7 +81,9 @@ class LiveState:
     which belong to another map. Foreign messages are not shown.
     """
 
-    def __init__(self, placemap: Map) -> None:
+    def __init__(self, placemap: Map, tolerance: int) -> None:
+        """Begin without answers; places up to ``tolerance`` apart count as the same."""
+        self._tolerance = tolerance
         self._shown = ShownMap.of(placemap)
         self._next: ShownMap | None = None
         self._answered = 0
@@ -96,8 +91,14 @@ class LiveState:
         self.counts: Counter[str] = Counter()
         self.ended: Header | None = None
         """The end of the last answered stream, if that stream has ended."""
-        self.smoothed: tuple[Header, SmoothedMessage] | None = None
-        """The newest smoothed match of the last smoothed stream."""
+        self.summary: StreamSummary | None = None
+        """What the last answered stream came to so far."""
+        self.foreign_map: str | None = None
+        """Digest of the map of the last match, if that is another map than the shown one."""
+        self.newest_smoothed: Header | None = None
+        """The header of the smoothed match that came last."""
+        self._smoothed: OrderedDict[_Key, SmoothedMessage] = OrderedDict()
+        self._numbers: dict[_Key, int] = {}  # of the kept answers
         # All versions of a map have one model.
         self._model = fingerprint(placemap.model)
         self._descriptors = placemap.model
@@ -121,7 +122,9 @@ class LiveState:
 
     def _show(self, version: ShownMap) -> None:
         """Show a new version; the answers of the old one have other places, and are left out."""
-        self._shown, self._next, self.smoothed = version, None, None
+        self._shown, self._next, self.summary = version, None, None
+        self._smoothed.clear()
+        self._numbers.clear()
         self.answers.clear()
         self._under_way.clear()
 
@@ -209,23 +212,34 @@ class LiveState:
         if self._next is not None and match.map == self._next.placemap.digest:
             self._show(self._next)
         if self._is_foreign(match.map):
+            self.foreign_map = match.map
             return
+        self.foreign_map = None
         last = self.answers[-1] if self.answers else None
+        gap = 0
         if last is not None and last.header.stream == header.stream:
             gap = header.sequence - last.header.sequence - 1
             if gap < 0:
                 return
-            if not header.live:
-                self.counts["missed"] += gap
+        self._append(header, match, 0 if header.live else gap)
+
+    def _append(self, header: Header, match: MatchMessage, missed: int) -> None:
+        self.counts["missed"] += missed
         of = self._under_way.pop(_key(header), _UnderWay())
-        self.answers.append(
-            Answer(self._answered, header, match, of.rule, of.candidates, of.distances)
-        )
+        if len(self.answers) == KEPT:
+            del self._numbers[_key(self.answers[0].header)]
+        answer = Answer(self._answered, header, match, of.rule, of.candidates, of.distances)
+        self.answers.append(answer)
+        self._numbers[_key(header)] = answer.number
         self._answered += 1
         self.ended = None
+        if self.summary is None or self.summary.stream != header.stream:
+            self.summary = StreamSummary(header.stream, self._tolerance)
+        self.summary.add(match, missed)
+        self._compare(answer)
 
     def add_smoothed(self, header: Header, payload: bytes) -> None:
-        """Add the smoothed match of a frame; a match that is not newer is skipped.
+        """Add the smoothed match of a frame; a match that was added before is skipped.
 
         Raises:
             MessageError: the payload is not a smoothed match.
@@ -233,11 +247,25 @@ class LiveState:
         if header.end:
             return
         smoothed = SmoothedMessage.decode(payload)
-        if self._is_foreign(smoothed.map):
+        if self._is_foreign(smoothed.map) or _key(header) in self._smoothed:
             return
-        last = self.smoothed[0] if self.smoothed else None
-        if last is None or last.stream != header.stream or last.sequence < header.sequence:
-            self.smoothed = header, smoothed
+        self._smoothed[_key(header)], self.newest_smoothed = smoothed, header
+        if len(self._smoothed) > KEPT + _UNDER_WAY:
+            self._smoothed.popitem(last=False)
+        number = self._numbers.get(_key(header))
+        answer = None if number is None else self.at(number)
+        if answer is not None:
+            self._compare(answer)
+
+    def _compare(self, answer: Answer) -> None:
+        """Compare the first match of a frame with its smoothed one, once there are both."""
+        smoothed, summary = self.smoothed(answer), self.summary
+        if smoothed and summary and summary.stream == answer.header.stream:
+            summary.compare(answer.header, answer.match, smoothed)
+
+    def smoothed(self, answer: Answer) -> SmoothedMessage | None:
+        """Return the smoothed match of an answered frame, if it has come and is kept."""
+        return self._smoothed.get(_key(answer.header))
 
     def at(self, number: int) -> Answer | None:
         """Return the answer with this number; None if it is not kept."""
@@ -255,6 +283,11 @@ class LiveState:
             if one.header.stream == answer.header.stream and one.header.sequence > first
         ]
         return found[::-1]
+
+    def last_seconds(self, answer: Answer, seconds: float) -> list[Answer]:
+        """Return the kept answers of a stream's last seconds, by its clock, up to this answer."""
+        since = answer.header.stamp_ns - seconds * 1e9
+        return [one for one in self.before(answer, KEPT) if one.header.stamp_ns >= since]
 
     def _backwards_from(self, answer: Answer) -> Iterator[Answer]:
         return (one for one in reversed(self.answers) if one.number <= answer.number)

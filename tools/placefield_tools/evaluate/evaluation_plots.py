@@ -80,6 +80,7 @@ def _draw_pairs(path: Path, evaluation: Evaluation, result: Judged) -> list[Path
                 place=place,
                 correct=bool(result.correct[query]),
                 score=float(result.scores[query]),
+                certainty=result.certainties[query] if result.certainties else None,
             )
         )
     plot_match_pairs(path, pairs)

@@ -91,6 +91,21 @@ def certainty_figures(judged: Judged) -> dict[str, Any]:
     }
 
 
+def headline(judged: Judged) -> str:
+    """Say in one sentence what a drive comes to under a rule that says which matches are known."""
+    claims, frames = judged.claims, counted(len(judged.places), "frame")
+    if claims is None or judged.first_known is None:
+        return f"None of {frames} known."
+    wrong = claims.count - round(claims.precision * claims.count)
+    verdict = f"{wrong} of them wrong" if wrong else "all right"
+    first = (
+        f"first known after {counted(judged.first_known, 'frame')}"
+        if judged.first_known
+        else "the first at once"
+    )
+    return f"{claims.count} of {frames} known, {verdict}; {first}."
+
+
 def certainty_line(name: str, judged: Judged) -> str | None:
     """Return the figures of ``certainty_figures`` in one line of text; None if there are none."""
     if judged.reliability is None or judged.claims is None:
@@ -119,6 +134,9 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
     if evaluation.ground.truth is None:
         _print_shares(evaluation, pictures)
         return
+    console = Console(markup=False)  # a path may hold brackets
+    if "filter" in evaluation.results:
+        console.print(headline(evaluation.results["filter"]), highlight=False, soft_wrap=True)
     frames = counted(len(evaluation.descriptors), "frame")
     places = counted(evaluation.placemap.places.count, "place")
     table = Table(
@@ -133,7 +151,6 @@ def print_table(evaluation: Evaluation, pictures: Sequence[Path]) -> None:
         curve = result.curve
         values = (curve.auc, curve.recall_at_100_precision, curve.recall_at_1)
         table.add_row(name, f"{result.mean_lag:.1f}", *(f"{value:.3f}" for value in values))
-    console = Console(markup=False)  # a path may hold brackets
     console.print(table)
     console.print(evaluation.ground.line, highlight=False, soft_wrap=True)
     for name, result in _rows(evaluation):

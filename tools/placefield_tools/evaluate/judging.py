@@ -12,6 +12,7 @@ from placefield.evaluation.reliability import Reliability, reliability
 from placefield.evaluation.truth import Truth
 from placefield.fusion.match import Match, SmoothedMatch
 from placefield.matching.candidate import UNANSWERED
+from placefield_tools.common.certainty import certainty_of
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class Judged:
         reliability: of the probabilities, if the method gives them.
         claims: the known matches, likewise.
         mean_lag: mean number of later frames that a match uses.
+        certainties: of each match in words, see ``certainty_of``; None where the rule has none.
+        first_known: number of the first known match, if there is one.
         too_fast: number of frames where the vehicle seems faster than the map resolves.
     """
 
@@ -36,6 +39,8 @@ class Judged:
     reliability: Reliability | None = None
     claims: Claims | None = None
     mean_lag: float = 0.0
+    certainties: tuple[str | None, ...] = ()
+    first_known: int | None = None
     too_fast: int = 0
 
 
@@ -59,6 +64,8 @@ def judge(matches: Sequence[Match], truth: Truth) -> Judged:
         curve,
         reliability(probability[judged][answered[judged]], correct[judged][answered[judged]]),
         claims(known[judged], correct[judged], on_route),
+        certainties=tuple(map(certainty_of, matches)),
+        first_known=int(np.argmax(known)) if known.any() else None,
         too_fast=sum(match.too_fast for match in matches),
     )
 

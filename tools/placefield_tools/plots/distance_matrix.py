@@ -55,7 +55,7 @@ def plot_distance_matrix(
         axis.set_major_locator(MaxNLocator(integer=True))
 
     answered = matches >= 0
-    dot = float(np.clip(600 / max(queries, places, 1), 2, 5))
+    dot = float(np.clip(800 / max(queries, places, 1), 3, 6))
     for name, colour, chosen in (
         ("right", style.RIGHT, answered & correct),
         ("wrong", style.WRONG, answered & ~correct),
@@ -65,9 +65,10 @@ def plot_distance_matrix(
             frames,
             matches[frames],
             "o",
-            color=colour,
+            markerfacecolor="none",  # the distance inside stays visible
+            markeredgecolor=colour,
             markersize=dot,
-            markeredgewidth=0,
+            markeredgewidth=0.8,
             label=f"{frames.size} {name}",
         )
     axes.plot([], [], " ", label=f"{np.count_nonzero(~answered)} unanswered")

@@ -1,5 +1,6 @@
 """Picture of query frames beside the places that they were matched to."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ class MatchPair:
         place: index of the place.
         correct: the match is right.
         score: higher is more confident.
+        certainty: known, likely or unknown; None where the rule does not say.
 
     """
 
@@ -36,6 +38,7 @@ class MatchPair:
     place: int
     correct: bool
     score: float
+    certainty: str | None = None
 
 
 def plot_match_pairs(path: Path, pairs: Sequence[MatchPair]) -> None:
@@ -77,7 +80,9 @@ def _verdict(axes: Axes, pair: MatchPair) -> None:
     axes.set_axis_off()
     word = "right" if pair.correct else "wrong"
     axes.text(0, 0.53, word, fontsize=15, fontweight="bold", color=_colour(pair), va="bottom")
-    axes.text(0, 0.47, f"score {pair.score:.3g}", fontsize=10, color=style.MUTED, va="top")
+    said = [] if pair.certainty is None else [textwrap.fill(pair.certainty, 14)]
+    below = "\n".join([*said, f"score {pair.score:.3g}"])
+    axes.text(0, 0.47, below, fontsize=10, color=style.MUTED, va="top")
 
 
 def _picture(axes: Axes, image: NDArray[np.uint8], name: str, pair: MatchPair) -> None:

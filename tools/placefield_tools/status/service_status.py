@@ -16,6 +16,7 @@ from placefield_tools.common.natural_sort import counted, natural_key
 SILENT_S = 3.0
 """A service is silent if it has sent no counts for so long; services send them once a second."""
 
+_NO_FAULT = ("late", "stale", "duplicate", "repeated", "out_of_order")
 _NAMED = 100  # names in one message, at most
 _ONE_OF_A_RUN = ("featurizer", "fuser")
 _REPORTING = (*_ONE_OF_A_RUN, "describer", "channel", "verifier", "mapserver", "mapper")
@@ -172,11 +173,16 @@ class RunRecord:
 
 
 def counts_in_words(counts: Mapping[str, int]) -> str:
-    """Return counts as text: by name, but ``too_fast`` as a phrase."""
-    return ", ".join(
-        f"{counted(count, 'frame')} {FASTER}" if name == "too_fast" else f"{name} {count}"
-        for name, count in sorted(counts.items())
+    """Return counts as text: by name, but ``too_fast`` as a phrase, and last those of no fault."""
+    shown = [name for name in sorted(counts) if name not in _NO_FAULT]
+    words = ", ".join(
+        f"{counted(counts[name], 'frame')} {FASTER}"
+        if name == "too_fast"
+        else f"{name} {counts[name]}"
+        for name in shown
     )
+    normal = ", ".join(f"{name} {counts[name]}" for name in sorted(_NO_FAULT) if name in counts)
+    return "; ".join(filter(None, (words, normal and f"sent twice or late, no fault: {normal}")))
 
 
 def other_runs(run: str, runs: Collection[str]) -> str | None:

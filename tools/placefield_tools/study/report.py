@@ -9,6 +9,7 @@ from placefield.config import Rule
 from placefield.matching.candidate import UNANSWERED
 from placefield_tools.study import figures
 from placefield_tools.study.pages import write_page
+from placefield_tools.study.recommendation import uses, verdict
 from placefield_tools.study.results import AblationResult, LeftOut, MethodResult, Study
 
 
@@ -25,6 +26,8 @@ def write_report(folder: Path, study: Study) -> Path:
         title=f"{Path(study.query).name} along {Path(study.reference).name}",
         frames=_frames(study.methods),
         unanswered=[_unanswered(method) for method in study.methods],
+        verdict=verdict(study),
+        uses=uses(study),
         ablation=_by_part(study.ablation),
         curves=figures.precision_recall_curves(study),
         method_bars=figures.method_bars(study),

@@ -1,0 +1,154 @@
+"""The states of a run on the dashboard: none can be mistaken for another, by anyone."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from browsing import Dashboard, Shown, looking
+from hosting import Host, placefield, wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytest.importorskip("nicegui", reason="the dashboard's extra is not installed")
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+
+_BLUE = "rgb(0, 114, 178)"  # of a known match, in light colours
+_FIRST_ROW = ("verdict", "route", "query", "reference")
+_DESKTOP, _PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
+_SMALL = """() => [...document.querySelectorAll('button, nav a, input[type=text]')]
+    .filter(one => one.checkVisibility())
+    .map(one => [one.outerHTML.slice(0, 120), one.getBoundingClientRect().height])
+    .filter(([, height]) => height < 24)"""
+
+
+@pytest.fixture(scope="module")
+def own_host(logs: Path, map_path: Path) -> Iterator[Host]:
+    with Host(logs, map_path) as host:
+        yield host
+
+
+@pytest.fixture(scope="module")
+def shown(
+    browser: "Browser", logs: Path, map_path: Path, own_host: Host
+) -> Iterator[tuple[Shown, Dashboard]]:
+    with (
+        Dashboard(logs, map_path, own_host) as dashboard,
+        looking(browser, dashboard) as shown,
+    ):
+        yield shown, dashboard
+
+
+def colour(shown: Shown, what: str) -> str:
+    style = "one => getComputedStyle(one).backgroundColor"
+    return str(shown.page.locator(f"[data-shown='{what}']").evaluate(style))
+
+
+def assert_accessible(shown: Shown) -> None:
+    violations = axe.Axe().run(shown.page).response["violations"]
+    found = [(one["id"], node["target"]) for one in violations for node in one["nodes"]]
+    assert found == []
+
+
+@pytest.fixture(params=["light", "dark"])
+def scheme(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def test_an_idle_page_says_what_to_do_and_has_the_replay_form_in_sight(
+    shown: tuple[Shown, Dashboard],
+) -> None:
+    page, _ = shown
+    page.await_state("idle")
+    page.page.set_viewport_size(_DESKTOP)
+    assert page.page.get_by_text("placefield replay SOURCE --run default").is_visible()
+    assert_in_sight(page, "source", "start")
+    assert page.text("verdict") == "no frame yet"
+    assert_accessible(page)
+
+
+def assert_in_sight(shown: Shown, *what: str) -> None:
+    height = shown.page.viewport_size["height"]
+    for each in what:
+        box = shown.page.locator(f"[data-shown={each}]").bounding_box()
+        assert box is not None, f"{each} is hidden"
+        assert box["y"] + box["height"] <= height, f"{each} must be scrolled to"
+
+
+@pytest.mark.parametrize("size", [_DESKTOP, _PHONE], ids=["desktop", "phone"])
+def test_the_first_row_is_seen_without_scrolling(
+    shown: tuple[Shown, Dashboard], own_host: Host, query_dir: Path, size: dict[str, int]
+) -> None:
+    page, _ = shown
+    page.page.set_viewport_size(size)
+    own_host.replay(query_dir)
+    page.await_state("ended")
+    wait_until(lambda: page.page.locator("img[data-shown=query][src]").count(), "there is a frame")
+    page.page.evaluate("window.scrollTo(0, 0)")
+    assert_in_sight(page, *_FIRST_ROW)
+    assert page.width() <= size["width"], "nothing is wider than the page"
+
+
+@pytest.mark.parametrize("path", ["/map", "/"])
+@pytest.mark.parametrize("size", [_DESKTOP, _PHONE], ids=["desktop", "phone"])
+def test_the_pages_have_no_violation_of_accessibility(
+    shown: tuple[Shown, Dashboard], scheme: str, path: str, size: dict[str, int]
+) -> None:
+    page, _ = shown
+    page.page.emulate_media(color_scheme=scheme)
+    page.page.set_viewport_size(size)
+    page.open(path)
+    wait_until(lambda: page.page.locator("h2").count() > 3, "the page is filled")
+    assert_accessible(page)
+    if size == _PHONE:
+        assert page.page.evaluate(_SMALL) == []
+
+
+def test_a_page_of_another_map_says_so_in_a_red_banner(
+    browser: "Browser",
+    logs: Path,
+    own_host: Host,
+    tmp_path: Path,
+    reference_dir: Path,
+    query_dir: Path,
+) -> None:
+    other = tmp_path / "other.pfmap"
+    placefield("build", reference_dir, "-o", other, "--set", "seed=9")
+    with Dashboard(logs, other, own_host) as dashboard, looking(browser, dashboard) as page:
+        own_host.replay(query_dir)
+        page.await_state("wrong-map")
+        assert page.text("state").startswith("Wrong map: ")
+        background = page.page.locator(".banner").evaluate(
+            "one => getComputedStyle(one).backgroundColor"
+        )
+        assert background == "rgb(179, 38, 30)"
+        assert page.text("verdict") == "no frame yet"
+        assert_accessible(page)
+
+
+def test_a_page_whose_dashboard_is_gone_is_grey(
+    browser: "Browser", logs: Path, map_path: Path, own_host: Host, query_dir: Path
+) -> None:
+    with Dashboard(logs, map_path, own_host) as dashboard, looking(browser, dashboard) as page:
+        own_host.replay(query_dir)
+        wait_until(lambda: colour(page, "verdict") == _BLUE, "the last frame is known")
+        dashboard.stop()
+        wait_until(page.page.get_by_text("Connection lost").is_visible, "it says so")
+        assert colour(page, "verdict") != _BLUE
+
+
+def test_a_page_whose_router_is_gone_is_grey_and_says_so(
+    shown: tuple[Shown, Dashboard], own_host: Host, query_dir: Path
+) -> None:
+    page, _ = shown
+    page.page.emulate_media(color_scheme="light")
+    own_host.replay(query_dir)
+    wait_until(lambda: colour(page, "verdict") == _BLUE, "the last frame is known")
+    place = page.text("place")
+    own_host.stop()
+    page.await_state("router-gone")
+    assert page.text("state") == "The router does not answer. Waiting for it."
+    wait_until(lambda: colour(page, "verdict") != _BLUE, "it is not blue")
+    assert page.text("place") == place
+    assert_accessible(page)
