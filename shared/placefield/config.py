@@ -190,7 +190,7 @@ class BuildConfig(_Section):
     coarse_from: int = Field(
         200_000,
         ge=1,
-        description="a map of so many places or more is built with a coarse search of all places",
+        description="a map of so many places or more is built with an index, and matched by it",
     )
     looks: bool = Field(
         False,

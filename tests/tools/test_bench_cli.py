@@ -78,6 +78,18 @@ def test_a_build_is_measured_of_so_many_places(
     assert json.loads(capsys.readouterr().out) == {"places": 5000}
 
 
+def test_a_map_of_so_many_places_is_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def measured(places: int | None) -> list[Figure]:
+        return [Figure(f"frame_ms_{places}", 1.5, "")]
+
+    monkeypatch.setattr("placefield_tools.bench.scale.bench_scale", measured)
+    monkeypatch.setattr("placefield_tools.bench.machine.with_machine", lambda measure: measure())
+    bench(monkeypatch, "scale", "--places", "5000", "--json")
+    assert json.loads(capsys.readouterr().out) == {"frame_ms_5000": 1.5}
+
+
 def test_a_malformed_kind_of_feature_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

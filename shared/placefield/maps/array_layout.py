@@ -10,7 +10,7 @@ from placefield.maps.map import Map
 # For each folder: its files, with the dtype and the axes of their arrays. An axis of one letter has
 # the same length in all files of a folder: K places, P poses, T metres travelled, F frames of a
 # traverse, L looks, n local features, N descriptor dimensions, M projected dimensions, D raw
-# dimensions, R those of the coarse search.
+# dimensions, R those of the coarse search, C lists with c rows in all.
 Layout = Mapping[str, tuple[str, str]]
 MODEL_FILES: Layout = {
     "mean": ("float32", "D"),
@@ -46,6 +46,13 @@ COARSE_FILES: Layout = {
     "axes": ("float32", "RM"),
     "codes": ("int8", "KR"),
     "spread": ("float64", "VV"),
+}
+LIST_FILES: Layout = {
+    "centroids": ("int8", "CR"),
+    "ends": ("int64", "C"),
+    "places": ("int32", "c"),
+    "codes": ("int8", "cR"),
+    "squares": ("int32", "c"),
 }
 LOOK_FILES: Layout = {
     "places": ("int32", "L"),
@@ -101,6 +108,8 @@ def arrays_of(built: Map) -> dict[str, NDArray[Any]]:
         parts.append((f"metrics/{number}", metric, METRIC_FILES))
         if metric.coarse is not None:
             parts.append((f"metrics/{number}/coarse", metric.coarse, COARSE_FILES))
+            if metric.coarse.lists is not None:
+                parts.append((f"metrics/{number}/coarse/lists", metric.coarse.lists, LIST_FILES))
         if metric.looks is not None:
             looks = (f"metrics/{number}/looks", metric.looks)
             parts.append((*looks, look_files(metric.coarse)))

@@ -1,6 +1,5 @@
 """The looks of a map's places, in all of its metrics."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from placefield.errors import MapError
 from placefield.maps.manifest import REBUILD
 from placefield.maps.map import Map, MapMetric
-from placefield.maps.map_metrics import change_metrics, with_looks
+from placefield.maps.map_metrics import change_metrics, with_looks, without_looks
 from placefield.search.quantized import Quantized
 
 
@@ -70,7 +69,6 @@ def replace_looks(opened: Map, rows: LookRows) -> Map:
     """Return a map whose metrics have these looks, and none of their own."""
 
     def change(metric: MapMetric) -> MapMetric:
-        alone = replace(metric, looks=None)
-        return with_looks(alone, *rows) if len(rows.places) else alone
+        return with_looks(metric, *rows) if len(rows.places) else without_looks(metric)
 
     return change_metrics(opened, change)

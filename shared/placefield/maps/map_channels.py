@@ -11,6 +11,7 @@ from placefield.errors import MapError
 from placefield.maps.array_layout import (
     CHANNEL_FILES,
     COARSE_FILES,
+    LIST_FILES,
     LOOK_TRAVERSE_FILES,
     METRIC_FILES,
     look_files,
@@ -19,6 +20,7 @@ from placefield.maps.manifest import REBUILD
 from placefield.maps.map import MapChannel, MapMetric
 from placefield.maps.map_files import MapFiles
 from placefield.search.coarse import CoarseIndex
+from placefield.search.inverted import InvertedLists
 from placefield.search.looks import MOST_BIAS, Looks
 
 
@@ -76,7 +78,8 @@ class MapChannels(Sequence[MapChannel]):
         coarse = None
         if record.coarse_unit is not None:
             axes, codes, spread = self._files.load(f"{folder}/coarse", COARSE_FILES, sizes)
-            coarse = CoarseIndex(axes, codes, spread, record.coarse_unit)
+            lists = self._open_lists(f"{folder}/coarse/lists", sizes | {"L": record.looks})
+            coarse = CoarseIndex(axes, codes, spread, record.coarse_unit, lists)
         return MapMetric(
             record.learned,
             projection,
@@ -87,6 +90,15 @@ class MapChannels(Sequence[MapChannel]):
             coarse,
             self._open_looks(f"{folder}/looks", coarse, sizes | {"L": record.looks}),
         )
+
+    def _open_lists(self, folder: str, sizes: dict[str, int]) -> InvertedLists | None:
+        if f"{folder}/codes.npy" not in self._manifest.files:  # older maps are without
+            return None
+        lists = InvertedLists(
+            *self._files.load(folder, LIST_FILES, sizes | {"c": sizes["K"] + sizes["L"]})
+        )
+        _check_lists(self._files.path / folder, lists, sizes["K"])
+        return lists
 
     def _open_looks(
         self, folder: str, coarse: CoarseIndex | None, sizes: dict[str, int]
@@ -124,6 +136,14 @@ class MapChannels(Sequence[MapChannel]):
             curve,
             record.refusal,
         )
+
+
+def _check_lists(folder: Path, lists: InvertedLists, places: int) -> None:
+    ends, of = lists.ends, lists.places
+    if not len(ends) or ends[0] < 0 or (ends[1:] < ends[:-1]).any() or ends[-1] != len(of):
+        raise MapError(f"{folder / 'ends.npy'}: does not divide its rows into lists; {REBUILD}")
+    if of.min() < 0 or of.max() >= places:
+        raise MapError(f"{folder / 'places.npy'}: does not name places of the map; {REBUILD}")
 
 
 def _check_looks(folder: Path, looks: Looks, traverses: int) -> None:

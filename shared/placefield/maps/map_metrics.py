@@ -10,6 +10,7 @@ from placefield.blocks import blocks
 from placefield.maps.map import STEPS, Map, MapMetric
 from placefield.maps.route_graph import RouteGraph
 from placefield.search.coarse import CoarseIndex, coarse_index
+from placefield.search.inverted import inverted_lists
 from placefield.search.looks import looks_at, squared_lengths
 from placefield.search.quantized import (
     DESCRIPTOR_UNIT,
@@ -30,10 +31,18 @@ def identity_metric(descriptors: Array, *, coarse: bool = False) -> MapMetric:
 
     With ``coarse``, it gets an index for the coarse search.
     """
-    identity = np.eye(descriptors.shape[1], dtype=np.float32)
     places = np.empty(descriptors.shape, np.int16)
     for block in blocks(len(places), _BLOCK):
         places[block] = quantize(descriptors[block], DESCRIPTOR_UNIT)
+    return identity_of_quantized(places, coarse=coarse)
+
+
+def identity_of_quantized(places: Quantized, *, coarse: bool = False) -> MapMetric:
+    """Return the identity metric with these quantized places (K, N), see ``identity_metric``.
+
+    They may be mapped from a file; no copy of all of them is made.
+    """
+    identity = np.eye(places.shape[1], dtype=np.float32)
     return _metric(False, identity, DESCRIPTOR_UNIT, places, coarse)
 
 
@@ -53,10 +62,10 @@ def with_looks(
     observed: Quantized,
     traverses: NDArray[np.int32] | None = None,
 ) -> MapMetric:
-    """Return a metric with looks of its places.
+    """Return a metric with these looks of its places, and none of its own.
 
     Args:
-        metric: without looks.
+        metric: of the places.
         shown: (L,) int32, the place of each look, ascending; at least one.
         observed: (L, N) int16, the quantized descriptors of the looks, not projected.
         traverses: (L,) int32, the number of the traverse that each is of; None if it is not known.
@@ -64,7 +73,12 @@ def with_looks(
     descriptors = projected(metric, observed)
     codes = None if metric.coarse is None else metric.coarse.encode(descriptors)
     looks = looks_at(metric.places, metric.squares, shown, descriptors, codes, traverses)
-    return replace(metric, looks=looks)
+    return _listed(replace(metric, looks=looks))
+
+
+def without_looks(metric: MapMetric) -> MapMetric:
+    """Return a metric without looks of its places."""
+    return metric if metric.looks is None else _listed(replace(metric, looks=None))
 
 
 def projected(metric: MapMetric, descriptors: Quantized) -> Quantized:
@@ -81,15 +95,32 @@ def projected(metric: MapMetric, descriptors: Quantized) -> Quantized:
 def _metric(
     learned: bool, projection: Array, unit: float, places: Quantized, coarse: bool
 ) -> MapMetric:
-    return MapMetric(
-        learned,
-        projection,
-        unit,
-        places,
-        squares=squared_lengths(places),
-        steps=steps_along(places, unit, RouteGraph.line("")),
-        coarse=coarse_index(places) if coarse else None,
+    return _listed(
+        MapMetric(
+            learned,
+            projection,
+            unit,
+            places,
+            squares=squared_lengths(places),
+            steps=steps_along(places, unit, RouteGraph.line("")),
+            coarse=coarse_index(places) if coarse else None,
+        )
     )
+
+
+def _listed(metric: MapMetric) -> MapMetric:
+    """Return a metric with the inverted lists of its coarse index, if it has one."""
+    coarse, looks = metric.coarse, metric.looks
+    if coarse is None:
+        return metric
+    codes, squares = coarse.codes, metric.squares
+    places = np.arange(len(codes), dtype=np.int32)
+    if looks is not None and looks.codes is not None:
+        codes = np.concatenate([codes, looks.codes])
+        squares = np.concatenate([squares, looks.squares])
+        places = np.concatenate([places, looks.places])
+        squares += looks.biases[places]
+    return replace(metric, coarse=replace(coarse, lists=inverted_lists(codes, places, squares)))
 
 
 def steps_along(places: Quantized, unit: float, graph: RouteGraph) -> Array:
@@ -134,13 +165,15 @@ def with_places(metric: MapMetric, routes: list[Quantized], graph: RouteGraph) -
     """
     added = [projected(metric, route) for route in routes]
     places = np.concatenate([metric.places, *added])
-    return replace(
-        metric,
-        places=places,
-        squares=np.concatenate([metric.squares, *map(squared_lengths, added)]),
-        steps=steps_along(places, metric.unit, graph),
-        coarse=metric.coarse and _with_codes(metric.coarse, added, places),
-        looks=None,
+    return _listed(
+        replace(
+            metric,
+            places=places,
+            squares=np.concatenate([metric.squares, *map(squared_lengths, added)]),
+            steps=steps_along(places, metric.unit, graph),
+            coarse=metric.coarse and _with_codes(metric.coarse, added, places),
+            looks=None,
+        )
     )
 
 
@@ -160,13 +193,15 @@ def without_places(metric: MapMetric, kept: NDArray[np.bool_], graph: RouteGraph
     places, coarse = metric.places[kept], metric.coarse
     if coarse is not None:
         coarse = replace(coarse, codes=coarse.codes[kept], spread=spread_of(places))
-    return replace(
-        metric,
-        places=places,
-        squares=metric.squares[kept],
-        steps=steps_along(places, metric.unit, graph),
-        coarse=coarse,
-        looks=None,
+    return _listed(
+        replace(
+            metric,
+            places=places,
+            squares=metric.squares[kept],
+            steps=steps_along(places, metric.unit, graph),
+            coarse=coarse,
+            looks=None,
+        )
     )
 
 

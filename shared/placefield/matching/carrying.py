@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from placefield.kernels import kernel
 from placefield.matching.belief_kernels import pick
-from placefield.matching.chains import Passages, passages_ahead, passages_behind
+from placefield.matching.chains import Passages, passages_ahead, passages_behind, places_in
 from placefield.matching.motion import LOSE, Array
 from placefield.matching.odometry import Displacement
 from placefield.matching.roads import Roads, RouteCells
@@ -50,18 +50,16 @@ def reached_by(displacement: Displacement, roads: Roads, places: Places) -> Plac
     assert roads.cells is not None
     cells = roads.cells
     count = len(cells.middles)
-    open_ranges = np.zeros(count + 1, np.int32)
+    begins, ends = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
     for rows, leg in _legs(displacement, roads, cells, places):
         some = places[rows]
-        half = np.diff(cells.edges)[some] / 2 + _noise(cells, displacement)
+        half = (cells.edges[some + 1] - cells.edges[some]) / 2 + _noise(cells, displacement)
         low = cells.middles[some] + min(displacement.metres, 0.0) - half - leg.shift
         high = cells.middles[some] + max(displacement.metres, 0.0) + half - leg.shift
-        begins = np.searchsorted(cells.edges, low, side="right") - 1
-        begins = np.clip(begins, leg.first, min(leg.end, count))
-        ends = np.clip(np.searchsorted(cells.edges, high), begins, min(leg.end, count))
-        np.add.at(open_ranges, begins, 1)
-        np.add.at(open_ranges, ends, -1)
-    return np.flatnonzero(np.cumsum(open_ranges)).astype(np.int32)
+        first = np.searchsorted(cells.edges, low, side="right") - 1
+        begins.append(np.clip(first, leg.first, min(leg.end, count)))
+        ends.append(np.clip(np.searchsorted(cells.edges, high), begins[-1], min(leg.end, count)))
+    return places_in(np.concatenate(begins), np.concatenate(ends))
 
 
 def carried_to(

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.maps.route_graph import RouteGraph
-from placefield.matching.candidate import NO_PLACES
 from placefield.matching.motion import REACH
 
 Vector = NDArray[np.float64]
@@ -163,7 +162,7 @@ def passages_behind(
 
 
 def crossed_to(chains: Chains, places: Places) -> Places:
-    """Return where passages may lead in a step from some places, (n,) ascending; not ascending."""
+    """Return where passages may lead in a step from some places, (n,); both ascend."""
     edges, ahead = chains.edges, chains.ahead
     last = np.searchsorted(places, edges[ahead.source + 1]) - 1  # place before the passage
     active = np.flatnonzero(last >= 0)
@@ -171,10 +170,30 @@ def crossed_to(chains: Chains, places: Places) -> Places:
     farthest = places[last[active]] - ahead.shift[active].astype(np.int64) + REACH + 1
     ends = np.minimum(farthest, edges[ahead.target[active] + 1])
     leads = (ends > begins) & (places[last[active]] >= source)
-    ranges = zip(begins[leads].tolist(), ends[leads].tolist(), strict=True)
-    return np.concatenate(
-        [NO_PLACES, *(np.arange(begin, end, dtype=np.int32) for begin, end in ranges)]
-    )
+    return places_in(begins[leads], ends[leads])
+
+
+def crossed_back_to(chains: Chains, places: Places) -> Places:
+    """Return where passages may lead in a step in reverse; see ``crossed_to``."""
+    edges, behind = chains.edges, chains.behind
+    first = np.searchsorted(places, edges[behind.source])  # place after the passage
+    active = np.flatnonzero(first < len(places))
+    source, target = behind.source[active], behind.target[active]
+    nearest = places[first[active]] - behind.shift[active].astype(np.int64)
+    begins, ends = np.maximum(nearest - REACH, edges[target]), edges[target + 1]
+    leads = (ends > begins) & (places[first[active]] < edges[source + 1])
+    return places_in(begins[leads], ends[leads])
+
+
+def places_in(begins: NDArray[np.integer], ends: NDArray[np.integer]) -> Places:
+    """Return the places in at least one of n ranges, ascending."""
+    order = np.argsort(begins, kind="stable")
+    begins, ends = begins[order], ends[order]
+    begins = np.maximum(begins, np.maximum.accumulate(np.append(0, ends[:-1]))[: len(begins)])
+    counts = np.maximum(ends - begins, 0)
+    before = np.cumsum(counts) - counts
+    shift = np.repeat(begins - before, counts)
+    return np.asarray(shift + np.arange(len(shift)), np.int32)
 
 
 def _passages(found: list[tuple[int, int, float, float]]) -> Passages:

@@ -40,6 +40,9 @@ class Comparison:
         deviation: standard deviation of the exact distances to the places without their looks.
         is_exact: whether all distances are exact; else only those to the nearest places are.
         is_reversed: whether the places are in reverse order.
+        along: (R,) int16, the frame along the axes of the inverted lists, if these are used:
+            ``distances`` is empty then, and those that are needed are computed by
+            ``distances_to``; else None.
     """
 
     metric: MapMetric
@@ -48,6 +51,7 @@ class Comparison:
     deviation: float
     is_exact: bool = True
     is_reversed: bool = False
+    along: Quantized | None = None
 
     def reversed(self) -> "Comparison":
         """Return this comparison with the places in reverse order."""
@@ -59,8 +63,25 @@ class Comparison:
         if self.is_reversed:
             return self.reversed().reranked(len(self.distances) - 1 - places).reversed()
         distances = self.distances.copy()
-        _measure(self.metric, self.descriptor, places, distances)
+        distances[places] = _measured(self.metric, self.descriptor, places)
         return replace(self, distances=distances)
+
+    def distances_to(self, places: NDArray[np.int32]) -> Distances:
+        """Return the exact squared distances to some places, (n,)."""
+        if self.is_reversed:
+            places = np.int32(len(self.metric.places) - 1) - places
+        return _measured(self.metric, self.descriptor, places)
+
+    def nearest(self, lists: int, most: int) -> NDArray[np.int32]:
+        """Return the nearest places that the inverted lists have, see ``InvertedLists.nearest``."""
+        coarse = self.metric.coarse
+        assert self.along is not None
+        assert coarse is not None
+        assert coarse.lists is not None
+        places = coarse.lists.nearest(self.along, coarse.unit, lists, most)
+        if self.is_reversed:
+            return np.int32(len(self.metric.places) - 1) - places[::-1]
+        return places
 
 
 class MetricPlaces:
@@ -95,7 +116,9 @@ class MetricPlaces:
         looks = self._metric.looks
         rows = len(self._metric.places) + (0 if looks is None else len(looks.places))
         at_once = max(1, _AT_ONCE // rows)
-        compare = self._coarsely if self._project_coarsely else self._exactly
+        compare = self._exactly
+        if self._project_coarsely is not None:
+            compare = self._by_lists if has_lists(self._metric) else self._coarsely
         for some in blocks(len(quantized), at_once):
             yield from compare(quantized[some])
 
@@ -122,8 +145,17 @@ class MetricPlaces:
             if looks is not None and looked is not None:
                 _lower(looked[number], coarse.unit, looks, vector, row)
             near = np.flatnonzero(row <= _nearness(row)).astype(np.int32)
-            _measure(metric, vector, near, row)
+            row[near] = _measured(metric, vector, near)
             yield Comparison(metric, vector, row, coarse.deviation(vector), is_exact=False)
+
+    def _by_lists(self, descriptors: Quantized) -> Iterator[Comparison]:
+        metric, coarse, project_coarsely = self._metric, self._metric.coarse, self._project_coarsely
+        assert coarse is not None
+        assert project_coarsely is not None
+        nothing = np.empty(0, np.int32)
+        for vector, along in zip(descriptors, project_coarsely(descriptors), strict=True):
+            deviation = coarse.deviation(vector)
+            yield Comparison(metric, vector, nothing, deviation, is_exact=False, along=along)
 
 
 class SampledPlaces:
@@ -148,6 +180,16 @@ class SampledPlaces:
             (looked,) = products(self._looks.descriptors, descriptor[None])
             _lower(looked, 1.0, self._looks, descriptor, row)
         return np.asarray(row.reshape(-1, 3))
+
+    def nearness(self, descriptor: Quantized) -> Distances:
+        """Return the nearness of a frame (M,) to each place, (n,), see ``evidence_kernels``."""
+        around = self.distances(descriptor)
+        return np.asarray(around[:, 1] + around.min(axis=1))
+
+
+def has_lists(metric: MapMetric) -> bool:
+    """Whether a metric has inverted lists, see ``CoarseIndex``."""
+    return metric.coarse is not None and metric.coarse.lists is not None
 
 
 def _lower(
@@ -215,33 +257,28 @@ def _deviation(distances: Distances) -> float:
     return math.sqrt(sum_of(squares) / len(distances))
 
 
-def _measure(
-    metric: MapMetric, descriptor: Quantized, chosen: NDArray[np.int32], distances: Distances
-) -> None:
-    """Write the exact squared distances to the chosen places."""
-    _measure_places(metric.places, metric.squares, descriptor, chosen, distances)
-    if metric.looks is not None:
-        looks = metric.looks
+def _measured(metric: MapMetric, descriptor: Quantized, chosen: NDArray[np.int32]) -> Distances:
+    """Return the exact squared distances to the chosen places, (n,)."""
+    distances = _measured_rows(metric.places, metric.squares, descriptor, chosen)
+    looks = metric.looks
+    if looks is not None:
         at, rows = looks.rows_of(chosen)
-        looked = np.empty(len(looks.places), np.int32)
-        _measure_places(looks.descriptors, looks.squares, descriptor, rows, looked)
-        _to_least(chosen[at], looked[rows], distances)
-        distances[chosen] += looks.biases[chosen]
+        _to_least(at, _measured_rows(looks.descriptors, looks.squares, descriptor, rows), distances)
+        distances += looks.biases[chosen]
+    return distances
 
 
 @kernel
-def _measure_places(
-    places: Quantized,
-    place_squares: NDArray[np.int32],
-    descriptor: Quantized,
-    chosen: NDArray[np.int32],
-    distances: Distances,
-) -> None:
-    """Write the exact squared distances to the chosen rows."""
+def _measured_rows(
+    rows: Quantized, squares: NDArray[np.int32], descriptor: Quantized, chosen: NDArray[np.int32]
+) -> Distances:
+    """Return the exact squared distances to the chosen rows, (n,)."""
+    distances = np.empty(len(chosen), np.int32)
     square = product_of(descriptor, descriptor)
     for i in range(len(chosen)):
-        product = product_of(places[chosen[i]], descriptor)
-        distances[chosen[i]] = place_squares[chosen[i]] + square - 2 * product
+        product = product_of(rows[chosen[i]], descriptor)
+        distances[i] = squares[chosen[i]] + square - 2 * product
+    return distances
 
 
 def distance_matrix(

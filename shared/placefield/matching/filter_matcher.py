@@ -95,7 +95,7 @@ class FilterMatcher(Matcher):
             number: index of the shard.
             smoothers: of a new stream, one for each lag.
         """
-        self._filter = PlaceFilter(whole.lengths, own, whole.roads)
+        self._filter = self._new_filter(whole, own)
         self._roads, self._odometer = whole.roads, Odometer()
         self._smoothers = smoothers
         self._lengths, self._own, self._number = whole.lengths, own, number
@@ -111,6 +111,9 @@ class FilterMatcher(Matcher):
         self._trace: Trace | None = None
         self._candidate = NO_CANDIDATE
         self._smoothed: list[list[SmoothedPosterior]] = [[] for _ in smoothers]
+
+    def _new_filter(self, whole: WholeMap, own: slice) -> PlaceFilter:
+        return PlaceFilter(whole.lengths, own, whole.roads)
 
     def grow(self, lengths: StepLengths, vicinity: Vicinity) -> None:
         """Append places to the map, of which the shard has all.
@@ -166,8 +169,7 @@ class FilterMatcher(Matcher):
         self, frame: Comparison, step: float, displacement: Displacement | None
     ) -> Observation:
         """Return the observation of a frame that was compared: the nearer a place, the likelier."""
-        if not frame.is_exact:
-            frame = frame.reranked(self._within_reach(displacement, len(frame.distances)))
+        frame = self._select(frame, displacement)
         deviation = frame.deviation
         if self._spread is not None:
             deviation = deviation_from(frame.descriptor, self._spread)
@@ -183,6 +185,12 @@ class FilterMatcher(Matcher):
         evidence = self._evidence(frame, nats, lost_evidence)
         return Observation(step, displacement, novelty, evidence, lost_evidence)
 
+    def _select(self, frame: Comparison, displacement: Displacement | None) -> Comparison:
+        """Return the comparison with exact distances to the places where the vehicle may be."""
+        if frame.is_exact:
+            return frame
+        return frame.reranked(self._within_reach(displacement, len(frame.distances)))
+
     def _evidence(self, frame: Comparison, nats: float, lost_evidence: float) -> Array:
         """Return the evidence of a frame at each place of the shard, see ``Observation``.
 
@@ -194,8 +202,7 @@ class FilterMatcher(Matcher):
         near = nearness(frame.distances, self._halo[0], self._own.stop - self._own.start)
         sample, every = near, -(-len(near) // SAMPLED)
         if self._sampled is not None:
-            around = self._sampled.distances(frame.descriptor)
-            sample, every = around[:, 1] + around.min(axis=1), 1
+            sample, every = self._sampled.nearness(frame.descriptor), 1
         most = math.log(self._lengths.apart.shape[1])
         return evidence_of(near, sample, every, nats, lost_evidence, self._unmapped, most)
 
@@ -260,20 +267,28 @@ class FilterMatcher(Matcher):
         return SmoothedCandidate(candidate, smoothed.lag)
 
 
-def step_lengths_of(metric: MapMetric, topology: Topology, *, reverse: bool) -> StepLengths:
+def step_lengths_of(
+    metric: MapMetric, topology: Topology, *, reverse: bool, mapped: bool = False
+) -> StepLengths:
     """Return how long steps are on a map, in the order of travel.
 
     Args:
         metric: of the whole map.
         topology: of the map, in the order of travel.
         reverse: whether this is the reverse of the map's order.
+        mapped: whether they stay where they are mapped, read-only, if the order is the map's.
     """
     steps = metric.steps
     if reverse and topology.graph.is_line:
         steps = _reversed_steps(metric.steps)
     elif reverse:
         steps = steps_along(metric.places[::-1], metric.unit, topology.graph)
-    return step_lengths(np.array(steps), random_pairs_of(metric))  # what is mapped is read-only
+    if mapped:
+        steps = np.ascontiguousarray(steps).view()
+        steps.setflags(write=False)  # as what is mapped, so that the same compiled code is used
+    else:
+        steps = np.array(steps)
+    return step_lengths(steps, random_pairs_of(metric))
 
 
 def random_pairs_of(metric: MapMetric) -> Array:

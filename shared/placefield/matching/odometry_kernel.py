@@ -1,10 +1,26 @@
 """The filter's update where odometry gives the vehicle's speed, in one compiled loop."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.kernels import kernel, sum_of
 from placefield.matching.motion import Array
+
+
+class OdometryTransition(NamedTuple):
+    """The transition from one frame to the next by odometry.
+
+    Attributes:
+        pace: places per frame.
+        speeds: (S,) float32, chance of each speed.
+        found: (2, S) float32, see ``Transition``.
+    """
+
+    pace: float
+    speeds: Array
+    found: Array
 
 
 @kernel

@@ -45,7 +45,7 @@ from placefield.matching.motion import (
 )
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, speeds_of
-from placefield.matching.odometry_kernel import spread
+from placefield.matching.odometry_kernel import OdometryTransition, spread
 from placefield.matching.partial_results import FilterPartial
 from placefield.matching.pieces import Pieces
 from placefield.matching.roads import LINE, Roads, RouteCells
@@ -117,11 +117,9 @@ class PlaceFilter:
 
     def local(self, observation: Observation) -> FilterPartial:
         """Predict the beliefs of the shard's places, and update them by the frame."""
-        self._observation = observation
-        weights = [min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1)]
-        self._weights = np.array(weights, np.float32)
+        self._weigh(observation)
         ratios = np.exp(self._weights[:, None] * observation.evidence)
-        full_ratio = ratios[1] if weights[1] == 1 else np.exp(observation.evidence)
+        full_ratio = ratios[1] if self._weights[1] == 1 else np.exp(observation.evidence)
         by_speed = np.empty((2, len(SPEEDS)))
         if not self.begun:
             predicted, expected = self._begin(ratios, by_speed)
@@ -137,18 +135,28 @@ class PlaceFilter:
         halo, first = at_ends(self._belief, REACH), np.int32(self._own.start)
         return FilterPartial(predicted, expected, by_speed, halo, places + first, evidence, belief)
 
+    def _weigh(self, observation: Observation) -> None:
+        """Keep an observation, and how much of its evidence counts, see ``AGAIN``."""
+        self._observation = observation
+        weights = [min(weight, observation.novelty / _NOVEL) for weight in (AGAIN, 1)]
+        self._weights = np.array(weights, np.float32)
+
     def _begin(self, ratios: Array, by_speed: Vector) -> tuple[float, float]:
         """Update the initial beliefs by the first frame, without a prediction."""
-        self.begun = True
-        self._prior, self._jump_likelihood = self._motion.prior, 1.0
-        self._lost_likelihood = np.ones(len(SPEEDS))
+        self._predict_nothing()
         self._belief *= ratios[1]
         self._by_place = self._belief.sum(axis=1)
         by_speed[:] = self._belief.sum(axis=2, dtype=np.float64)
         return 0.0, 0.0
 
-    def _advance(self, ratios: Array, full_ratio: Array, by_speed: Vector) -> tuple[float, float]:
-        """Predict and update by the motion model; return ``predicted`` and ``expected``."""
+    def _predict_nothing(self) -> None:
+        """Begin: no transition leads to the first frame."""
+        self.begun = True
+        self._prior, self._jump_likelihood = self._motion.prior, 1.0
+        self._lost_likelihood = np.ones(len(SPEEDS))
+
+    def _predict_lost(self) -> Transition:
+        """Predict the beliefs of being lost, and return the transition to the frame."""
         self._prior = self.statistics.prior
         lengths, step = self._lengths, self._observation.step
         likelihoods = step_likelihood_when_lost(lengths, SPEEDS, step)
@@ -161,7 +169,11 @@ class PlaceFilter:
             self._all_places,
         )
         kept = (1 - LOSE) / self._total
-        transition = Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
+        return Transition(self._motion, self._prior, kept, found, step, lengths.stationary)
+
+    def _advance(self, ratios: Array, full_ratio: Array, by_speed: Vector) -> tuple[float, float]:
+        """Predict and update by the motion model; return ``predicted`` and ``expected``."""
+        transition = self._predict_lost()
         halos = self._pieces.halos(self._halo, self._last_trace)
         return advance(
             self._belief,
@@ -184,38 +196,40 @@ class PlaceFilter:
         by_speed: Vector,
     ) -> tuple[float, float]:
         """Predict by odometry, which gives the speed on the map and when lost, and update."""
-        self._prior = self.statistics.prior
-        speeds = speeds_of(displacement.pace / cells.spacing)
         by_place = self._by_place * np.float32((1 - LOSE) / self._total)
         carried = carried_to(self._own, by_place, self._last_trace, self._roads, displacement)
-        steps, self._lost_likelihood, self._jump_likelihood = self._likelihoods_of_displacement(
-            displacement, cells
-        )
-        lost = float(self._lost.sum()) / self._total
-        still_lost = self._lost_likelihood * lost * speeds
-        jumped = self._jump_likelihood * (1 - lost) * speeds
-        found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
+        transition = self._predict_lost_by_odometry(displacement.pace / cells.spacing)
         return spread(
             self._belief,
             carried,
-            steps,
-            speeds.astype(np.float32),
-            found,
+            self._step_likelihoods(self._apart, transition.pace),
+            transition.speeds,
+            transition.found,
             ratios,
             full_ratio,
             self._by_place,
             by_speed,
         )
 
-    def _likelihoods_of_displacement(
-        self, displacement: Displacement, cells: RouteCells
-    ) -> tuple[Array, Vector, float]:
-        """Return the likelihood of the step at each place, (K,), when lost, (1,), and of a jump."""
-        lengths, step = self._lengths, self._observation.step
-        pace = displacement.pace / cells.spacing
-        steps = np.empty(self._apart.shape[1], np.float32)
-        step_likelihood(self._apart, 0, lengths.stationary, pace, step, steps)
-        return steps, *step_likelihood_when_lost(lengths, np.array([pace]), step)
+    def _predict_lost_by_odometry(self, pace: float) -> OdometryTransition:
+        """Predict the beliefs of being lost, at a pace in places per frame."""
+        self._prior = self.statistics.prior
+        speeds = speeds_of(pace)
+        self._lost_likelihood, self._jump_likelihood = step_likelihood_when_lost(
+            self._lengths, np.array([pace]), self._observation.step
+        )
+        lost = float(self._lost.sum()) / self._total
+        still_lost = self._lost_likelihood * lost * speeds
+        jumped = self._jump_likelihood * (1 - lost) * speeds
+        found, self._lost = find_and_lose(still_lost, jumped, self._all_places)
+        return OdometryTransition(pace, speeds.astype(np.float32), found)
+
+    def _step_likelihoods(self, apart: Array, pace: float) -> Array:
+        """Return the likelihood of the step at each of some places, (n,); see ``StepLengths``."""
+        steps = np.empty(apart.shape[1], np.float32)
+        stationary = self._lengths.stationary
+        step_likelihood(apart, 0, stationary, pace, self._observation.step, steps)
+        return steps
 
     def reduce(self, partials: Sequence[FilterPartial], number: int) -> Trace:
         """Normalise the beliefs over all shards, and return the frame's trace.

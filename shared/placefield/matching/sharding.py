@@ -12,7 +12,7 @@ from placefield.maps.route_graph import check_rule
 from placefield.maps.topology import Topology
 from placefield.matching.ams import AmsMatcher
 from placefield.matching.best_window import vicinity_of
-from placefield.matching.comparing import SampledPlaces
+from placefield.matching.comparing import SampledPlaces, has_lists
 from placefield.matching.evidence import EvidenceMatcher
 from placefield.matching.filter_matcher import (
     HALO,
@@ -26,6 +26,7 @@ from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.motion import evenly_spaced
 from placefield.matching.roads import roads_of
 from placefield.matching.smoother import Smoother
+from placefield.matching.sparse_matcher import SparseMatcher
 from placefield.matching.window_matcher import MeanDistance, ShardPlaces, reach
 from placefield.search.spread import Spread, spread_of
 
@@ -122,11 +123,14 @@ class ChannelShard:
         check_rule(matching.rule, len(topology.graph.names))
         if matching.rule == "filter":
             topology = topology.reversed() if matching.reverse else topology
-            has_all = shards == 1 and (metric.coarse is None or matching.compares_exactly)
+            is_coarse = metric.coarse is not None and not matching.compares_exactly
+            self._is_sparse = is_coarse and shards == 1 and has_lists(metric)
             self._whole = WholeMap(
-                step_lengths_of(metric, topology, reverse=matching.reverse),
+                step_lengths_of(metric, topology, reverse=matching.reverse, mapped=self._is_sparse),
                 shared.spread(metric) if shards > 1 else None,
-                None if has_all else shared.sampled(metric, reverse=matching.reverse),
+                shared.sampled(metric, reverse=matching.reverse)
+                if is_coarse or shards > 1
+                else None,
                 roads=roads_of(topology),
             )
             self._vicinity = vicinity_of(topology, matching.tolerance)
@@ -160,7 +164,8 @@ class ChannelShard:
     def _filter(self, lags: Sequence[int]) -> Matcher:
         whole = self._whole
         smoothers = [Smoother(whole.lengths, lag, self._vicinity, whole.roads) for lag in lags]
-        return FilterMatcher(whole, self._in_order, self._number, smoothers)
+        make = SparseMatcher if self._is_sparse else FilterMatcher
+        return make(whole, self._in_order, self._number, smoothers)
 
     def _windows(self, lags: Sequence[int]) -> Matcher:
         places = ShardPlaces(self._places, self._in_order, self._observed)
@@ -210,6 +215,6 @@ def _cut(metric: MapMetric, places: slice) -> MapMetric:
         places=metric.places[places],
         squares=metric.squares[places],
         steps=metric.steps[:, places],
-        coarse=None if coarse is None else replace(coarse, codes=coarse.codes[places]),
+        coarse=None if coarse is None else replace(coarse, codes=coarse.codes[places], lists=None),
         looks=None if metric.looks is None else metric.looks.between(places.start, places.stop),
     )

@@ -12,6 +12,7 @@ from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FIL
 from placefield.maps.map import MapChannel
 from placefield.maps.topology import Topology
 from placefield.matching.channel_stage import ChannelStage
+from placefield.search.coarse import CoarseIndex
 
 _PLACES = 100  # compiled code is the same for any number of them
 
@@ -57,10 +58,15 @@ def _match(stage: ChannelStage, *, measured: bool) -> None:
 def beginning_of(channel: MapChannel) -> MapChannel:
     """Return the first places of a channel, as views of its arrays."""
     metric = channel.metric
-    coarse = metric.coarse and _beginning(metric.coarse, COARSE_FILES)
+    coarse = metric.coarse and _beginning_of_index(metric.coarse)
     looks = metric.looks and metric.looks.between(0, _PLACES)
     short = replace(_beginning(metric, METRIC_FILES), coarse=coarse, looks=looks)
     return replace(_beginning(channel, CHANNEL_FILES), metric=short)
+
+
+def _beginning_of_index(coarse: CoarseIndex) -> CoarseIndex:
+    lists = coarse.lists and coarse.lists.beginning(_PLACES)
+    return replace(_beginning(coarse, COARSE_FILES), lists=lists)
 
 
 def _beginning(part: Part, layout: Layout) -> Part:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from placefield.blocks import blocks
+from placefield.search.inverted import InvertedLists
 from placefield.search.quantized import Quantized
 from placefield.search.spread import Spread, deviation_from, spread_of
 
@@ -25,12 +26,15 @@ class CoarseIndex:
         codes: (K, R) int8, the projected and quantized places.
         spread: (M + 1, M + 1) float64, see ``spread_of``.
         unit: of ``codes``, in units of the places.
+        lists: the codes of the places and of their looks in lists; None in an older map, and in a
+            shard.
     """
 
     axes: NDArray[np.float32]
     codes: NDArray[np.int8]
     spread: Spread
     unit: float
+    lists: InvertedLists | None = None
 
     def encode(self, vectors: Quantized) -> NDArray[np.int8]:
         """Project vectors (L, M) like the places, to codes (L, R)."""

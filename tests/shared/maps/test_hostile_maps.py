@@ -393,15 +393,43 @@ def test_metres_travelled_that_are_no_way_along_the_places_are_refused(saved: Pa
 def test_a_part_of_a_metric_that_would_fail_at_the_first_frame_is_refused(
     small_map: Map, tmp_path: Path, file: str, array: NDArray[np.float64] | None, complaint: str
 ) -> None:
-    path = tmp_path / "coarse.pfmap"
+    path = save_coarse(small_map, tmp_path)
+    np.save(path / file, np.full_like(np.load(path / file), np.nan) if array is None else array)
+    seal(path)
+    assert complaint in refusal(path)
+
+
+def save_coarse(small_map: Map, folder: Path) -> Path:
+    """Save the map with an index."""
+    path = folder / "coarse.pfmap"
     codes = small_map.metrics[0].places
     metric = identity_metric((codes * DESCRIPTOR_UNIT).astype(np.float32), coarse=True)
     channels = tuple(replace(channel, metric=metric) for channel in small_map.channels)
     save_map(replace(small_map, channels=channels, identity=metric), path)
     open_map(path)
-    np.save(path / file, np.full_like(np.load(path / file), np.nan) if array is None else array)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("ends", lambda known: known[::-1]),
+        ("ends", lambda known: known + 1),
+        ("ends", lambda known: known - known[0] - 1),
+        ("places", lambda known: known + 1),
+        ("places", lambda known: known - 1),
+        ("codes", lambda known: known[1:]),
+        ("centroids", lambda known: known[:, 1:]),
+    ],
+)
+def test_lists_that_name_rows_or_places_that_are_not_there_are_refused(
+    small_map: Map, tmp_path: Path, name: str, change: Callable[[NDArray[Any]], NDArray[Any]]
+) -> None:
+    path = save_coarse(small_map, tmp_path)
+    file = path / "metrics" / "0" / "coarse" / "lists" / f"{name}.npy"
+    np.save(file, np.ascontiguousarray(change(np.load(file))))
     seal(path)
-    assert complaint in refusal(path)
+    assert f"{file}: " in refusal(path)
 
 
 def test_names_of_a_map_are_printed_without_control_codes(saved: Path) -> None:

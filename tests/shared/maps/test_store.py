@@ -147,6 +147,22 @@ def test_metrics_come_back_and_channels_that_shared_one_share_it(
     assert len(list((tmp_path / "route.pfmap" / "metrics").iterdir())) == 2
 
 
+def test_a_map_of_an_earlier_version_has_an_index_without_lists(
+    posed_map: Map, tmp_path: Path
+) -> None:
+    channel = posed_map.channels[0]
+    descriptors = (channel.metric.unit * channel.metric.places).astype(np.float32)
+    metric = identity_metric(descriptors, coarse=True)
+    assert metric.coarse is not None
+    older = replace(metric, coarse=replace(metric.coarse, lists=None))
+    changed = tuple(replace(each, metric=older) for each in posed_map.channels)
+    save_map(replace(posed_map, channels=changed, identity=older), tmp_path / "route.pfmap")
+    coarse = open_map(tmp_path / "route.pfmap").metrics[0].coarse
+    assert coarse is not None
+    assert coarse.lists is None
+    np.testing.assert_array_equal(coarse.codes, metric.coarse.codes)
+
+
 def test_a_map_whose_channels_all_learned_a_metric_keeps_the_identity_first(
     posed_map: Map, tmp_path: Path
 ) -> None:

@@ -94,6 +94,8 @@ def test_the_nearest_and_the_chosen_places_are_exact_after_a_coarse_search(
     kind: str, chosen: list[int]
 ) -> None:
     metric = metric_with_looks(kind, coarse=True)
+    assert metric.coarse is not None
+    metric = replace(metric, coarse=replace(metric.coarse, lists=None))
     for frame in MetricPlaces(metric, exact=False).compare(OBSERVED[:3]):
         expected = naive_distances(metric, frame.descriptor)
         nearest = int(expected.argmin())

@@ -1,6 +1,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -328,6 +329,19 @@ def test_a_feature_that_is_fast_enough_or_given_needs_no_describer() -> None:
         assert with_describers(services, rate, most=7) == services
 
 
+def test_a_map_with_lists_is_not_cut_however_large_it_is() -> None:
+    """Shards have beliefs of all places."""
+    for places in (10**6, 10**7):
+        [dense] = made_loads(places, [4])
+        listed = replace(dense, has_lists=True)
+        for load, is_cut in ((dense, True), (listed, False)):
+            placed = plan([load], SERVICES, places, hosts=1, cores=8, rate=25)
+            workers = workers_of(placed)
+            assert (len(workers) > 1) == is_cut
+            assert (workers[0].own_bytes > SERVICES[0].own_bytes) == is_cut
+        assert placed.has_time(25)
+
+
 def test_a_coarse_look_reads_a_fraction(map_path: Path) -> None:
     manifest = read_manifest(map_path)
     record = manifest.metrics[0].model_copy(update={"coarse_unit": 1.0, "learned": True})
@@ -340,6 +354,12 @@ def test_a_coarse_look_reads_a_fraction(map_path: Path) -> None:
     assert load.read_bytes == 6400 + 1000
     assert load.projected_bytes == 5700
     assert load.mapped_bytes == sum(named.values())
+    assert not load.has_lists
+    lists = ("centroids", "ends", "places", "codes", "squares")
+    listed = named | {f"metrics/0/coarse/lists/{name}.npy": 1000 for name in lists}
+    [load] = loads_of(coarse, listed)
+    assert load.has_lists
+    assert load.mapped_bytes == sum(listed.values())
     with pytest.raises(MapError, match=r"metrics/0/coarse/axes\.npy: not in the manifest"):
         loads_of(coarse, {name: size for name, size in named.items() if "axes" not in name})
 

@@ -4,11 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from placefield.blocks import blocks
 from placefield.features.descriptors import unit_length
+from placefield.search.quantized import DESCRIPTOR_UNIT, Quantized, quantize
 
 _KEPT = 0.9  # of a descriptor from one place to the next
 _REVISITED = 100  # places of a stretch that the walk passes a second time
 _STRETCHES = 0.001  # for each place
+_CHANGE = 0.3  # strength of the noise that sets a second pass apart
+_BLOCK = 2**16  # places whose float32 descriptors are held at once
 
 Array = NDArray[np.float32]
 
@@ -26,8 +30,28 @@ def random_walk(places: int, dimensions: int, seed: int) -> Array:
     for _ in range(int(places * _STRETCHES)):
         here, there = rng.integers(0, places - _REVISITED, 2)
         stretch = walk[there : there + _REVISITED].copy()
-        walk[here : here + _REVISITED] = stretch + 0.3 * _noise(rng, stretch.shape)
+        walk[here : here + _REVISITED] = stretch + _CHANGE * _noise(rng, stretch.shape)
     return _in_place_unit_length(walk)
+
+
+def write_random_walk(walk: Quantized, seed: int) -> None:
+    """Write such a walk, quantized, into an array (places, dimensions) int16, block by block.
+
+    It is another walk than that of ``random_walk``. The array may be mapped from a file.
+    """
+    rng = np.random.default_rng(seed)
+    count, dimensions = walk.shape
+    strength, last = np.linalg.norm(_spreads(dimensions)), np.zeros((1, dimensions))
+    for block in blocks(count, _BLOCK):
+        noise = _noise(rng, (block.stop - block.start, dimensions))
+        some, last = lfilter([np.sqrt(1 - _KEPT**2)], [1, -_KEPT], noise, axis=0, zi=last)
+        walk[block] = quantize(_in_place_unit_length(some.astype(np.float32)), DESCRIPTOR_UNIT)
+    for _ in range(int(count * _STRETCHES)):
+        here, there = rng.integers(0, count - _REVISITED, 2)
+        stretch = walk[there : there + _REVISITED] * np.float32(DESCRIPTOR_UNIT)
+        stretch += _CHANGE / strength * _noise(rng, stretch.shape)
+        passed = quantize(_in_place_unit_length(stretch), DESCRIPTOR_UNIT)
+        walk[here : here + _REVISITED] = passed
 
 
 def observed_again(places: Array, strength: float, seed: int) -> Array:

@@ -1,12 +1,14 @@
 """Maps of synthetic descriptors, without images."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from placefield.config import Config, FeatureConfig
 from placefield.features.descriptors import DescriptorModel
 from placefield.maps.manifest import TraverseRecord
-from placefield.maps.map import Map, MapChannel, Places
+from placefield.maps.map import Map, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import learned_metric
 from placefield_tools.bench.random_walks import near_identity
 
@@ -22,7 +24,17 @@ Array = NDArray[np.float32]
 
 def made_map(walk: Array, *, coarse: bool = False) -> Map:
     """Make a map of a walk (K, N), whose channels have metrics of their own."""
-    count, dimensions = walk.shape
+    return _map_of([made_channel(walk, number, coarse=coarse) for number in range(CHANNELS)])
+
+
+def map_of_one_metric(metric: MapMetric) -> Map:
+    """Make a map whose channels share a metric."""
+    return _map_of([_channel_under(metric)] * CHANNELS)
+
+
+def _map_of(channels: Sequence[MapChannel]) -> Map:
+    metric = channels[0].metric
+    count, dimensions = len(metric.places), metric.projection.shape[1]
     identity = np.eye(dimensions, dtype=np.float32)
     nothing = np.zeros(0, np.uint8)
     return Map(
@@ -42,7 +54,7 @@ def made_map(walk: Array, *, coarse: bool = False) -> Map:
             nothing,
             np.zeros(count, np.int64),
         ),
-        channels=tuple(made_channel(walk, number, coarse=coarse) for number in range(CHANNELS)),
+        channels=tuple(channels),
     )
 
 
@@ -50,7 +62,12 @@ def made_channel(walk: Array, number: int, *, coarse: bool = False) -> MapChanne
     """Make a channel of a walk (K, N), with a metric as if it had been learned."""
     dimensions = walk.shape[1]
     projection = near_identity(dimensions, seed=number)[: round(_LEARNED_RANK * dimensions)]
-    metric = learned_metric(projection, walk, coarse=coarse)
-    labels, segments = np.ones(len(walk), np.int32), np.array([[0, len(walk)]], np.int32)
+    return _channel_under(learned_metric(projection, walk, coarse=coarse))
+
+
+def _channel_under(metric: MapMetric) -> MapChannel:
+    """Make a channel of one segment."""
+    count = len(metric.places)
+    labels, segments = np.ones(count, np.int32), np.array([[0, count]], np.int32)
     scales = np.array(SCALES, np.int32)
     return MapChannel(1.1, 1, metric, labels, segments, scales, SCALES[0], np.zeros((0, 2)))

@@ -84,18 +84,29 @@ def _chain(as_json: options.Json = False) -> None:
 
 @_app.command("scale")
 def _scale(
+    places: Annotated[
+        int | None,
+        typer.Option(
+            min=1000,
+            max=10_000_000,
+            help="measure only a map of so many places, with one metric; for 10000000 it takes an "
+            "hour, and 20 GB in the temporary folder",
+        ),
+    ] = None,
     as_json: options.Json = False,
     picture: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="draw time and memory by map size into this PNG"),
     ] = None,
 ) -> None:
-    """Maps of a thousand to a million places: time of a frame, and memory."""
+    """Maps of a thousand to ten million places: time of a frame, and memory."""
     from placefield_tools.common.outputs import check_folder_of
 
+    if picture is not None and places is not None:
+        raise ConfigError("--picture: it shows maps of all sizes; leave out --places")
     if picture is not None:
         check_folder_of(picture)
-    figures = _measure("scale", as_json)
+    figures = _measure("scale", as_json, places=places)
     if picture is not None:
         from placefield_tools.bench.figure import as_object
         from placefield_tools.bench.scale import SIZES
@@ -131,7 +142,7 @@ def _soak(
     _measure("soak", as_json, frames=frames)
 
 
-def _measure(part: str, as_json: bool, **how: int | str) -> "Sequence[Figure]":
+def _measure(part: str, as_json: bool, **how: int | str | None) -> "Sequence[Figure]":
     try:
         module = import_module(f"placefield_tools.bench.{_MODULES[part]}")
         from placefield_tools.bench.figure import as_object, print_figures

@@ -2,7 +2,8 @@
 
 The cost of a frame for a channel worker is what it reads: the places under each metric, or a few
 bytes of each place if the map has a coarse search, and the beliefs of each channel. Shards divide
-this cost. Channels of one metric stay together, because a frame is compared once for all of them.
+this cost. With inverted lists, a whole channel costs the same on a map of any size, and a shard as
+without them. Channels of one metric stay together, because a frame is compared once for all.
 
 The constants were measured on the machine of docs/performance.md, for the rule ``filter``.
 """
@@ -16,7 +17,7 @@ from typing import Literal, get_args
 
 from placefield.errors import MapError
 from placefield.features.kinds import DESCRIPTOR, kinds_of
-from placefield.maps.array_layout import COARSE_FILES, METRIC_FILES, look_files
+from placefield.maps.array_layout import COARSE_FILES, LIST_FILES, METRIC_FILES, look_files
 from placefield.maps.manifest import REBUILD, Manifest
 from placefield_tools.plan.placement import Core, Hosts, Limit, Placement, placements
 
@@ -35,6 +36,7 @@ _WORKER_S = 1.2e-3  # to wake up, and to answer
 _SHARD_S = 1.0e-3  # additional, to exchange partial results with the other shards
 _READ_S = 1 / 15e9  # per byte of places or of a projection
 _FILTER_S = 25e-9  # per place of a channel: predict and update its beliefs
+_SPARSE_S = 4e-3  # per metric with inverted lists: what the lists propose, and its beliefs
 
 _PROCESS_BYTES = 120_000_000  # Python and its libraries
 _BELIEFS_BYTES = 2 * 7 * 4 + 24  # per place of a channel: beliefs, and likelihoods
@@ -50,12 +52,18 @@ class MetricLoad:
         read_bytes: bytes read per frame that shards divide: data of the places.
         projected_bytes: bytes read per frame that shards do not divide.
         mapped_bytes: size of the files of the map.
+        has_lists: whether there are inverted lists.
     """
 
     channels: tuple[int, ...]
     read_bytes: int
     projected_bytes: int
     mapped_bytes: int
+    has_lists: bool = False
+
+    def is_sparse(self, shards: int) -> bool:
+        """Whether the filter has beliefs of few places, in one of so many shards."""
+        return self.has_lists and shards == 1
 
 
 Service = Literal["router", "featurizer", "describer", "fuser", "channel"]
@@ -143,7 +151,9 @@ def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
             looks = [
                 f"metrics/{number}/looks/{name}.npy" for name in look_files(metric.coarse_unit)
             ]
-        for file in files + looks:
+        lists = [f"metrics/{number}/coarse/lists/{name}.npy" for name in LIST_FILES]
+        has_lists = any(file in sizes for file in lists)  # older maps are without
+        for file in [*files, *looks, *(lists if has_lists else ())]:
             if file not in sizes:
                 raise MapError(f"{file}: not in the manifest; {REBUILD}")
         own = {Path(file).stem: sizes[file] for file in files}
@@ -157,9 +167,8 @@ def loads_of(manifest: Manifest, sizes: Mapping[str, int]) -> list[MetricLoad]:
             channel for channel, of in enumerate(manifest.channels) if of.metric == number
         )
         if channels:
-            loads.append(
-                MetricLoad(channels, read, projected, sum(sizes[file] for file in files + looks))
-            )
+            mapped = sum(sizes.get(file, 0) for file in files + looks + lists)
+            loads.append(MetricLoad(channels, read, projected, mapped, has_lists))
     return loads
 
 
@@ -285,7 +294,8 @@ def _groups(loads: Sequence[MetricLoad], places: int, count: int) -> list[Group]
 def _worker(group: Group, shards: int, places: int) -> Process:
     """Return the worker of the first shard of a group; all shards cost the same."""
     channels = tuple(sorted(channel for load in group for channel in load.channels))
-    beliefs = _BELIEFS_BYTES * len(channels) * places // shards
+    every = sum(len(load.channels) for load in group if not load.is_sparse(shards))
+    beliefs = _BELIEFS_BYTES * every * places // shards
     return Process(
         "channel",
         _frame_s(group, places, shards),
@@ -300,7 +310,10 @@ def _frame_s(group: Group, places: int, shards: int) -> float:
     """Return the seconds per frame of a worker of one of so many shards."""
     alone = _READ_S * sum(load.projected_bytes for load in group)
     shared = sum(
-        _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels) for load in group
+        _SPARSE_S
+        if load.is_sparse(shards)
+        else _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels)
+        for load in group
     )
     return _WORKER_S + (_SHARD_S if shards > 1 else 0.0) + alone + shared / shards
 
