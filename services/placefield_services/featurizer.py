@@ -34,6 +34,7 @@ from placefield.maps.map import Map, fingerprint
 from placefield_services.background_query import BackgroundQuery, NotYet
 from placefield_services.featurizer_outputs import FeaturizerOutputs
 from placefield_services.frame_of_message import frame_of
+from placefield_services.frames_under_way import follow_answers
 from placefield_services.process import ServiceProcess
 from placefield_services.prometheus import serve_metrics
 from placefield_services.raw_features import RawKind, receive_frames
@@ -75,12 +76,17 @@ def serve_featurizer(
                 moments.fetch,
                 raws[run],
             )
+        under_way = follow_answers(bus, process, inbox, 2 * config.fusion.deadline_s)
         featurizer = Featurizer(stage, model, outputs, process.counts)
         warm_up(stage)
 
         def handle(received: Received) -> None:
             served.check_unchanged()  # the descriptor model is memory-mapped from its files
+            run, header = received.run, received.header
+            if not raws[run].is_awaited(header):  # else a describer has done the work already
+                under_way[run].check(header)
             featurizer.handle(received)
+            under_way[run].add(header)
 
         with process.sole():
             # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame

@@ -46,7 +46,7 @@ ROLES = {
     "featurizer": _service(
         "featurizer",
         publishes=(_ANY.feature, _ANY.moments, _ANY.unobserved),
-        reads=(_ANY.frame, _ANY.all_raws),
+        reads=(_ANY.frame, _ANY.all_raws, _ANY.ack),
     ),
     "describer": Role(
         publishes=(_ANY.all_raws, _ANY.stats("describer", "*")),
