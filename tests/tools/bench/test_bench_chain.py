@@ -6,7 +6,7 @@ import pytest
 from placefield_tools.bench.chain import latency_figures, rate_figures
 from placefield_tools.bench.figure import as_object
 from placefield_tools.bench.load import Answers
-from placefield_tools.bench.many_cameras import Load, load_figures
+from placefield_tools.bench.many_cameras import Load, load_figures, share_figures
 
 
 def answers(sent: int, *milliseconds: float) -> Answers:
@@ -44,6 +44,14 @@ def test_layouts_of_cameras_are_compared_within_a_turn() -> None:
     assert found["cameras_cpu_ratio"] == pytest.approx((2 + 4) / 2)
     assert found["cameras_cpu_ms"] == pytest.approx(120 / 3)
     assert found["cameras_lost_frames"] == 1
+
+
+def test_the_shares_of_too_many_cameras_are_compared() -> None:
+    found = as_object(share_figures([answers(4, 5, 5), answers(4, 5), answers(4, 5, 5, 5)]))
+    assert found["too_many_answered"] == pytest.approx(0.5)
+    assert found["too_many_fairness"] == pytest.approx(1 / 3)
+    nothing = as_object(share_figures([answers(4), answers(4)]))
+    assert nothing["too_many_fairness"] == 0
 
 
 def test_no_two_figures_of_the_chain_have_the_same_key() -> None:

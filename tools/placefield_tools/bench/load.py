@@ -97,6 +97,21 @@ class LiveCamera:
 def play(
     cameras: Sequence[LiveCamera], frames: Sequence[bytes], *, rate: float, seconds: float
 ) -> Answers:
+    """Return what ``play_each`` does, of all cameras together.
+
+    Raises:
+        BusError: not one of them was answered by all channels.
+    """
+    answers = play_each(cameras, frames, rate=rate, seconds=seconds)
+    latencies = np.concatenate([each.latencies for each in answers])
+    if not len(latencies):
+        raise BusError(f"none of {sum(each.sent for each in answers)} frames was answered in full")
+    return Answers(sum(each.sent for each in answers), latencies)
+
+
+def play_each(
+    cameras: Sequence[LiveCamera], frames: Sequence[bytes], *, rate: float, seconds: float
+) -> list[Answers]:
     """Let all cameras publish at a rate for so long, taking turns, each along another part.
 
     Args:
@@ -106,10 +121,7 @@ def play(
         seconds: how long.
 
     Returns:
-        What became of all cameras' frames together.
-
-    Raises:
-        BusError: not one of them was answered by all channels.
+        What became of the frames of each camera.
     """
     apart = len(frames) // len(cameras)
     start = time.perf_counter()
@@ -120,8 +132,4 @@ def play(
             camera.send(frames[(turn + number * apart) % len(frames)])
     for camera in cameras:
         camera.end()
-    answers = [camera.answers() for camera in cameras]
-    latencies = np.concatenate([each.latencies for each in answers])
-    if not len(latencies):
-        raise BusError(f"none of {sum(each.sent for each in answers)} frames was answered in full")
-    return Answers(sum(each.sent for each in answers), latencies)
+    return [camera.answers() for camera in cameras]

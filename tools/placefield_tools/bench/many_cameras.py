@@ -11,13 +11,14 @@ from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started
-from placefield_tools.bench.load import Answers, LiveCamera, play
+from placefield_tools.bench.load import Answers, LiveCamera, play, play_each
 from placefield_tools.bench.ratio import Ratio
 from placefield_tools.bench.street_frames import street_frames
 from placefield_tools.bench.timing import repeat
 from placefield_tools.common.own_command import PLACEFIELD
 
 CAMERAS = 16
+_TOO_MANY = 32
 _RATE = 10.0  # frames per second and camera
 _SECONDS = 5.0  # of a turn
 _LIMIT_S = 120.0
@@ -86,7 +87,30 @@ def camera_figures(map_path: Path) -> list[Figure]:
             return [load.cpu_ms for load in turns[-1]]
 
         repeat(in_turn, [(1, 0)], limit_s=_LIMIT_S)
-    return load_figures(turns)
+    return [*load_figures(turns), *_figures_of_too_many(map_path, frames)]
+
+
+def _figures_of_too_many(map_path: Path, frames: Sequence[bytes]) -> list[Figure]:
+    """Measure more cameras than two cores can follow, through one set of services."""
+    runs = [f"camera{number}" for number in range(_TOO_MANY)]
+    with started([_up(map_path, runs)]) as chains, _cameras(chains, [runs]) as cameras:
+        play_each(cameras, frames, rate=_RATE, seconds=_WARM_UP_S)
+        return share_figures(play_each(cameras, frames, rate=_RATE, seconds=_SECONDS))
+
+
+def share_figures(answers: Sequence[Answers]) -> list[Figure]:
+    """Make figures of how the answers are shared among cameras that are too many."""
+    shares = [len(each.latencies) / each.sent for each in answers]
+    whose = f"{len(answers)} cameras at {_RATE:g} frames/s, one set of services"
+    return [
+        Figure("too_many_answered", float(np.mean(shares)), f"{whose}: share of frames answered"),
+        Figure(
+            "too_many_fairness",
+            min(shares) / max(*shares, 1e-9),
+            "the least share of a camera over the greatest",
+            at_least=0.7,
+        ),
+    ]
 
 
 def load_figures(turns: Sequence[tuple[Load, Load]]) -> list[Figure]:
