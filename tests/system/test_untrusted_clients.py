@@ -71,7 +71,7 @@ PUBLISHES = {
 """Keys without the run's prefix, as in the next tables."""
 READS = {
     "camera": {"odometry", "match", "ack", "unobserved"},
-    "featurizer": {"frame", "raw/x"},
+    "featurizer": {"frame", "raw/x", "ack"},
     "describer": {"frame"},
     "channel": {"feature", "moments", "halo/x", "match"},
     "fuser": {"feature", "moments", CANDIDATE},

@@ -96,7 +96,8 @@ def test_build_inspect_and_evaluate_go_together(
     evaluated = placefield("evaluate", "maps/route.pfmap", query_dir)
     assert evaluated.code == 0, evaluated.err
     assert all(rule in evaluated.out for rule in RULES)
-    lines = [line for line in evaluated.out.splitlines() if " known, " in line]
+    assert evaluated.out.splitlines()[0].startswith("57 of 60 frames known, all right; ")
+    lines = [line for line in evaluated.out.splitlines() if "calibration error" in line]
     names = [line.partition(":")[0] for line in lines]
     assert names == ["filter", "filter, lag 20", "filter, in hindsight"]
     pictures = [line for line in evaluated.out.splitlines() if line.endswith(".png")]

@@ -12,6 +12,7 @@ from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FIL
 from placefield.maps.map import MapChannel
 from placefield.maps.topology import Topology
 from placefield.matching.channel_stage import ChannelStage
+from placefield.matching.comparing import has_lists
 from placefield.search.coarse import CoarseIndex
 
 _PLACES = 100  # compiled code is the same for any number of them
@@ -26,7 +27,7 @@ def warm_up(
 ) -> None:
     """Match frames of no stream along the first places of each channel.
 
-    This compiles all that whole channels use; shards use nothing else.
+    This compiles all that whole channels use, and their shards.
 
     Args:
         channels: of one map.
@@ -37,10 +38,14 @@ def warm_up(
     topology = Topology.line(len(short[0].metric.places))
     if travelled is not None:
         topology = replace(topology, travelled=travelled[:_PLACES])
-    stage = ChannelStage(short, matching, topology=topology)
-    _match(stage, measured=False)
-    if len(topology.travelled):
-        _match(stage, measured=True)
+    used = [short]
+    if any(has_lists(channel.metric) for channel in short.values()):
+        used.append({number: _without_lists(channel) for number, channel in short.items()})
+    for each in used:
+        stage = ChannelStage(each, matching, topology=topology)
+        _match(stage, measured=False)
+        if len(topology.travelled):
+            _match(stage, measured=True)
 
 
 def _match(stage: ChannelStage, *, measured: bool) -> None:
@@ -62,6 +67,12 @@ def beginning_of(channel: MapChannel) -> MapChannel:
     looks = metric.looks and metric.looks.between(0, _PLACES)
     short = replace(_beginning(metric, METRIC_FILES), coarse=coarse, looks=looks)
     return replace(_beginning(channel, CHANNEL_FILES), metric=short)
+
+
+def _without_lists(channel: MapChannel) -> MapChannel:
+    """Return a channel as its shards are, which use no inverted lists."""
+    coarse = channel.metric.coarse and replace(channel.metric.coarse, lists=None)
+    return replace(channel, metric=replace(channel.metric, coarse=coarse))
 
 
 def _beginning_of_index(coarse: CoarseIndex) -> CoarseIndex:

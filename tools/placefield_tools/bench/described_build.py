@@ -1,6 +1,6 @@
 """Building a map of many places from given descriptors: time and memory of the command."""
 
-import resource
+import os
 import tempfile
 from pathlib import Path
 
@@ -41,5 +41,5 @@ def described_build(places: int) -> list[Figure]:
 
 def _processor_s() -> float:
     """Return the processor time of all processes that have ended and were waited for."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    used = os.times()
+    return used.children_user + used.children_system
