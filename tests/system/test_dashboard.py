@@ -166,6 +166,8 @@ def test_a_replay_is_started_and_stopped_from_the_page(
     shown.press("start")
     answers = listener.answers(count=70)
     assert not any(match.missing for _, match in answers)
+    shown.await_state("live")
+    assert not shown.page.locator(".banner").is_visible()
     shown.press("stop")
     wait_until(lambda: "frames replayed" in shown.text("replay"), "it has ended")
 

@@ -11,7 +11,9 @@ class Banner:
 
     def __init__(self, site: Site) -> None:
         self._site = site
-        with ui.element("section").classes("banner").props('aria-label="State"') as self._banner:
+        with (
+            ui.element("section").classes("banner live").props('aria-label="State"') as self._banner
+        ):
             self._words = ui.label("").props("role=status data-shown=state")
             self._command = ui.html(
                 f"placefield replay SOURCE --run {site.run}", sanitize=True, tag="code"
@@ -19,7 +21,6 @@ class Banner:
 
     def show(self, state: RunState) -> None:
         """Show the state of the run."""
-        self._banner.set_visibility(bool(state.words))
         self._banner.classes(replace=f"banner {state.name}")
         self._words.text = state.words
         self._command.set_visibility(state.name == "idle")
