@@ -66,27 +66,21 @@ def test_a_feature_is_measured_under_its_kind(
     assert json.loads(capsys.readouterr().out) == {"gist+grayscale_ms": 1.5}
 
 
-def test_a_build_is_measured_of_so_many_places(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def measured(places: int) -> list[Figure]:
-        return [Figure("places", places, "")]
-
-    monkeypatch.setattr("placefield_tools.bench.build_cost.bench_build", measured)
-    monkeypatch.setattr("placefield_tools.bench.machine.with_machine", lambda measure: measure())
-    bench(monkeypatch, "build", "--places", "5000", "--json")
-    assert json.loads(capsys.readouterr().out) == {"places": 5000}
-
-
-def test_a_map_of_so_many_places_is_measured(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("command", "measures"), [("build", "build_cost.bench_build"), ("scale", "scale.bench_scale")]
+)
+def test_a_benchmark_is_of_so_many_places(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    measures: str,
 ) -> None:
     def measured(places: int | None) -> list[Figure]:
         return [Figure(f"frame_ms_{places}", 1.5, "")]
 
-    monkeypatch.setattr("placefield_tools.bench.scale.bench_scale", measured)
+    monkeypatch.setattr(f"placefield_tools.bench.{measures}", measured)
     monkeypatch.setattr("placefield_tools.bench.machine.with_machine", lambda measure: measure())
-    bench(monkeypatch, "scale", "--places", "5000", "--json")
+    bench(monkeypatch, command, "--places", "5000", "--json")
     assert json.loads(capsys.readouterr().out) == {"frame_ms_5000": 1.5}
 
 

@@ -77,7 +77,7 @@ def _evaluate(
     """
     from placefield_tools.build.map_from_sources import map_of
     from placefield_tools.build.used_part import AskedPart
-    from placefield_tools.common.outputs import check_folder, make_folder
+    from placefield_tools.common.outputs import check_folder
     from placefield_tools.common.progress import CONSOLE
     from placefield_tools.evaluate.evaluation import evaluate
     from placefield_tools.evaluate.evaluation_plots import draw
@@ -144,7 +144,6 @@ def _evaluate(
             services=services,
             asked=asked,
         )
-        make_folder(output)
         pictures = draw(output, evaluation, f"{Path(reference).name} → {Path(query).name}")
     if as_json:
         if evaluation.ground.truth is None:

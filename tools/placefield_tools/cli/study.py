@@ -63,7 +63,7 @@ def _study(
       placefield study day/ dusk/ --protocol kidnap
       placefield study day/ dusk/ --preset paper
     """
-    from placefield_tools.common.outputs import check_folder, make_folder
+    from placefield_tools.common.outputs import check_folder
     from placefield_tools.evaluate.query import Query
     from placefield_tools.evaluate.truth_source import TruthOptions
     from placefield_tools.sources import Parts
@@ -107,7 +107,6 @@ def _study(
         published = run_paper_study(
             reference, asked_query, truth_of, effective, features, tolerance=within, asked=asked
         )
-        make_folder(output)
         report = write_paper_report(output, published)
         if as_json:
             print(json.dumps(paper_figures(published)))
@@ -115,7 +114,6 @@ def _study(
             print_paper_study(published, report)
         return
     study = run_study(reference, asked_query, truth_of, effective, tolerance=within, asked=asked)
-    make_folder(output)
     report = write_report(output, study)
     if as_json:
         print(json.dumps(figures(study)))
