@@ -40,8 +40,9 @@ def damaged_dir(made_up: Path, mixed_dir: Path) -> Path:
     return damaged
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> "Iterator[Browser]":
+    """A browser; while it is open, its event loop runs here, so no other test can run one."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     names = ("chromium", "chromium-browser", "google-chrome")
     found = next(filter(None, map(shutil.which, names)), None)

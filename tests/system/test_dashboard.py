@@ -119,7 +119,13 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
             shown.page.get_by_text(f"frame {header.sequence}: ").click()
         assert_shows(shown, (header, match))
         shown.await_text("later frames", later_words(match.place, smoothed[header.sequence]))
-    shown.press("pause")
+    follow(shown)
+
+
+def follow(shown: Shown) -> None:
+    """Follow the stream again, which has ended."""
+    shown.page.keyboard.press("End")
+    shown.await_text("moment", "frame 59 · the stream is over")
 
 
 def later_words(first: int, smoothed: SmoothedMessage) -> str:
@@ -130,7 +136,7 @@ def later_words(first: int, smoothed: SmoothedMessage) -> str:
 def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
     shown: Shown, replayed: list[Answer]
 ) -> None:
-    newest = shown.text("moment")
+    follow(shown)
     for what, across in (("route", 0.5), ("matrix", 0.85), ("certainty", 0.5)):
         picture = shown.page.locator(f"[data-shown={what}]")
         box = picture.bounding_box()
@@ -140,8 +146,7 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         frame = int(shown.text("moment").split()[1])
         assert abs(frame - 30) <= 5, f"the middle of the route is in the middle of {what}"
         assert int(shown.text("place")) == replayed[frame][1].place
-        shown.page.keyboard.press("End")
-        shown.await_text("moment", newest)
+        follow(shown)
 
 
 def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> None:
@@ -150,8 +155,7 @@ def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> No
         wait_until(lambda at=frame: shown.text("moment").startswith(f"frame {at} "), key)
     shown.page.keyboard.press("Home")
     wait_until(lambda: shown.text("moment").startswith("frame 0 "), "the first kept frame")
-    shown.page.keyboard.press("End")
-    shown.await_text("moment", "frame 59 · the stream is over")
+    follow(shown)
 
 
 def test_a_replay_is_started_and_stopped_from_the_page(
