@@ -17,10 +17,12 @@ axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe i
 _BLUE = "rgb(0, 114, 178)"  # of a known match, in light colours
 _FIRST_ROW = ("verdict", "route", "query", "reference")
 _DESKTOP, _PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
-_SMALL = """() => [...document.querySelectorAll('button, nav a, input[type=text]')]
+_FINGER = 44  # pixels
+_SMALL = f"""() => [...document.querySelectorAll(
+        'button, nav a, [role=slider], [role=checkbox], .q-field__control')]
     .filter(one => one.checkVisibility())
-    .map(one => [one.outerHTML.slice(0, 120), one.getBoundingClientRect().height])
-    .filter(([, height]) => height < 24)"""
+    .map(one => [one.outerHTML.slice(0, 120), one.getBoundingClientRect()])
+    .filter(([, box]) => box.height < {_FINGER} || box.width < {_FINGER})"""
 
 
 @pytest.fixture(scope="module")

@@ -69,17 +69,16 @@ class _Encoding:
 
 def _encoding_row(number: int, channel: MapChannel) -> ui.html:
     active = float(np.mean(channel.labels > 0))
-    learned = "learned" if channel.metric.learned else "identity"
-    scales = " ".join(map(str, channel.scales))
+    learned = "a learned metric" if channel.metric.learned else "no learned metric"
+    scales = channel.scales
     with ui.element("div").classes("field"):
         with ui.element("div"):
             ui.label(f"channel {number}").classes("strong")
-            ui.label(f"m {channel.fuzzifier:.2f} · {channel.clusters} clusters")
+            ui.label(f"segments of {scales[0]} to {scales[-1]} frames")
         with ui.element("div").classes("layers"):
             bars = ui.html("", sanitize=False)
         ui.label(
-            f"{len(channel.segments)} segments, {active:.0%} active, {learned} metric; "
-            f"scales {scales}"
+            f"{len(channel.segments)} segments, {active:.0%} of the route active, {learned}"
         )
     return bars
 
@@ -105,7 +104,7 @@ class _Places:
         pages = -(-self._places.count // _PER_PAGE)
         with card("Places", ""):
             pager = ui.pagination(1, pages, direction_links=True, value=1)
-            pager.props('max-pages=7 aria-label="Pages of places" data-shown=pager')
+            pager.props('max-pages=5 aria-label="Pages of places" data-shown=pager')
             pager.on_value_change(lambda change: self._turn_to(change.value))
             self._grid = ui.element("div").classes("places")
         self._turn_to(1)
