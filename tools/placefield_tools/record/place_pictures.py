@@ -1,7 +1,7 @@
 """Images of the matched places in a recording, beside those of the query."""
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,10 +47,8 @@ class PlacePictures:
         return places.thumbnail(match.place) if places.has_thumbnails else self._none
 
     def _open_again(self) -> None:
-        try:
+        with suppress(MapError):  # it was removed: the images of the open version are still there
             self._map = open_map(self._path)
-        except MapError:  # it was removed: the images of the open version are still there
-            return
 
 
 @contextmanager

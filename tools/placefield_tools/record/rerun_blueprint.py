@@ -9,10 +9,13 @@ if TYPE_CHECKING:
     from rerun.blueprint.api import VisualizerLike
     from rerun.encodings import EntityPathLike
 
-KINDS = {"": "at once", "smoothed/": "smoothed", "verified/": "verified"}
-"""Where the entities of each kind of match are, and its name."""
+_KINDS = {
+    "": ("at once", (0, 114, 178)),
+    "smoothed/": ("smoothed", (0, 158, 115)),
+    "verified/": ("verified", (204, 121, 167)),
+}
+"""Where the entities of each kind of match are, and its name and colour."""
 
-_COLOURS = dict(zip(KINDS, ((0, 114, 178), (0, 158, 115), (204, 121, 167)), strict=True))
 _GREY = (138, 138, 138)
 
 
@@ -29,7 +32,7 @@ def blueprint(*, georeferenced: bool, frames: bool) -> rrb.Blueprint:
         rrb.Spatial2DView(origin="/place", name="Reference: its place, at once"),
     )
     certainty = rrb.TimeSeriesView(
-        name="Certainty, and the probability that is asked for",
+        name="Certainty",
         contents=[*_of_each_kind("match/probability"), "+ /match/asked"],
         overrides={
             **_lines("match/probability"),
@@ -66,11 +69,11 @@ def _route() -> rrb.Spatial3DView:
 
 
 def _of_each_kind(entity: str) -> list[str]:
-    return [f"+ /{kind}{entity}" for kind in KINDS]
+    return [f"+ /{kind}{entity}" for kind in _KINDS]
 
 
 def _lines(entity: str) -> "dict[EntityPathLike, VisualizerLike]":
     return {
-        f"/{kind}{entity}": rr.SeriesLines(names=name, colors=_COLOURS[kind])
-        for kind, name in KINDS.items()
+        f"/{kind}{entity}": rr.SeriesLines(names=name, colors=colour)
+        for kind, (name, colour) in _KINDS.items()
     }
