@@ -1,6 +1,7 @@
 """The dashboard of a running host in a browser: what is on the page is what was on the bus."""
 
 import re
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -227,6 +228,6 @@ def test_a_port_in_use_is_refused(dashboard: Dashboard, host: Host, map_path: Pa
     assert f"--port {port}: " in refusal(placefield("dashboard", map_path, *at))
 
 
-def test_a_dashboard_ends_on_request(dashboard: Dashboard) -> None:
-    assert dashboard.stop() == 0, dashboard.err
+def test_a_dashboard_ends_on_ctrl_c(dashboard: Dashboard) -> None:
+    assert dashboard.stop(signal.SIGINT) == 0, dashboard.err
     assert not dashboard.err

@@ -1,5 +1,6 @@
 """The states of a run on the dashboard: none can be mistaken for another, by anyone."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -148,7 +149,7 @@ def test_a_page_whose_router_is_gone_is_grey_and_says_so(
     own_host.replay(query_dir)
     wait_until(lambda: colour(page, "verdict") == _BLUE, "the last frame is known")
     place = page.text("place")
-    own_host.stop()
+    assert own_host.stop(signal.SIGINT) == 0, "it ends on Ctrl-C as the dashboard does"
     page.await_state("router-gone")
     assert page.text("state") == "The router does not answer. Waiting for it."
     wait_until(lambda: colour(page, "verdict") != _BLUE, "it is not blue")

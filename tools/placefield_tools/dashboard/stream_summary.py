@@ -29,12 +29,11 @@ class Correction:
     def words(self, graph: RouteGraph | None) -> str:
         """Say what was corrected, and when."""
         later = f"{counted(self.smoothed.lag, 'frame')} later"
-        now = place_words(self.smoothed.place, graph)
+        now, before = (place_words(one.place, graph) for one in (self.smoothed, self.first))
         if not self.smoothed.known:
-            return f"frame {self.header.sequence}: {now} no longer known, {later}"
+            return f"frame {self.header.sequence}: {before} no longer known, {later}"
         if not self.first.known:
             return f"frame {self.header.sequence}: {now} now known, {later}"
-        before = place_words(self.first.place, graph)
         return f"frame {self.header.sequence}: {now} instead of {before}, {later}"
 
 
