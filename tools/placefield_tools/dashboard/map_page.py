@@ -77,9 +77,7 @@ def _encoding_row(number: int, channel: MapChannel) -> ui.html:
             ui.label(f"segments of {scales[0]} to {scales[-1]} frames")
         with ui.element("div").classes("layers"):
             bars = ui.html("", sanitize=False)
-        ui.label(
-            f"{len(channel.segments)} segments, {active:.0%} of the route active, {learned}"
-        )
+        ui.label(f"{len(channel.segments)} segments, {active:.0%} of the route active, {learned}")
     return bars
 
 
