@@ -6,7 +6,10 @@ FAST := $(addprefix tests/shared/,bus fusion matching ros scales search)
 # Python caches its bytecode, whatever the machine's default: tests start many processes.
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-fast lint docs audit bench
+ROLES := router featurizer describer channel fuser verifier replay
+DOCKERFILE := deploy/docker/Dockerfile
+
+.PHONY: demo test test-fast lint docs audit bench images
 
 demo: $(RUNNING)
 	$(BIN)/placefield demo $(if $(REF),"$(REF)" "$(QUERY)")
@@ -31,6 +34,13 @@ audit: $(WORKING)
 
 bench: $(WORKING)
 	for part in match features build chain scale; do $(BIN)/placefield bench $$part || exit; done
+
+# Needs Docker with buildx. BUILD_FLAGS may name a cache. Each image is run once; none is pushed.
+images:
+	for role in $(ROLES); do \
+	  docker buildx build --file $(DOCKERFILE) --target $$role --tag placefield-$$role --load $(BUILD_FLAGS) . \
+	  && docker run --rm --entrypoint placefield placefield-$$role --version || exit; \
+	done
 
 .venv/.installed-%: pyproject.toml
 	@echo "Installing Placefield and what '$*' takes into .venv; this takes some minutes."

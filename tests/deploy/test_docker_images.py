@@ -90,6 +90,41 @@ def test_what_the_images_copy_is_there_and_not_ignored(deploy: Path) -> None:
         assert any(Path(name).match(pattern) for pattern in kept), name
 
 
+def test_make_builds_and_runs_the_image_of_every_role_and_pushes_none(
+    deploy: Path, tmp_path: Path
+) -> None:
+    called = tmp_path / "called"
+    docker = tmp_path / "docker"
+    docker.write_text(f'#!/bin/sh\necho "$@" >> {called}\n')
+    docker.chmod(0o755)
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    make = ["make", "--silent", "images", "BUILD_FLAGS=--cache-from type=gha"]
+    subprocess.run(make, cwd=deploy.parent, env=os.environ | {"PATH": path}, check=True)
+    lines = called.read_text().splitlines()
+    builds = [line for line in lines if line.startswith("buildx build ")]
+    assert {re.findall(r"--target (\S+)", line)[0] for line in builds} == ROLES
+    assert all(line.endswith(" --load --cache-from type=gha .") for line in builds)
+    assert f"--file {deploy.name}/docker/Dockerfile " in builds[0]
+    ran = [line.split()[-2] for line in lines if line not in builds]
+    assert set(ran) == {f"placefield-{role}" for role in ROLES}
+    assert "push" not in called.read_text()
+
+
+def test_make_says_that_an_image_does_not_run(deploy: Path, tmp_path: Path) -> None:
+    docker = tmp_path / "docker"
+    docker.write_text('#!/bin/sh\n[ "$1" = buildx ]\n')
+    docker.chmod(0o755)
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    ended = subprocess.run(
+        ["make", "images"],
+        cwd=deploy.parent,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        check=False,
+    )
+    assert ended.returncode != 0
+
+
 def test_the_pins_lack_nothing_that_one_of_them_requires(pinned: dict[str, str]) -> None:
     for name in pinned:
         for text in requires(name) or ():

@@ -60,8 +60,8 @@ def host(map_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[H
 
 def test_every_example_is_listed() -> None:
     listed = (EXAMPLES / "README.md").read_text()
-    programs = sorted(EXAMPLES.rglob("*.py"))
-    assert len(programs) >= 5
+    programs = sorted([*EXAMPLES.rglob("*.py"), *EXAMPLES.rglob("*.ipynb")])
+    assert len(programs) >= 6
     assert [str(file) for file in programs if f"({file.relative_to(EXAMPLES)})" not in listed] == []
 
 

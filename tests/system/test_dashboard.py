@@ -137,7 +137,7 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
     shown: Shown, replayed: list[Answer]
 ) -> None:
     follow(shown)
-    for what, across in (("route", 0.5), ("matrix", 0.85), ("certainty", 0.5)):
+    for what, across in (("route", 0.5), ("matrix", 0.85), ("certainty", 0.85)):
         picture = shown.page.locator(f"[data-shown={what}]")
         box = picture.bounding_box()
         assert box is not None

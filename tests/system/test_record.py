@@ -15,6 +15,7 @@ from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.features.images import decode
 from placefield.maps.manifest import ChangeRecord, read_identified
 from placefield.maps.map import Map
+from placefield.maps.opening import open_map
 from placefield.maps.store import save_map
 from placefield_tools.record.records import Record, read_records
 
@@ -24,13 +25,18 @@ def match_fields(fields: dict[str, object]) -> dict[str, object]:
 
 
 def test_recordings_hold_what_was_on_the_bus(
-    host: Host, listener: Listener, logs: Path, query_dir: Path, tmp_path: Path
+    host: Host,
+    listener: Listener,
+    logs: Path,
+    map_path: Path,
+    query_dir: Path,
+    tmp_path: Path,
 ) -> None:
     lines, mcap = tmp_path / "drive.jsonl", tmp_path / "drive.mcap"
     at = ("--endpoint", host.endpoint)
     with (
         Process(logs, "record", lines, *at) as lines_process,
-        Process(logs, "record", mcap, "--frames", *at) as mcap_process,
+        Process(logs, "record", mcap, "--frames", "--map", map_path, *at) as mcap_process,
         Process(logs, "listen", "--json", *at) as listen,
     ):
         both = (lines_process, mcap_process)
@@ -68,6 +74,12 @@ def test_recordings_hold_what_was_on_the_bus(
     written = [match_fields(json.loads(line)) for line in lines.read_text().splitlines()]
     assert objects == [one for one in written if not one["smoothed"]]
     assert smoothed == [one for one in written if one["smoothed"]]
+    thumbnail = open_map(map_path).places.thumbnail
+    of_places = [read["data"] for topic, _, read in messages if topic == "/placefield/place"]
+    answered = [one for one in objects if not one["end"]]
+    assert [base64.b64decode(one) for one in of_places] == [
+        thumbnail(one["place"]) for one in answered
+    ]
     images = [read["data"] for topic, _, read in messages if topic == "/placefield/frame"]
     files = sorted(query_dir.iterdir())[::3]
     for image, file in zip(images, files * 2, strict=True):

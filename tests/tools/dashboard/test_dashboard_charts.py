@@ -2,40 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from placefield.bus.messages import MatchMessage, SmoothedMessage
-from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map
 from placefield_tools.dashboard.charts import (
-    certainty_chart,
     curves_chart,
     scales_chart,
-    set_certainty,
 )
-
-
-def test_certainty_shows_both_answers_the_score_and_the_threshold() -> None:
-    chart = certainty_chart(0.99)
-    of_map = {"map": NO_DIGEST, "place": 1}
-    frames = [
-        (0, MatchMessage(**of_map, score=-1.0, probability=0.25, known=False), None),
-        (
-            1,
-            MatchMessage(**of_map, score=2.0, probability=0.995, known=True),
-            SmoothedMessage(**of_map, score=3.0, probability=0.999, known=True, lag=4),
-        ),
-        (2, MatchMessage(**of_map, score=3.0), None),
-    ]
-    set_certainty(chart, frames)
-    data = {series["name"]: series["data"] for series in chart["series"]}
-    assert data == {
-        "at once": [[0, 0.25], [1, 0.995]],
-        "smoothed": [[1, 0.999]],
-        "not known": [[0, 0.25]],
-        "score": [[0, -1.0], [1, 2.0], [2, 3.0]],
-    }
-    [threshold] = chart["series"][0]["markLine"]["data"]
-    assert threshold == {"yAxis": 0.99}
-    assert all(not series["data"] for series in certainty_chart(0.99)["series"])
 
 
 def test_every_segment_is_counted_at_its_scale(route_map: Map) -> None:

@@ -8,7 +8,7 @@ from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map
 from placefield_tools.dashboard.run_state import RunState, run_state
 from placefield_tools.dashboard.state import LiveState
-from placefield_tools.status.service_status import RunStatus
+from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 OTHER = "f" * 16
 
@@ -59,3 +59,18 @@ def test_answers_of_another_map_are_named_as_such(state: LiveState) -> None:
     add(state)
     assert found(state).name == "live"
     assert found(state, f"fuser ab on map {NO_DIGEST}: it has {OTHER}").name == "wrong-map"
+
+
+def test_a_service_that_hangs_is_as_bad_as_one_that_is_missing(state: LiveState) -> None:
+    def of(service: str, **counts: int) -> RunState:
+        hanging = ServiceStatus(service, "a", None, None, None, None, None, True, counts)
+        status = RunStatus(None, None, None, (hanging,), ())
+        return run_state(state, status, connected=True, run="night")
+
+    add(state)
+    assert of("channel", received=3) == RunState(
+        "services-missing",
+        "Running, but silent: channel. Look into the log of 'placefield up'.",
+    )
+    assert not of("fuser", received=3).is_current
+    assert of("fuser").name == "live"  # it has just begun

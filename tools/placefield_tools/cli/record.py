@@ -31,8 +31,8 @@ def _record(
         typer.Option(
             "--map",
             metavar="MAP",
-            help="map of the run, built from frames with GPS: adds latitude and longitude to .mcap "
-            "or .rrd",
+            help="map of the run: adds latitude and longitude, if it was built from frames with "
+            "GPS, and with --frames the images of the places, in .mcap or .rrd",
             show_default=False,
         ),
     ] = None,
@@ -46,16 +46,19 @@ def _record(
 
     .jsonl has the output of 'placefield listen --json', .csv has a row per match. Both are written
     line by line, so that a killed recorder loses no line, and 'placefield export' reads them. .mcap
-    opens in Foxglove and .rrd in Rerun, at the stamps of the frames. With --map, matches of another
-    map are left out, but not those of a new version that replaces MAP.
+    opens in Foxglove and .rrd in Rerun, at the stamps of the frames. A .rrd has its layout in it,
+    and draws matching.precision of these settings beside the probabilities. With --map, matches of
+    another map are left out, but not those of a new version that replaces MAP.
 
     Examples:
       placefield record drive.jsonl
-      placefield record drive.mcap --frames
+      placefield record drive.mcap --frames --map route.pfmap
     """
+    from placefield.maps.geography import Origin
     from placefield.maps.version_digests import VersionDigests
     from placefield_services.process import stop_event
     from placefield_tools.record.georeference import origin_of
+    from placefield_tools.record.place_pictures import PlacePictures, with_places
     from placefield_tools.record.record_run import record
     from placefield_tools.record.recorder_files import recorder_of
 
@@ -65,8 +68,13 @@ def _record(
     origin = versions = None
     if map_path:
         versions = VersionDigests(map_path)
-        origin = origin_of(versions.manifest.pose_frame, map_path, "leave --map out")
-    into = recorder_of(file, origin=origin, frames=frames)
+        pose_frame = versions.manifest.pose_frame
+        origin = Origin.of_frame(pose_frame)
+        if origin is None and not frames:
+            origin = origin_of(pose_frame, map_path, "add --frames, or leave --map out")
+    into = recorder_of(file, origin=origin, frames=frames, precision=effective.matching.precision)
+    if map_path and frames:
+        into = with_places(into, PlacePictures(map_path))
     counts = record(
         effective,
         into,

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.map import MapChannel
 
 Options = dict[str, Any]
@@ -15,59 +14,6 @@ _AXIS = {"axisLabel": _TEXT, "nameTextStyle": _TEXT}
 _RULED = {"splitLine": {"lineStyle": {"color": "#8886"}}}
 _PLAIN = {"splitLine": {"show": False}}
 _TONES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a8a8a")
-
-
-def certainty_chart(precision: float) -> Options:
-    """Return an empty chart of probabilities and score, see ``set_certainty``.
-
-    Args:
-        precision: the probability from which on a match is known; it is drawn as a line.
-    """
-    line = {"type": "line", "showSymbol": False, "data": []}
-    asked = {
-        "silent": True,
-        "symbol": "none",
-        "lineStyle": {"color": "#8a8a8a", "type": "dashed"},
-        "label": {"formatter": f"{100 * precision:g} % asked", "position": "insideEndBottom"}
-        | _TEXT,
-        "data": [{"yAxis": precision}],
-    }
-    return _chart() | {
-        "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax"} | _AXIS | _PLAIN,
-        "yAxis": [
-            {"type": "value", "min": 0, "max": 1} | _AXIS | _RULED,
-            {"type": "value", "scale": True} | _AXIS | _PLAIN,
-        ],
-        "series": [
-            line | {"name": "at once", "color": "#2f8fd0", "markLine": asked},
-            line | {"name": "smoothed", "color": "#009e73", "lineStyle": {"width": 1}},
-            {"type": "scatter", "name": "not known", "symbolSize": 6, "color": "#e0782f"}
-            | {"data": []},
-            line
-            | {"name": "score", "yAxisIndex": 1, "lineStyle": {"width": 1}, "color": "#8a8a8a"},
-        ],
-    }
-
-
-def set_certainty(
-    chart: Options,
-    frames: Sequence[tuple[int, MatchMessage, SmoothedMessage | None]],
-) -> None:
-    """Put frames into that chart: number, first match, and smoothed match if it has come."""
-    at_once, smoothed, unknown, score = chart["series"]
-    rated = [
-        (frame, match.probability, match.known)
-        for frame, match, _ in frames
-        if match.probability is not None
-    ]
-    at_once["data"] = [[frame, probability] for frame, probability, _ in rated]
-    unknown["data"] = [[frame, probability] for frame, probability, known in rated if not known]
-    smoothed["data"] = [
-        [frame, later.probability]
-        for frame, _, later in frames
-        if later is not None and later.probability is not None
-    ]
-    score["data"] = [[frame, round(match.score, 3)] for frame, match, _ in frames]
 
 
 def scales_chart(channels: Sequence[MapChannel]) -> Options:

@@ -158,8 +158,8 @@ class RouteDrawing:
 
     def match(self, place: int, recent: Sequence[int]) -> str:
         """Draw the match, and the places of the matches before it, if they are known."""
-        passed = [(x, y) for x, y in self._points[list(recent)] if not np.isnan(x)]
-        trail = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in passed)
+        passed = (f"M{x:.1f} {y:.1f}h0" for x, y in self._points[list(recent)] if not np.isnan(x))
+        trail = "".join(dict.fromkeys(passed))  # each point once: most are the same on a long route
         x, y = self._points[place]
         drawn = f'<path class="trail" d="{trail}"/>'
         if np.isnan(x):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from placefield_tools.dashboard.missing_services import can_answer
+from placefield_tools.dashboard.missing_services import can_answer, silent
 from placefield_tools.dashboard.state import LiveState
 from placefield_tools.status.service_status import RunStatus
 
@@ -41,6 +41,9 @@ def run_state(state: LiveState, status: RunStatus, *, connected: bool, run: str)
     if status.missing:
         names = ", ".join(status.missing)
         words = f"Not running: {names}. Start them with 'placefield up MAP --run {run}'."
+        return RunState("services-missing", words, can_answer(status))
+    if hanging := silent(status):
+        words = f"Running, but silent: {', '.join(hanging)}. Look into the log of 'placefield up'."
         return RunState("services-missing", words, can_answer(status))
     if state.ended is not None and state.summary is not None:
         return RunState("ended", f"The stream is over: {state.summary.words()}.")

@@ -31,6 +31,7 @@ _TOPICS = {
     "/placefield/verified/pose": foxglove.POSE_IN_FRAME,
     "/placefield/verified/location": foxglove.LOCATION_FIX,
     "/placefield/frame": foxglove.COMPRESSED_IMAGE,
+    "/placefield/place": foxglove.COMPRESSED_IMAGE,
 }
 
 
@@ -65,8 +66,11 @@ def record_mcap(path: Path, origin: Origin | None) -> Iterator[Recorder]:
         def write_frame(header: Header, jpeg: bytes) -> None:
             put("/placefield/frame", header, foxglove.image_message(header, jpeg))
 
+        def write_place(header: Header, jpeg: bytes) -> None:
+            put("/placefield/place", header, foxglove.image_message(header, jpeg))
+
         try:
-            yield Recorder(write_match, write_frame)
+            yield Recorder(write_match, write_frame, write_place)
         finally:
             writer.finish()  # type: ignore[no-untyped-call]
 

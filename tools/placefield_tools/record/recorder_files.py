@@ -1,9 +1,10 @@
 """Choice of the recorder by the suffix of the file; other packages may add suffixes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
+from placefield.config import MatchingConfig
 from placefield.errors import ConfigError
 from placefield.files import sync
 from placefield.maps.geography import Origin
@@ -15,11 +16,16 @@ from placefield_tools.record.text import record_csv, record_json_lines
 
 _TEXT = {".jsonl": record_json_lines, ".csv": record_csv}
 _RICH = (".mcap", ".rrd")
+_PRECISION = MatchingConfig().precision
 _RECORDERS: Group = "placefield.recorders"
 
 
 def recorder_of(
-    path: Path, *, origin: Origin | None = None, frames: bool = False
+    path: Path,
+    *,
+    origin: Origin | None = None,
+    frames: bool = False,
+    precision: float = _PRECISION,
 ) -> AbstractContextManager[Recorder]:
     """Return the recorder of a file, for a ``with`` block, which creates the file.
 
@@ -27,6 +33,7 @@ def recorder_of(
         path: of the file.
         origin: georeference of the map; with it, geographic positions are recorded, too.
         frames: whether to record images of the query frames, too.
+        precision: the probability from which on a match is known; drawn in ``.rrd``.
 
     Raises:
         RecordingError: the file exists already, or (inside the block) cannot be written.
@@ -43,7 +50,7 @@ def recorder_of(
         plugin = load_plugin(_RECORDERS, path.suffix[1:])
         return _with_known_errors(path, _with_pictures(path, plugin(path, origin), frames))
     if path.suffix in _RICH:
-        return _with_known_errors(path, _rich(path.suffix)(path, origin))
+        return _with_known_errors(path, _rich(path, origin, frames=frames, precision=precision))
     if frames or origin is not None:
         flag = "--frames" if frames else "--map"
         raise ConfigError(f"{flag}: only .mcap and .rrd hold that, and {path} is neither")
@@ -77,17 +84,19 @@ def _with_known_errors(path: Path, into: AbstractContextManager[Recorder]) -> It
         ) from None
 
 
-def _rich(suffix: str) -> Callable[[Path, Origin | None], AbstractContextManager[Recorder]]:
+def _rich(
+    path: Path, origin: Origin | None, *, frames: bool, precision: float
+) -> AbstractContextManager[Recorder]:
     try:
-        if suffix == ".mcap":
+        if path.suffix == ".mcap":
             from placefield_tools.record.mcap_file import record_mcap
 
-            return record_mcap
+            return record_mcap(path, origin)
         from placefield_tools.record.rerun_file import record_rerun
 
-        return record_rerun
+        return record_rerun(path, origin, frames=frames, precision=precision)
     except ModuleNotFoundError as missing:
-        extra = "record" if suffix == ".mcap" else "rerun"
+        extra = "record" if path.suffix == ".mcap" else "rerun"
         raise ConfigError(
-            f"record to {suffix} needs {missing.name}: pip install 'placefield[{extra}]'"
+            f"record to {path.suffix} needs {missing.name}: pip install 'placefield[{extra}]'"
         ) from None

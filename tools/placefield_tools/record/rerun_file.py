@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
@@ -15,6 +16,7 @@ from placefield.bus.messages import MatchMessage
 from placefield.maps.geography import Origin
 from placefield_tools.record.recorder import Recorder
 from placefield_tools.record.records import kind_of
+from placefield_tools.record.rerun_blueprint import blueprint
 
 _PIECE = 2**16  # bytes
 _NUMBERS = ("place", "score", "probability", "known", "too_fast", "lag", "inliers", "ratio")
@@ -23,10 +25,20 @@ What = TypeVar("What")
 
 
 @contextmanager
-def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
+def record_rerun(
+    path: Path, origin: Origin | None, *, frames: bool, precision: float
+) -> Iterator[Recorder]:
     """Record every match as numbers over time, and the position of every known match.
 
-    Besides Rerun's own timeline, there are one of stamps and one of frame numbers.
+    Besides Rerun's own timeline, there are one of stamps and one of frame numbers. The file has a
+    layout, see ``blueprint``.
+
+    Args:
+        path: of the file.
+        origin: georeference of the map; None: no positions on the earth.
+        frames: whether there will be images of the query frames, for the layout.
+        precision: the probability from which on a match is known, to draw it beside each
+            probability.
     """
     stream = rr.RecordingStream("placefield")
 
@@ -46,6 +58,8 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
             value = getattr(match, name, None)
             if value is not None:
                 stream.log(f"{root}match/{name}", rr.Scalars(float(value)))
+        if match.probability is not None and kind == "causal":
+            stream.log("match/asked", rr.Scalars(precision))
         if match.pose is None or match.known is False:
             return
         x, y, _ = match.pose
@@ -53,16 +67,23 @@ def record_rerun(path: Path, origin: Origin | None) -> Iterator[Recorder]:
         if origin is not None:
             stream.log(f"{root}earth/position", rr.GeoPoints(lat_lon=[origin.to_degrees(x, y)]))
 
-    def write_frame(header: Header, jpeg: bytes) -> None:
+    def write_image(entity: str, header: Header, jpeg: bytes) -> None:
         set_time(header)
-        stream.log("frame", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
+        stream.log(entity, rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
 
     with path.open("xb") as file:
         copying = _Copying(file)
         stream.save(copying.way_in)
         copying.begin()
+        layout = blueprint(georeferenced=origin is not None, frames=frames)
+        # Only now: it fills the pipe, and Rerun would wait for a reader.
+        stream.send_blueprint(layout, make_active=False)
         try:
-            yield Recorder(copying.after(write_match), copying.after(write_frame))
+            yield Recorder(
+                copying.after(write_match),
+                copying.after(partial(write_image, "frame")),
+                copying.after(partial(write_image, "place")),
+            )
         finally:
             stream.disconnect()
             copying.end()
