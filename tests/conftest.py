@@ -5,8 +5,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from inspect import signature
 from pathlib import Path
-from shutil import copy
-from typing import Any
+from shutil import copy, which
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -25,6 +25,9 @@ from placefield.matching.matcher import Partial
 from placefield.matching.roads import RouteCells
 from placefield_tools.build.map_from_sources import build_from
 from placefield_tools.common.host_process import free_endpoint
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 settings.register_profile("no deadline", deadline=None)  # the machine may be shared
 settings.load_profile("no deadline")
@@ -227,3 +230,17 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
 def endpoint() -> str:
     """A free port of loopback, as the bus spells it."""
     return free_endpoint()
+
+
+@pytest.fixture(scope="module")
+def browser() -> "Iterator[Browser]":
+    """A browser; while it is open, its event loop runs here, so no other test can run one."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(which, names)), None)
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(names)}")
+    with playwright.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()

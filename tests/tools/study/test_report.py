@@ -18,7 +18,9 @@ from placefield.fusion.match import Match
 from placefield.maps.map import Map
 from placefield_tools.evaluate.judging import Judged, judge
 from placefield_tools.evaluate.truth_source import TruthSource
+from placefield_tools.plots import Neighbourhood
 from placefield_tools.study import figures
+from placefield_tools.study.neighbours import Learned
 from placefield_tools.study.report import write_report
 from placefield_tools.study.results import (
     AblationResult,
@@ -92,6 +94,8 @@ def a_study(placemap: Map, **changes: Any) -> Study:
         seed=3,
         tolerance=2,
         placemap=placemap,
+        fixed=placemap,
+        learned=None,
         methods=(
             a_method("window of 4", 20, judged=judged(20, waits=3)),
             a_method("window of 8", 39, oracle=True),
@@ -110,28 +114,57 @@ def a_study(placemap: Map, **changes: Any) -> Study:
     return replace(study, **changes)
 
 
+def some_learned() -> Learned:
+    """Two frames around a third: one of its label, one of another, which learning moves away."""
+    same = np.array([True, False])
+    before, after = (
+        Neighbourhood(name, np.array([[2.0, 0.0], [0.0, far]]), same, same, 1.0)
+        for name, far in (("before", 1.0), ("after", 4.0))
+    )
+    return Learned(7, before, after, invaders_before=1.0, invaders_after=0.0)
+
+
 @pytest.fixture
 def page_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PageOf:
     """Gives the page of a study, its pictures left white: to draw them takes seconds."""
-    monkeypatch.setattr(figures, "data_url", lambda draw: "data:image/png;base64,")
+    monkeypatch.setattr(figures, "data_url", lambda draw, **_: "data:image/webp;base64,")
     return lambda study: Page(write_report(tmp_path / "new" / "folder", study).read_text("utf-8"))
 
 
 def test_the_page_needs_nothing_but_itself(tmp_path: Path, route_map: Map) -> None:
-    path = write_report(tmp_path, a_study(route_map))
+    study = a_study(route_map, learned=some_learned())
+    path = write_report(tmp_path, study)
 
     text = path.read_text("utf-8")
     page = Page(text)
     pictures = page.attributes("src")
-    assert len(pictures) == 3
+    assert len(pictures) == len(list(filter(None, page.attributes("alt")))) == 5
     for picture in pictures:
         kind, _, data = picture.partition(",")
-        assert kind == "data:image/png;base64"
-        assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
+        assert kind == "data:image/webp;base64"
+        assert base64.b64decode(data, validate=True)[8:12] == b"WEBP"
     assert not page.attributes("href")
     assert not re.search(r"https?:|@import|url\(|<script", text)
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
-    assert text == write_report(tmp_path / "again", a_study(route_map)).read_text("utf-8")
+    assert text == write_report(tmp_path / "again", study).read_text("utf-8")
+
+
+def test_groups_and_neighbours_are_there_or_the_page_says_why_not(
+    page_of: PageOf, route_map: Map
+) -> None:
+    missing = {
+        "There is no picture of the frames in fixed and adaptive segments": "segments of the same",
+        "There is no picture of a frame's neighbours before and after": "A frame's neighbours",
+    }
+    full = " ".join(page_of(a_study(route_map, learned=some_learned())).words.split())
+    poor = " ".join(page_of(a_study(route_map, fixed=None)).words.split())
+    for sentence, heading in missing.items():
+        assert heading in full
+        assert sentence not in full
+        assert sentence in poor
+        assert heading not in poor
+    assert "frame of place 7" in full
+    assert "paper: figure 6" in full
 
 
 def test_every_method_has_its_figures_or_says_why_not(page_of: PageOf, route_map: Map) -> None:
@@ -249,7 +282,7 @@ def test_a_study_of_failures_is_written(page_of: PageOf, route_map: Map) -> None
     page = page_of(a_study(route_map, methods=(failed,), ablation=()))
 
     assert "failed: no frame has a keypoint" in page.cells
-    assert len(page.attributes("src")) == 2, "the bars, that say so, and the segments"
+    assert len(page.attributes("src")) == 3, "the bars, that say so, the segments, the groups"
 
 
 def test_probabilities_are_held_to_the_answers(page_of: PageOf, route_map: Map) -> None:
@@ -262,7 +295,8 @@ def test_probabilities_are_held_to_the_answers(page_of: PageOf, route_map: Map) 
 
     page = page_of(replace(study, methods=(replace(study.methods[0], judged=sure),)))
 
-    assert "window of 4: expected calibration error 0.100" in page.words
+    words = " ".join(page.words.split())
+    assert "Reliability of window of 4 Expected calibration error 0.100" in words
     assert "it calls 20 matches known" in page.words
     assert "reliability" in page.attributes("id")
     assert "reliability" not in page_of(study).attributes("id")

@@ -32,6 +32,8 @@ def write_report(folder: Path, study: Study) -> Path:
         curves=figures.precision_recall_curves(study),
         method_bars=figures.method_bars(study),
         segments=figures.segments(study),
+        groups=figures.groups(study.fixed, study.placemap),
+        neighbourhoods=figures.neighbourhoods(study.learned),
         calibrations=figures.calibrations(study),
     )
 

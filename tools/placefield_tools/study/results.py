@@ -8,6 +8,7 @@ from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluate.judging import Judged
 from placefield_tools.evaluate.truth_source import TruthSource
+from placefield_tools.study.neighbours import Learned
 
 LeftOut = Literal["nothing", "several scales", "adaptive scales", "metric", "channels"]
 """A part of the method: several scales per channel, adaptive ones, a learned metric, channels."""
@@ -68,6 +69,10 @@ class Study:
         seed: of everything random.
         tolerance: places; None where a ground truth was given, or metres.
         placemap: our map of the reference.
+        fixed: the map of MS, whose segments are of fixed lengths; None where the reference is too
+            short.
+        learned: what the metric of our map's first channel does; None where there is nothing to
+            show.
         methods: in the order to show them.
         ablation: by two rules, each with every part left out, at every lag.
         ground: by what a match is right.
@@ -81,6 +86,8 @@ class Study:
     seed: int
     tolerance: int | None
     placemap: Map
+    fixed: Map | None
+    learned: Learned | None
     methods: tuple[MethodResult, ...]
     ablation: tuple[AblationResult, ...]
     ground: TruthSource

@@ -32,10 +32,12 @@ from placefield_tools.study.describing import (
     learn_vocabulary,
 )
 from placefield_tools.study.methods import methods_of, run_methods
+from placefield_tools.study.neighbours import learned_by
 from placefield_tools.study.results import Study
 from placefield_tools.study.trial import (
     Trial,
     build_reference,
+    fixed_map,
     plain_channel,
 )
 
@@ -79,6 +81,8 @@ def run_study(
         seed=config.seed,
         tolerance=tolerance,
         placemap=trial.placemap,
+        fixed=fixed_map(trial),
+        learned=learned_by(trial),
         methods=run_methods(trial, methods_of(trial)),
         ablation=ablate(trial),
         ground=trial.ground,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from placefield.baselines.multiscale import SCALES, fixed_scale_channels
 from placefield.config import Config, MatchingConfig, Rule
+from placefield.errors import MapError
 from placefield.evaluation.truth import Truth
 from placefield.features.joined_model import FeaturePart
 from placefield.maps.build import Cut, adaptive_channels, build_map
@@ -18,6 +19,7 @@ from placefield.maps.traverse import Traverse
 from placefield.matching.comparing import distance_matrix
 from placefield.presets import PRESETS
 from placefield.scales.channels import Channel
+from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.drive_matching import Descriptors, Metres, descriptors_of
 from placefield_tools.evaluate.truth_source import TruthSource
 from placefield_tools.study.describing import Described
@@ -141,6 +143,15 @@ def plain_channel(placemap: Map, traverse: Traverse) -> MapChannel:
     """Return a channel of a map under the identity metric."""
     metric = identity_metric(placemap.model.of_reference(traverse.raw))
     return replace(placemap.channels[0], metric=metric)
+
+
+def fixed_map(trial: Trial) -> Map | None:
+    """Return the map of MS; None, with a line that says why, where the reference is too short."""
+    try:
+        return trial.multiscale
+    except MapError as error:
+        CONSOLE.print(f"no MS: {error}", soft_wrap=True)
+        return None
 
 
 def _fixed_scales(descriptors: Array, *_: object) -> tuple[Channel, ...]:

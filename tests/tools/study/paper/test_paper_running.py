@@ -7,9 +7,9 @@ from placefield.errors import MapError
 from placefield.maps.map import MapChannel
 from placefield.recognizer import Recognizer
 from placefield_tools.evaluate.judging import judge
+from placefield_tools.study.neighbours import learned_by
 from placefield_tools.study.paper import run_paper as running
 from placefield_tools.study.paper.cost import comparisons, multiplications
-from placefield_tools.study.paper.neighbours import learned_by
 from placefield_tools.study.paper.paper_results import Cost, PaperStudy
 from placefield_tools.study.paper.run_paper import one_scale
 from placefield_tools.study.trial import Trial
@@ -72,6 +72,7 @@ def test_where_ms_or_ten_channels_cannot_be_the_rest_is_there(
 
 def test_invaders_are_nearer_than_the_farthest_target_neighbour(paper_trial: Trial) -> None:
     learned = learned_by(paper_trial)
+    assert learned is not None
     channel = paper_trial.placemap.channels[0]
     places = paper_trial.placemap.model.of_reference(paper_trial.traverse.raw).astype(float)
     for points, mean in (
@@ -83,6 +84,11 @@ def test_invaders_are_nearer_than_the_farthest_target_neighbour(paper_trial: Tri
         if points is places:
             assert counts[learned.place] == max(counts)
     assert learned.before.targets.sum() == learned.after.targets.sum() > 0
+
+
+def test_where_no_metric_was_learned_there_is_nothing_to_show(trial: Trial) -> None:
+    assert not trial.placemap.channels[0].metric.learned
+    assert learned_by(trial) is None
 
 
 def literal_invaders(

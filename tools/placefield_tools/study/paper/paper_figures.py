@@ -1,12 +1,5 @@
-"""The paper's figures, of a study's results, as PNG images in data URLs."""
+"""The paper's figures, of a study's results, as images in data URLs."""
 
-from collections.abc import Callable
-
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
-from placefield.maps.map import Map
 from placefield_tools.inspect.map_summary import segments_of
 from placefield_tools.plots import (
     AucBar,
@@ -15,15 +8,11 @@ from placefield_tools.plots import (
     plot_autocorrelograms,
     plot_channel_counts,
     plot_clusters,
-    plot_groups,
-    plot_neighbourhood,
     plot_precision_recall,
     plot_segments,
 )
-from placefield_tools.study.figures import data_url
+from placefield_tools.study.figures import data_url, pictures_of
 from placefield_tools.study.paper.paper_results import FeatureResult, PaperStudy
-
-_GROUPED = 24  # frames of the stretch that is shown in groups
 
 
 def compared_curves(study: PaperStudy) -> str:
@@ -78,25 +67,6 @@ def channel_counts(study: PaperStudy) -> str | None:
     return data_url(lambda path: plot_channel_counts(path, counts)) if counts else None
 
 
-def groups(result: FeatureResult) -> str | None:
-    """Draw how MS and AMS group the same stretch (figures 14 and 15): the middle of the route.
-
-    Descriptors have no frames to draw.
-    """
-    fixed = result.fixed
-    if fixed is None or not result.placemap.places.has_thumbnails:
-        return None
-    rows = {
-        f"MS, scale {fixed.channels[0].scales[0]}": segments_of(fixed)[0],
-        "AMS, channel 0": segments_of(result.placemap)[0],
-    }
-    places = result.placemap.places.count
-    count = min(_GROUPED, places)
-    first = (places - count) // 2
-    picture_of = _pictures(result.placemap)
-    return data_url(lambda path: plot_groups(path, rows, first, picture_of, count))
-
-
 def clusters(result: FeatureResult) -> str | None:
     """Draw the first channel's clusters with some of their frames (figures 5 and 11).
 
@@ -104,8 +74,8 @@ def clusters(result: FeatureResult) -> str | None:
     """
     if not result.placemap.places.has_thumbnails:
         return None
-    channel, picture_of = segments_of(result.placemap)[0], _pictures(result.placemap)
-    return data_url(lambda path: plot_clusters(path, channel, picture_of))
+    channel, picture_of = segments_of(result.placemap)[0], pictures_of(result.placemap)
+    return data_url(lambda path: plot_clusters(path, channel, picture_of), photographs=True)
 
 
 def segments(result: FeatureResult) -> str:
@@ -118,17 +88,3 @@ def autocorrelograms(result: FeatureResult) -> str:
     """Draw the channels' autocorrelograms (figure 1)."""
     channels = segments_of(result.placemap)
     return data_url(lambda path: plot_autocorrelograms(path, channels))
-
-
-def neighbourhoods(result: FeatureResult) -> str:
-    """Draw a frame's neighbours before and after learning (figure 6)."""
-    learned = result.learned
-    return data_url(lambda path: plot_neighbourhood(path, learned.before, learned.after))
-
-
-def _pictures(placemap: Map) -> Callable[[int], NDArray[np.uint8]]:
-    def picture_of(place: int) -> NDArray[np.uint8]:
-        encoded = np.frombuffer(placemap.places.thumbnail(place), np.uint8)
-        return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR), np.uint8)
-
-    return picture_of

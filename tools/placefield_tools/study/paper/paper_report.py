@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from placefield_tools.study.figures import groups, neighbourhoods
 from placefield_tools.study.pages import write_page
 from placefield_tools.study.paper import paper_figures as figures
 from placefield_tools.study.paper import verdicts
@@ -38,11 +39,11 @@ def _shown(result: FeatureResult) -> dict[str, Any]:
         "of_methods": verdicts.of_methods(result),
         "of_channels": verdicts.of_channels(result),
         "scale_curves": figures.scale_curves(result),
-        "groups": figures.groups(result),
+        "groups": groups(result.fixed, result.placemap),
         "clusters": figures.clusters(result),
         "segments": figures.segments(result),
         "autocorrelograms": figures.autocorrelograms(result),
-        "neighbourhoods": figures.neighbourhoods(result),
+        "neighbourhoods": neighbourhoods(result.learned),
         "costs": _costs(result.cost),
     }
 

@@ -10,7 +10,7 @@ from placefield.evaluation.protocols import Protocol
 from placefield.maps.map import Map
 from placefield_tools.evaluate.judging import Judged
 from placefield_tools.evaluate.truth_source import TruthSource
-from placefield_tools.plots import Neighbourhood
+from placefield_tools.study.neighbours import Learned
 from placefield_tools.study.results import MethodResult
 
 Array = NDArray[np.float64]
@@ -68,26 +68,6 @@ class Cost:
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """What a channel's metric does to the frame that has the most invaders without it.
-
-    Attributes:
-        place: of the frame.
-        before: its neighbours under the identity.
-        after: the same under the metric.
-        invaders_before: mean over all frames of how many frames of other labels are nearer than the
-            farthest target neighbour, under the identity.
-        invaders_after: the same under the metric.
-    """
-
-    place: int
-    before: Neighbourhood
-    after: Neighbourhood
-    invaders_before: float
-    invaders_after: float
-
-
-@dataclass(frozen=True, eq=False)
 class FeatureResult:
     """The experiments on one feature.
 
@@ -98,7 +78,7 @@ class FeatureResult:
         one_scale: the length that stands for all others where there is one scale, frames.
         lines: MS, where it can run, and AMS, on one scale and on many.
         counts: every number of ten channels, ascending; empty where the reference is too short.
-        learned: of AMS's first channel.
+        learned: of AMS's first channel; None where there is nothing to show.
         cost: of AMS.
     """
 
@@ -108,7 +88,7 @@ class FeatureResult:
     one_scale: int
     lines: tuple[Line, ...]
     counts: tuple[CountResult, ...]
-    learned: Learned
+    learned: Learned | None
     cost: Cost
 
     def line(self, method: str, scales: str) -> Line | None:

@@ -55,7 +55,9 @@ def _feature_figures(result: FeatureResult) -> dict[str, Any]:
             }
             for count in result.counts
         ],
-        "invaders": {"before": learned.invaders_before, "after": learned.invaders_after},
+        "invaders": None
+        if learned is None
+        else {"before": learned.invaders_before, "after": learned.invaders_after},
         "cost": {
             "channels": cost.channels,
             "longest_scale": cost.longest,

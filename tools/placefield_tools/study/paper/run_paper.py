@@ -9,7 +9,7 @@ import numpy as np
 from placefield.config import Config
 from placefield.errors import MapError
 from placefield.features.kinds import DESCRIPTOR
-from placefield.maps.map import Map, MapChannel
+from placefield.maps.map import MapChannel
 from placefield_tools.common.progress import CONSOLE
 from placefield_tools.evaluate.judging import Judged, judge
 from placefield_tools.evaluate.query import Query
@@ -17,12 +17,12 @@ from placefield_tools.evaluate.truth_source import TruthOptions
 from placefield_tools.sources import open_source
 from placefield_tools.study.matching import with_scales
 from placefield_tools.study.methods import PUBLISHED_RIVALS, match_smoothed, run_methods
+from placefield_tools.study.neighbours import learned_by
 from placefield_tools.study.paper.channel_count_runs import count_channels
 from placefield_tools.study.paper.cost import measure_cost
-from placefield_tools.study.paper.neighbours import learned_by
 from placefield_tools.study.paper.paper_results import CountResult, FeatureResult, Line, PaperStudy
 from placefield_tools.study.run_study import TruthOf, prepare
-from placefield_tools.study.trial import Trial
+from placefield_tools.study.trial import Trial, fixed_map
 
 FEATURES = ("gist", "grayscale")
 """Those of the paper."""
@@ -90,7 +90,7 @@ def run_feature(trial: Trial) -> FeatureResult:
         trial: by the preset ``paper``.
     """
     adaptive = trial.placemap.channels
-    fixed = _fixed_map(trial)
+    fixed = fixed_map(trial)
     length = one_scale(adaptive)
     lines = [*_lines(trial, "AMS", adaptive, length)]
     if fixed is not None:
@@ -124,14 +124,6 @@ def _lines(
 def _judged(trial: Trial, channels: Sequence[MapChannel]) -> Judged:
     matched = match_smoothed(channels, trial, "ams", trial.config.matching.lag)
     return replace(judge(matched.matches, trial.truth), mean_lag=matched.mean_lag)
-
-
-def _fixed_map(trial: Trial) -> Map | None:
-    try:
-        return trial.multiscale
-    except MapError as error:
-        CONSOLE.print(f"no MS: {error}", soft_wrap=True)
-        return None
 
 
 def _counts(trial: Trial) -> tuple[CountResult, ...]:
