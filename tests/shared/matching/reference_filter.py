@@ -5,6 +5,7 @@ Predict, update and smooth are those of the textbook version, which has tests of
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,7 @@ class ReferenceFilter:
         self.roads, self.route = roads_of(topology), roads_of(topology).cells
         self.places, self.graph = places, topology.graph
         self.ways = ways_of(self.graph, count)
+        self.before = self.likeliest_before(self.ways[0].toarray())
         self.apart = [self.lengths_of_steps(step) for step in range(1, 7)]
         self.typical = float(np.median(self.apart[0])) or 1.0
         self.stationary = STATIONARY * self.typical
@@ -121,21 +123,27 @@ class ReferenceFilter:
         for place in range(len(self.places)):
             before: int | None = place
             for _ in range(step):
-                before = None if before is None else self.likeliest_before(before)
+                before = None if before is None else self.before[before]
             if before is not None:
                 lengths[place] = math.dist(self.places[place], self.places[before])
         if np.isnan(lengths).all():
             return np.zeros(len(self.places)) if step == 1 else self.lengths_of_steps(step - 1)
         return np.where(np.isnan(lengths), np.nanmean(lengths), lengths)
 
-    def likeliest_before(self, place: int) -> int | None:
-        """Return the place from which the most vehicles come; of several, the one in the route."""
-        chances = self.ways[0][:, [place]].toarray()[:, 0]
-        if not chances.any():
-            return None
-        if place > 0 and place not in self.graph.first and chances[place - 1] == chances.max():
-            return place - 1
-        return int(np.argmax(chances))
+    def likeliest_before(self, chances: Points) -> list[int | None]:
+        """Return from where the most vehicles come to each place; of several, the one in the route.
+
+        Args:
+            chances: (K, K), of the way from each place to each.
+        """
+        likeliest: list[int | None] = [
+            int(place) if chance > 0 else None
+            for place, chance in zip(chances.argmax(axis=0), chances.max(axis=0), strict=True)
+        ]
+        for place in set(range(1, len(likeliest))) - set(self.graph.first):
+            if chances[place - 1, place] == chances[:, place].max() > 0:
+                likeliest[place] = place - 1
+        return likeliest
 
     def update(self, frame: Points | None, displacement: Displacement | None = None) -> None:
         """Add the next frame (M,), or a missing observation, and its displacement if known."""
@@ -170,7 +178,7 @@ class ReferenceFilter:
         self.last = frame
 
     def step(self, length: float | None) -> Step:
-        chances = np.array([self.step_chances(speed) for speed in SPEEDS])
+        chances = step_chances()
         change = np.array([1 / (PERSISTENCE if speed > 0 else STOP) for speed in SPEEDS])
         if length is None:
             every = np.ones((len(SPEEDS), len(self.places)))
@@ -211,15 +219,6 @@ class ReferenceFilter:
             lost_likelihood = float(likelihood[self.some].mean())
             jump = self.step(length).jump
         return OdometryStep(speeds_of(pace), chances, likelihood, lost_likelihood, jump)
-
-    def step_chances(self, speed: float) -> list[float]:
-        """Return the means over the speeds that one represents."""
-        widths = [0, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 4]
-        width = [*widths, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 1][SPEEDS.index(speed)]
-        around = [speed + width * (part / 100 - 1) for part in range(201)]
-        return [
-            sum(max(1 - abs(each - step), 0) for each in around) / 201 for step in range(REACH + 1)
-        ]
 
     def expected(self, speed: float) -> Points:
         """Return the length of a step at a speed, by the place that it leads to."""
@@ -298,3 +297,13 @@ class ReferenceFilter:
 
 def student(difference: Points | float) -> Points:
     return np.asarray((1 + (difference / STEP_DEVIATION) ** 2 / 2) ** -1.5)
+
+
+@cache
+def step_chances() -> Points:
+    """Return the chances of steps (S, 1 + REACH): means over the speeds that each represents."""
+    widths = [0, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 8, 1 / 4]
+    widths += [1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 1]
+    around = np.array(SPEEDS)[:, None] + np.array(widths)[:, None] * np.linspace(-1, 1, 201)
+    steps = np.arange(REACH + 1)
+    return np.asarray(np.maximum(1 - abs(around[:, None] - steps[:, None]), 0).mean(axis=2))
