@@ -1,6 +1,7 @@
 """Exploring workers answer as the library does, whatever they missed."""
 
 from collections import Counter
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,7 +20,12 @@ from placefield_services.exploring_channel import ExploringOutputs, ExploringWor
 
 KEY = Keys("test").feature
 RAWS = features()
-CAUSAL, SMOOTHED = offline(RAWS)
+
+
+@cache  # not on import: each worker of pytest would wait for the compiler
+def expected() -> tuple[list[Answer], list[SmoothedAnswer]]:
+    """Return what the library answers to all frames, causal and smoothed."""
+    return offline(RAWS)
 
 
 @pytest.fixture(autouse=True)
@@ -79,9 +85,9 @@ class Stage:
 def test_the_drive_is_explored_as_the_library_does_to_the_bit() -> None:
     stage = Stage()
     stage.drive(0, FRAMES)
-    assert [*stage.causal.values()] == CAUSAL
-    assert stage.smoothed == SMOOTHED
-    assert sum(answer.known for answer in CAUSAL) > 40
+    assert [*stage.causal.values()] == expected()[0]
+    assert stage.smoothed == expected()[1]
+    assert sum(answer.known for answer in expected()[0]) > 40
 
 
 @pytest.mark.parametrize("start", [1, 90, 130])
@@ -93,10 +99,10 @@ def test_a_worker_that_starts_during_the_stream_goes_on_as_if_it_had_always_been
     stage.drive(start, FRAMES, oldest=start)
     assert stage.counts["fetched"] == start
     assert [*stage.causal] == [*range(start, FRAMES)]
-    assert [*stage.causal.values()] == CAUSAL[start:]
-    missed = {each.frame for each in SMOOTHED} - {each.frame for each in stage.smoothed}
+    assert [*stage.causal.values()] == expected()[0][start:]
+    missed = {each.frame for each in expected()[1]} - {each.frame for each in stage.smoothed}
     assert all(frame < start for frame in missed)
-    assert set(stage.smoothed) <= set(SMOOTHED)
+    assert set(stage.smoothed) <= set(expected()[1])
     assert not any(stage.forgets)
 
 
@@ -105,7 +111,7 @@ def test_fetched_frames_are_answered_if_their_source_waits_for_them() -> None:
     stage.remember(0, 60)
     stage.handle(about(60, oldest=55), message(RAWS[60]))
     assert [*stage.causal] == [*range(55, 61)]
-    assert [*stage.causal.values()] == CAUSAL[55:61]
+    assert [*stage.causal.values()] == expected()[0][55:61]
 
 
 def test_frames_that_nobody_has_are_not_observed_and_the_answers_say_so() -> None:
@@ -175,4 +181,4 @@ def test_a_new_stream_knows_no_place_of_the_one_before() -> None:
     stage.publisher.sent.clear()
     for number, raw in enumerate(RAWS):
         stage.handle(about(number).model_copy(update={"stream": "next"}), message(raw))
-    assert [*stage.causal.values()] == CAUSAL
+    assert [*stage.causal.values()] == expected()[0]

@@ -1,6 +1,7 @@
 """The map of an explored drive has the places of the explorer."""
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,12 @@ from placefield_tools.explore.explored_map import AskedMap, build_explored, plac
 
 CONFIG = Config.model_validate({"scales": {"channels": 2}})
 IMAGES = images_of_laps()
-RAWS = [feature_of("gist").describe(image) for image in IMAGES]
+
+
+@cache  # not on import: each worker of pytest would wait for the compiler
+def features() -> list[NDArray[np.float32]]:
+    """Return the raw features of the images."""
+    return [feature_of("gist").describe(image) for image in IMAGES]
 
 
 def frames(
@@ -52,7 +58,7 @@ def test_the_map_is_that_of_the_same_images_in_a_folder(tmp_path: Path) -> None:
     for number, image in enumerate(IMAGES):
         cv2.imwrite(str(folder / f"{number:04}.png"), image)
     of_folder = build_from([str(folder)], CONFIG)
-    placemap = built(tmp_path / "drive", frames(RAWS))
+    placemap = built(tmp_path / "drive", frames(features()))
     assert placemap.places.count == FRAMES
     for one, other in zip(placemap.channels, of_folder.channels, strict=True):
         assert np.array_equal(one.labels, other.labels)
@@ -62,7 +68,12 @@ def test_the_map_is_that_of_the_same_images_in_a_folder(tmp_path: Path) -> None:
 
 
 def test_frames_that_show_nothing_new_are_no_places(tmp_path: Path) -> None:
-    raws: list[NDArray[np.float32] | None] = [*RAWS[:60], *[RAWS[59]] * 50, None, *RAWS[60:]]
+    raws: list[NDArray[np.float32] | None] = [
+        *features()[:60],
+        *[features()[59]] * 50,
+        None,
+        *features()[60:],
+    ]
     assert places_of(frames(raws)) == [2 * number for number in [*range(60), *range(111, 191)]]
     placemap = built(tmp_path / "drive", frames(raws))
     assert placemap.places.stamps[60] == 1110
@@ -72,14 +83,14 @@ def test_the_metres_are_those_of_the_odometer_unless_it_was_reset(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     metres = [0.5 * number + 3 for number in range(FRAMES)]
-    placemap = built(tmp_path / "drive", frames(RAWS, metres))
+    placemap = built(tmp_path / "drive", frames(features(), metres))
     assert placemap.places.travelled[-1] == pytest.approx(0.5 * (FRAMES - 1))
     reset = [*metres[:70], *metres[:70]]
-    assert not len(built(tmp_path / "again", frames(RAWS, reset)).places.travelled)
+    assert not len(built(tmp_path / "again", frames(features(), reset)).places.travelled)
     assert "odometer was reset" in caplog.text
 
 
 @pytest.mark.parametrize("count", [0, 1, 10])
 def test_a_drive_with_too_little_in_it_has_no_map(tmp_path: Path, count: int) -> None:
     with pytest.raises(MapError, match="change too little"):
-        built(tmp_path / "drive", frames(RAWS[:count]))
+        built(tmp_path / "drive", frames(features()[:count]))
