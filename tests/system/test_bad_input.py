@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import copytree
+from subprocess import CompletedProcess
 
 import cv2
 import numpy as np
@@ -23,9 +24,11 @@ from hosting import (
 
 from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
+from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield_tools.build.map_from_sources import build_from
+from placefield_tools.cli.main import main
 
 HURRIED = ("--set", "bus.connect_timeout_s=0.3")
 
@@ -68,7 +71,10 @@ def test_without_a_router_a_command_says_where_it_looked(
     ("command", "reason"),
     [
         (("up", "no.pfmap"), "no.pfmap: no map there"),
-        (("up", "{broken}"), "labels.npy: damaged: its checksum is wrong"),
+        (
+            ("up", "{broken}", "--endpoint", "{endpoint}"),
+            "labels.npy: damaged: its checksum is wrong",
+        ),
         (("up", "{map}", "--endpoint", "7557"), "bus.endpoint '7557' is malformed"),
         (("listen", "--endpoint", "tcp:7557"), "bus.endpoint 'tcp:7557' is malformed"),
         (("up", "{map}", "--set", "bus.port=7557"), "setting bus.port"),
@@ -94,15 +100,35 @@ def test_without_a_router_a_command_says_where_it_looked(
     ],
 )
 def test_a_command_that_cannot_begin_says_why_in_one_line(
-    map_path: Path, query_dir: Path, tmp_path: Path, command: tuple[str, ...], reason: str
+    map_path: Path,
+    query_dir: Path,
+    tmp_path: Path,
+    command: tuple[str, ...],
+    reason: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    names = {"map": map_path, "query": query_dir, "empty": tmp_path / "empty"}
-    names["broken"] = copytree(map_path, tmp_path / "broken.pfmap")
-    names["empty"].mkdir()
-    labels = names["broken"] / "channels" / "0" / "labels.npy"
+    """Run here; other tests of this file start these commands as processes."""
+    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
+        monkeypatch.delenv(name)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, str | Path] = {
+        "map": map_path,
+        "query": query_dir,
+        "empty": tmp_path / "empty",
+        "endpoint": free_endpoint(),
+    }
+    names["broken"] = broken = copytree(map_path, tmp_path / "broken.pfmap")
+    (tmp_path / "empty").mkdir()
+    labels = broken / "channels" / "0" / "labels.npy"
     labels.write_bytes(labels.read_bytes() + b"\0")
     arguments = [part.format(**names) for part in command]
-    assert reason.format(**names) in refusal(placefield(*arguments, cwd=tmp_path))
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    code = ended.value.code
+    assert isinstance(code, int)
+    line = refusal(CompletedProcess(arguments, code, *capfd.readouterr()))
+    assert reason.format(**names) in line
 
 
 def test_a_disk_that_fills_up_during_a_build_leaves_no_half_map(
