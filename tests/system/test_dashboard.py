@@ -41,7 +41,8 @@ def assert_shows(shown: Shown, answer: Answer) -> None:
         lambda: re.match(rf"frame {header.sequence}\b", shown.text("moment")),
         f"frame {header.sequence} is shown",
     )
-    shown.await_text("place", str(match.place))
+    guess = " (best guess)" if match.known is False else ""
+    shown.await_text("place", f"{match.place}{guess}")
     said = shown.text("verdict")
     assert said.startswith(f"{certainty_of(match)}, {percent(match.probability or 0.0)}")
 
@@ -83,7 +84,7 @@ def test_a_paused_page_stays_and_looks_back(
 ) -> None:
     assert_shows(shown, replayed[-1])
     shown.page.keyboard.press("Space")
-    shown.await_text("pause", "Follow")
+    shown.await_text("pause", "Back to live")
     host.replay(query_dir)
     again = listener.answers()
     shown.await_text("moment", "frame 59 · paused, 60 newer")
@@ -114,7 +115,8 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
         if bool(match.known) != bool(smoothed[header.sequence].known)
     ]
     assert corrected, "the first frames of a stream are not known at once"
-    shown.await_text("corrected", f"{len(corrected)} of 60 frames")
+    shown.await_text("corrected", f"corrected: {len(corrected)} of 60 frames")
+    assert shown.text("lost") == f"not known: frames 0 to {corrected[-1]}"
     for header, match in (answers[-1], answers[corrected[-1]]):
         if header.sequence == corrected[-1]:
             shown.page.get_by_text(f"frame {header.sequence}: ").click()
@@ -124,7 +126,8 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
 
 
 def follow(shown: Shown) -> None:
-    """Follow the stream again, which has ended."""
+    """Follow the stream again, which has ended; the banner that says so moves what is below it."""
+    shown.await_state("ended")
     shown.page.keyboard.press("End")
     shown.await_text("moment", "frame 59 · the stream is over")
 
@@ -146,7 +149,8 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         wait_until(lambda: "paused" in shown.text("moment"), f"{what} looks back")
         frame = int(shown.text("moment").split()[1])
         assert abs(frame - 30) <= 5, f"the middle of the route is in the middle of {what}"
-        assert int(shown.text("place")) == replayed[frame][1].place
+        assert int(shown.text("place").split()[0]) == replayed[frame][1].place
+        assert shown.page.get_by_text("frames 0 to 59 to the right").count() == 2, "both stay"
         follow(shown)
 
 

@@ -147,6 +147,7 @@ def test_a_page_whose_router_is_gone_is_grey_and_says_so(
     page, _ = shown
     page.page.emulate_media(color_scheme="light")
     own_host.replay(query_dir)
+    page.await_text("moment", "frame 59 · the stream is over")
     wait_until(lambda: colour(page, "verdict") == _BLUE, "the last frame is known")
     place = page.text("place")
     assert own_host.stop(signal.SIGINT) == 0, "it ends on Ctrl-C as the dashboard does"

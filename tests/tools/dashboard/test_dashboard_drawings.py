@@ -63,9 +63,9 @@ def test_what_is_outside_of_the_window_is_not_drawn(route_map: Map) -> None:
 
 
 def test_matches_lie_on_their_frame_and_place_in_the_matrix() -> None:
-    sure, unsure = drawn(path_drawing([(0, 0, "sure"), (9, 3, "unsure")], 10, 4))
-    assert sure.get("d") == "M5.00 87.50h0"
-    assert unsure.get("d") == "M95.00 12.50h0"
+    sure, unsure = drawn(path_drawing([(0, 0, "sure"), (9, 3, "unsure")], 4))
+    assert sure.get("d") == "M0.5 87.50h0"
+    assert unsure.get("d") == "M9.5 12.50h0"
 
 
 def test_a_route_keeps_its_shape_with_north_upwards() -> None:

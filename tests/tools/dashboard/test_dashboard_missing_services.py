@@ -37,9 +37,10 @@ def test_a_run_answers_without_a_channel_but_not_without_the_others(
 
 def test_the_slowest_service_is_named() -> None:
     def service(name: str, behind: int | None) -> ServiceStatus:
-        return ServiceStatus(name, "a", None, "s", 9, behind, 1.0, False, {})
+        return ServiceStatus(name, "a", None, "s", 9, behind, 2.0, False, {})
 
     services = (service("featurizer", 1), service("fuser", 7), service("channel", None))
     status = RunStatus("s", 9, 4, services, ())
-    assert slowest_in_words(status) == "; the slowest is fuser, 7 frames behind"
-    assert slowest_in_words(RunStatus("s", 9, 4, (service("fuser", 0),), ())) == ""
+    assert slowest_in_words(status) == "; the slowest is fuser, 7 frames (3.5 s) behind"
+    for behind in (0, 1):  # a frame under way
+        assert slowest_in_words(RunStatus("s", 9, 4, (service("fuser", behind),), ())) == ""

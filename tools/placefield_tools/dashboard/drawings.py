@@ -100,19 +100,23 @@ def _upright(name: str, x: float) -> str:
     return f'<path class="{name}" d="M{x:g} 0V{FIELD_HEIGHT}"/>'
 
 
-def path_drawing(places: Sequence[tuple[int, int, str]], frames: int, count: int) -> str:
-    """Draw matches over a picture of distances, whose sides are 100 units.
+def path_drawing(places: Sequence[tuple[int, int, str]], count: int) -> str:
+    """Draw matches over a picture of distances, in units of a column and a hundredth of its height.
 
     Args:
         places: column in the picture, place, and the class in the page's style, of each match.
-        frames: that the picture is wide.
         count: places that it is high.
     """
     dots: dict[str, str] = {}
     for column, place, kind in places:
-        x, y = 100 * (column + 0.5) / frames, 100 * (1 - (place + 0.5) / count)
-        dots[kind] = dots.get(kind, "") + f"M{x:.2f} {y:.2f}h0"
+        y = 100 * (1 - (place + 0.5) / count)
+        dots[kind] = dots.get(kind, "") + f"M{column + 0.5:g} {y:.2f}h0"
     return "".join(f'<path class="{kind}" d="{drawn}"/>' for kind, drawn in dots.items())
+
+
+def column_drawing(column: int, height: int) -> str:
+    """Draw the column that is looked at, a unit wide, in a drawing that is so many units high."""
+    return f'<path class="column" d="M{column + 0.5:g} 0V{height}"/>'
 
 
 @dataclass(frozen=True)
@@ -156,7 +160,7 @@ class RouteDrawing:
         bar = f'<path class="bar" d="M{margin} {height - 16}h{bar_m * scale:.1f}"/>'
         return cls(width, height, _line(points) + bar, bar_m, points, poses[:, 2])
 
-    def match(self, place: int, recent: Sequence[int]) -> str:
+    def match(self, place: int, recent: Sequence[int], *, is_guess: bool = False) -> str:
         """Draw the match, and the places of the matches before it, if they are known."""
         passed = (f"M{x:.1f} {y:.1f}h0" for x, y in self._points[list(recent)] if not np.isnan(x))
         trail = "".join(dict.fromkeys(passed))  # each point once: most are the same on a long route
@@ -164,13 +168,14 @@ class RouteDrawing:
         drawn = f'<path class="trail" d="{trail}"/>'
         if np.isnan(x):
             return drawn
+        guess = " guess" if is_guess else ""
         if self._yaws is not None:
             turn = -np.degrees(self._yaws[place])
             drawn += (
-                f'<path class="heading" d="M34 0L12 -12L12 12Z" '
+                f'<path class="heading{guess}" d="M34 0L12 -12L12 12Z" '
                 f'transform="translate({x:.1f} {y:.1f}) rotate({turn:.1f})"/>'
             )
-        return f'{drawn}<circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="12"/>'
+        return f'{drawn}<circle class="here{guess}" cx="{x:.1f}" cy="{y:.1f}" r="12"/>'
 
     def belief(self, places: NDArray[np.int32], beliefs: NDArray[np.float64]) -> str:
         """Draw the belief in each place: a line beside the route, the longer the likelier."""

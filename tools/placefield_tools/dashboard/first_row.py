@@ -49,7 +49,8 @@ class VerdictPanel:
         self._verdict.text = verdict.words
         self._verdict.classes(replace=f"verdict {verdict.kind}")
         named = place_words(match.place, self._graph).removeprefix("place ")
-        self._place.text = "none" if match.place < 0 else named
+        guess = " (best guess)" if verdict.kind == "unsure" else ""
+        self._place.text = "none" if match.place < 0 else f"{named}{guess}"
         self._pose.text = self._where(answer)
         self._smoothed.text = self._later(answer)
         channels = ", ".join(map(str, match.missing))
@@ -122,7 +123,7 @@ class RoutePanel:
             if one.match.known is not False and 0 <= one.match.place < count
         ]
         if 0 <= place < count:
-            drawn += self._route.match(place, recent)
+            drawn += self._route.match(place, recent, is_guess=answer.match.known is False)
         self._here.content = self._svg(drawn, f"At place {place}")
 
 

@@ -10,9 +10,9 @@ from nicegui.events import GenericEventArguments, KeyEventArguments
 from placefield_tools.dashboard.banner import Banner
 from placefield_tools.dashboard.field_panel import FieldsPanel
 from placefield_tools.dashboard.first_row import FramesPanel, RoutePanel, VerdictPanel
-from placefield_tools.dashboard.panels import CertaintyPanel, CorrectionsPanel, MatrixPanel
+from placefield_tools.dashboard.panels import CertaintyPanel, LostPanel, MatrixPanel
 from placefield_tools.dashboard.run_state import run_state
-from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel
+from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel, stop_button
 from placefield_tools.dashboard.site import Site, page
 from placefield_tools.dashboard.state import Answer
 
@@ -56,7 +56,7 @@ class LivePage:
         self._panels: list[AnswerPanel] = [
             *first,
             CertaintyPanel(site, self._look_back_to_frame),
-            CorrectionsPanel(site, self._look_back_to_frame),
+            LostPanel(site, self._look_back_to_frame),
             FieldsPanel(site),
             MatrixPanel(site, self._look_back_to_frame),
         ]
@@ -84,6 +84,7 @@ class LivePage:
             self._slider.on("update:model-value", self._look_back, throttle=0.05)
             self._moment = ui.label("no answer yet").classes("moment")
             self._moment.props("data-shown=moment")
+            stop_button(self._site)
         ui.keyboard(self._press)
 
     def _press(self, pressed: KeyEventArguments) -> None:
@@ -165,7 +166,7 @@ class LivePage:
         answers, paused = self._state.answers, self._paused_at is not None
         self._slider.props["min"], self._slider.props["max"] = answers[0].number, answers[-1].number
         self._slider.value = max(answer.number, answers[0].number)
-        self._pause.text = "Follow" if paused else "Pause"
+        self._pause.text = "Back to live" if paused else "Pause"
         newer = answers[-1].number - answer.number
         frame = f"frame {answer.header.sequence}"
         ended = " · the stream is over" if self._state.ended else ""

@@ -25,9 +25,10 @@ def missing_in_words(status: RunStatus) -> str:
 
 
 def slowest_in_words(status: RunStatus) -> str:
-    """Name the service that is farthest behind; the text is empty if none is."""
-    behind = [each for each in status.services if each.behind]
-    if not behind:
+    """Name the service that is farthest behind; the text is empty if none is more than a frame."""
+    slowest = max(status.services, key=lambda each: each.behind or 0, default=None)
+    if slowest is None or (slowest.behind or 0) <= 1:
         return ""
-    slowest = max(behind, key=lambda each: each.behind or 0)
-    return f"; the slowest is {slowest.service}, {counted(slowest.behind or 0, 'frame')} behind"
+    behind = slowest.behind or 0
+    seconds = f" ({behind / slowest.rate:.1f} s)" if slowest.rate else ""
+    return f"; the slowest is {slowest.service}, {counted(behind, 'frame')}{seconds} behind"

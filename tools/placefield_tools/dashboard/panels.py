@@ -1,6 +1,7 @@
 """The panels of the live page below its first row; each updates only what has changed."""
 
 from collections.abc import Callable
+from functools import partial
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments
@@ -18,7 +19,7 @@ LOOK_BACK = 200
 LookBack = Callable[[int], None]
 """Called with the number of a frame of the shown stream, to look back to it."""
 
-_CORRECTIONS = 5  # that are listed
+_LISTED = 3  # stretches, and corrections
 
 _SHARE = """(event) => {
     const box = event.currentTarget.getBoundingClientRect();
@@ -47,9 +48,10 @@ class CertaintyPanel:
         """Show an answer and the answers before it."""
         frames = [
             (self._columns.of(one), one.match, self._state.smoothed(one))
-            for one in self._columns.up_to(answer, self._state)
+            for one in self._columns.around(answer, self._state)
         ]
         drawn = certainty_drawing(frames, LOOK_BACK, self._precision)
+        drawn += drawings.column_drawing(self._columns.of(answer), HEIGHT)
         words = "Probabilities and scores of the last frames"
         self._drawing.content = svg(drawn, LOOK_BACK, HEIGHT, words, stretch=True)
         lowest, highest = score_range(frames) or (0.0, 0.0)
@@ -59,37 +61,41 @@ class CertaintyPanel:
         )
 
 
-class CorrectionsPanel:
-    """The matches that later frames corrected."""
+class LostPanel:
+    """When the vehicle was not known, and what later frames corrected."""
 
     def __init__(self, site: Site, look_back: LookBack) -> None:
         self._state, self._graph, self._look_back = site.state, site.placemap.graph, look_back
-        with card("Corrected by later frames", "third"):
+        with card("Not known, and corrected by later frames", "third"):
+            self._lost = ui.element("div").classes("stretches")
             self._words = ui.label("no frame yet").props("data-shown=corrected")
-            self._list = ui.element("div").classes("corrections")
-        self._shown = 0
+            self._corrections = ui.element("div").classes("stretches")
+        self._shown: object = None
 
     def show(self, answer: Answer) -> None:
-        """Show the last corrections of the stream."""
+        """Show the last stretches and corrections of the stream."""
         summary = self._state.summary
         if summary is None:
             return
         frames = counted(summary.frames, "frame")
-        self._words.text = f"{summary.corrected or 'none'} of {frames}"
-        last = list(summary.corrections)[-_CORRECTIONS:]
-        newest = id(last[-1]) if last else 0
-        if newest == self._shown:
-            return
-        self._shown = newest
-        self._list.clear()
-        with self._list:
-            for correction in reversed(last):
-                sequence = correction.header.sequence
-                button = ui.button(
-                    correction.words(self._graph),
-                    on_click=lambda sequence=sequence: self._look_back(sequence),
-                )
-                button.props("flat no-caps align=left data-shown=correction")
+        self._words.text = f"corrected: {summary.corrected or 'none'} of {frames}"
+        lost = [(one.words(), one.middle) for one in list(summary.lost)[-_LISTED:]]
+        corrections = [
+            (one.words(self._graph), one.header.sequence)
+            for one in list(summary.corrections)[-_LISTED:]
+        ]
+        if (lost, corrections) != self._shown:
+            self._shown = lost, corrections
+            self._list(self._lost, lost, "lost")
+            self._list(self._corrections, corrections, "correction")
+
+    def _list(self, within: ui.element, frames: list[tuple[str, int]], shown: str) -> None:
+        """List frames by their words, the newest first; a click looks back to one."""
+        within.clear()
+        with within:
+            for words, sequence in reversed(frames):
+                button = ui.button(words, on_click=partial(self._look_back, sequence))
+                button.props(f"flat no-caps align=left data-shown={shown}")
 
 
 class MatrixPanel:
@@ -108,8 +114,9 @@ class MatrixPanel:
 
     def show(self, answer: Answer) -> None:
         """Show those up to an answer's."""
-        answers = self._columns.up_to(answer, self._state)
-        self._picture.props["src"] = f"/distances/{answer.number}.png?{STARTED}"
+        answers = self._columns.around(answer, self._state)
+        newest = self._columns.newest or answer
+        self._picture.props["src"] = f"/distances/{newest.number}.png?{STARTED}"
         self._picture.props["alt"] = "Distances of the last frames to all places, and the matches"
         self._words.text = (
             f"{self._columns.words}, {self._count} places upwards; small distances are dark. "
@@ -129,15 +136,21 @@ class MatrixPanel:
             for one, place, kind in [*at_once, *later]
             if 0 <= place < self._count
         ]
-        path = drawings.path_drawing(dots, LOOK_BACK, self._count)
-        self._path.content = svg(path, 100, 100, "", stretch=True)
+        path = drawings.path_drawing(dots, self._count)
+        path += drawings.column_drawing(self._columns.of(answer), 100)
+        self._path.content = svg(path, LOOK_BACK, 100, "", stretch=True)
 
 
 class _Columns:
-    """The last frames of a stream, a column each, the newest at the right."""
+    """The last frames of a stream, a column each; they stay while one of them is looked at.
+
+    Attributes:
+        newest: the answer in the last column.
+    """
 
     def __init__(self, look_back: LookBack) -> None:
-        self._look_back, self._last = look_back, 0
+        self._look_back = look_back
+        self.newest: Answer | None = None
 
     def look_back_on_click(self, drawing: ui.element) -> None:
         """Let a click on a drawing that is as wide as the columns look back to its frame."""
@@ -147,20 +160,27 @@ class _Columns:
 
         drawing.on("click", clicked, js_handler=_SHARE)
 
-    def up_to(self, answer: Answer, state: LiveState) -> list[Answer]:
-        """Let an answer's frame be the last column, and return the answers of all columns."""
-        self._last = answer.header.sequence
-        return state.before(answer, LOOK_BACK)
+    def around(self, answer: Answer, state: LiveState) -> list[Answer]:
+        """Return the answers of the columns, one of which is this answer."""
+        newest = self.newest or answer
+        is_same = newest.header.stream == answer.header.stream
+        self.newest = newest if is_same and 0 <= self.of(answer) < LOOK_BACK else answer
+        return state.before(self.newest, LOOK_BACK)
 
     def of(self, answer: Answer) -> int:
         """Return the column of an answer."""
         return answer.header.sequence - self._first
 
     @property
+    def last(self) -> int:
+        """The number of the frame in the last column."""
+        return self.newest.header.sequence if self.newest else 0
+
+    @property
     def words(self) -> str:
         """The columns in words."""
-        return f"frames {max(self._first, 0)} to {self._last} to the right"
+        return f"frames {max(self._first, 0)} to {self.last} to the right"
 
     @property
     def _first(self) -> int:
-        return self._last - LOOK_BACK + 1
+        return self.last - LOOK_BACK + 1

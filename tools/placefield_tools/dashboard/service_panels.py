@@ -32,7 +32,7 @@ class HealthPanel:
 
     def __init__(self, site: Site) -> None:
         self._site = site
-        with card("Services", "two-thirds"):
+        with card("Services", "two-thirds services"):
             self._verdict = ui.label("").props("role=status data-shown=services")
             with ui.element("div").classes("tiles"):
                 self._tiles = {name: _tile(words) for name, words in _TILES.items()}
@@ -108,8 +108,15 @@ def _row(service: ServiceStatus) -> dict[str, str]:
     }
 
 
+def stop_button(site: Site) -> None:
+    """Add a button that stops the replay of this page, while it runs."""
+    button = ui.button("Stop the replay", on_click=site.replay.stop)
+    button.props("outline no-caps data-shown=stop")
+    ui.timer(0.5, lambda: button.set_visibility(site.replay.runs))
+
+
 class ReplayPanel:
-    """Starts and stops a replay."""
+    """Starts a replay; see ``stop_button``."""
 
     def __init__(self, site: Site) -> None:
         self._replay = site.replay
@@ -128,8 +135,6 @@ class ReplayPanel:
                 self._loop = ui.checkbox("repeat from the start")
                 self._start = ui.button("Start", on_click=self._start_replay)
                 self._start.props("unelevated no-caps data-shown=start")
-                self._stop = ui.button("Stop", on_click=self._replay.stop)
-                self._stop.props("outline no-caps data-shown=stop")
             self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
         ui.timer(0.5, self._draw)
@@ -151,4 +156,3 @@ class ReplayPanel:
     def _draw(self) -> None:
         self._status.text = self._replay.status
         self._start.set_enabled(not self._replay.runs)
-        self._stop.set_enabled(self._replay.runs)

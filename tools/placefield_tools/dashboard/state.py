@@ -235,7 +235,7 @@ class LiveState:
         self.ended = None
         if self.summary is None or self.summary.stream != header.stream:
             self.summary = StreamSummary(header.stream, self._tolerance)
-        self.summary.add(match, missed)
+        self.summary.add(header.sequence, match, missed)
         self._compare(answer)
 
     def add_smoothed(self, header: Header, payload: bytes) -> None:

@@ -9,7 +9,7 @@ from placefield.maps.route_graph import RouteGraph
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.common.place_words import place_words
 
-_SHOWN = 50  # corrections that are kept
+_SHOWN = 50  # corrections, and stretches, that are kept
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,30 @@ class Correction:
         return f"frame {self.header.sequence}: {now} instead of {before}, {later}"
 
 
+@dataclass(frozen=True)
+class Lost:
+    """A stretch of frames that are not known, between frames that are.
+
+    Attributes:
+        first: number of its first frame.
+        last: number of its last frame so far.
+    """
+
+    first: int
+    last: int
+
+    @property
+    def middle(self) -> int:
+        """The number of the frame in its middle."""
+        return (self.first + self.last) // 2
+
+    def words(self) -> str:
+        """Say which frames these are."""
+        if self.first == self.last:
+            return f"not known: frame {self.first}"
+        return f"not known: frames {self.first} to {self.last}"
+
+
 class StreamSummary:
     """Counts the answers of one stream.
 
@@ -46,6 +70,7 @@ class StreamSummary:
         missed: how many of a lossless stream were not received.
         corrected: how many first matches later frames corrected.
         corrections: the last of these, oldest first.
+        lost: the last stretches of frames that are not known, oldest first.
     """
 
     def __init__(self, stream: str, tolerance: int) -> None:
@@ -54,13 +79,19 @@ class StreamSummary:
         self.frames = self.missed = self.corrected = 0
         self.known: int | None = None
         self.corrections: deque[Correction] = deque(maxlen=_SHOWN)
+        self.lost: deque[Lost] = deque(maxlen=_SHOWN)
+        self._is_lost = False
 
-    def add(self, match: MatchMessage, missed: int) -> None:
+    def add(self, sequence: int, match: MatchMessage, missed: int) -> None:
         """Count the first match of a frame, and the frames missed before it."""
         self.frames += 1
         if match.known is not None:
             self.known = (self.known or 0) + match.known
         self.missed += missed
+        if match.known is False:
+            first = self.lost.pop().first if self._is_lost else sequence
+            self.lost.append(Lost(first, sequence))
+        self._is_lost = match.known is False
 
     def compare(self, header: Header, first: MatchMessage, smoothed: SmoothedMessage) -> None:
         """Count the frame if its smoothed match corrects its first match.
