@@ -159,14 +159,17 @@ class Process:
         self.children()
         if self.runs:
             self._process.terminate()
+        ends = True
         try:
             self._process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
+            ends = False
             self._process.kill()
             self._process.wait()
         left = self.left_behind()
         for child in left:
             child.kill()
+        assert ends, f"it does not end on SIGTERM: {self._arguments}\n{self.err}"
         assert not left, f"left behind: {left}\n{self.err}"
         wait_until(lambda: not any(map(is_alive, self._helpers)), "the forkserver ends, too")
 

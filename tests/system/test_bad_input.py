@@ -71,10 +71,6 @@ def test_without_a_router_a_command_says_where_it_looked(
     ("command", "reason"),
     [
         (("up", "no.pfmap"), "no.pfmap: no map there"),
-        (
-            ("up", "{broken}", "--endpoint", "{endpoint}"),
-            "labels.npy: damaged: its checksum is wrong",
-        ),
         (("up", "{map}", "--endpoint", "7557"), "bus.endpoint '7557' is malformed"),
         (("listen", "--endpoint", "tcp:7557"), "bus.endpoint 'tcp:7557' is malformed"),
         (("up", "{map}", "--set", "bus.port=7557"), "setting bus.port"),
@@ -112,16 +108,8 @@ def test_a_command_that_cannot_begin_says_why_in_one_line(
     for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
         monkeypatch.delenv(name)
     monkeypatch.chdir(tmp_path)
-    names: dict[str, str | Path] = {
-        "map": map_path,
-        "query": query_dir,
-        "empty": tmp_path / "empty",
-        "endpoint": free_endpoint(),
-    }
-    names["broken"] = broken = copytree(map_path, tmp_path / "broken.pfmap")
+    names = {"map": map_path, "query": query_dir, "empty": tmp_path / "empty"}
     (tmp_path / "empty").mkdir()
-    labels = broken / "channels" / "0" / "labels.npy"
-    labels.write_bytes(labels.read_bytes() + b"\0")
     arguments = [part.format(**names) for part in command]
     with pytest.raises(SystemExit) as ended:
         main(arguments)
@@ -129,6 +117,14 @@ def test_a_command_that_cannot_begin_says_why_in_one_line(
     assert isinstance(code, int)
     line = refusal(CompletedProcess(arguments, code, *capfd.readouterr()))
     assert reason.format(**names) in line
+
+
+def test_a_host_with_a_damaged_map_says_so_in_one_line(map_path: Path, tmp_path: Path) -> None:
+    broken = copytree(map_path, tmp_path / "broken.pfmap")
+    labels = broken / "channels" / "0" / "labels.npy"
+    labels.write_bytes(labels.read_bytes() + b"\0")
+    line = refusal(placefield("up", broken, "--endpoint", free_endpoint()))
+    assert f"{labels}: damaged: its checksum is wrong" in line
 
 
 def test_a_disk_that_fills_up_during_a_build_leaves_no_half_map(

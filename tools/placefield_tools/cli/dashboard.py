@@ -46,7 +46,7 @@ def _dashboard(
     from placefield.bus.session import open_bus
     from placefield.errors import ConfigError
     from placefield_services.map_versions import MapVersions, PreparedVersions
-    from placefield_services.process import stop_event
+    from placefield_services.process import stop_of_service
     from placefield_tools.dashboard.feed import Feed
     from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
     from placefield_tools.dashboard.state import LiveState, ShownMap
@@ -66,7 +66,7 @@ def _dashboard(
     versions = MapVersions(map_path, channels=None)
     state = LiveState(versions.open(), effective.matching.tolerance)
     replay = ReplayChild(replay_flags(run_name, effective.bus))
-    stop = stop_event()
+    stop = stop_of_service()  # until the pages are served, no one else looks at signals
 
     def ready() -> None:
         print(f"ready: run {run_name!r} at http://{host}:{port}", flush=True)
