@@ -154,6 +154,27 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         follow(shown)
 
 
+def test_a_click_is_not_lost_if_the_picture_changes_under_it(
+    shown: Shown, replayed: list[Answer]
+) -> None:
+    assert replayed
+    for what in ("route", "certainty"):
+        follow(shown)
+        picture = shown.page.locator(f"[data-shown={what}]")
+        picture.scroll_into_view_if_needed()
+        box = picture.bounding_box()
+        assert box is not None
+        shown.page.mouse.move(box["x"] + 0.85 * box["width"], box["y"] + box["height"] / 2)
+        shown.page.mouse.down()
+        picture.evaluate(
+            "one => one.querySelectorAll('svg').forEach(\n"
+            "    svg => svg.replaceWith(svg.cloneNode(true)))"
+        )
+        shown.page.mouse.up()
+        wait_until(lambda: "paused" in shown.text("moment"), "it looks back")
+    follow(shown)
+
+
 def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> None:
     for key, frame in (("ArrowLeft", 58), ("Shift+ArrowLeft", 48), ("Shift+ArrowRight", 58)):
         shown.page.keyboard.press(key)
