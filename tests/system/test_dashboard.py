@@ -128,7 +128,8 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
 def follow(shown: Shown) -> None:
     """Follow the stream again, which has ended; the banner that says so moves what is below it."""
     shown.await_state("ended")
-    shown.page.keyboard.press("End")
+    if "paused" in shown.text("moment"):  # else the key might be handled after what comes next
+        shown.page.keyboard.press("End")
     shown.await_text("moment", "frame 59 · the stream is over")
 
 
