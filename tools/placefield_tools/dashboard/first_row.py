@@ -49,7 +49,7 @@ class VerdictPanel:
         self._verdict.text = verdict.words
         self._verdict.classes(replace=f"verdict {verdict.kind}")
         named = place_words(match.place, self._graph).removeprefix("place ")
-        guess = " (best guess)" if verdict.kind == "unsure" else ""
+        guess = " (best guess)" if match.known is False else ""
         self._place.text = "none" if match.place < 0 else f"{named}{guess}"
         self._pose.text = self._where(answer)
         self._smoothed.text = self._later(answer)

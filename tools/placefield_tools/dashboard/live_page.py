@@ -8,6 +8,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from placefield_tools.dashboard.banner import Banner
+from placefield_tools.dashboard.columns import Columns
 from placefield_tools.dashboard.field_panel import FieldsPanel
 from placefield_tools.dashboard.first_row import FramesPanel, RoutePanel, VerdictPanel
 from placefield_tools.dashboard.panels import CertaintyPanel, LostPanel, MatrixPanel
@@ -53,12 +54,13 @@ class LivePage:
                 FramesPanel(site),
             )
         self._lay_out_controls()
+        columns = Columns(self._state, self._look_back_to_frame)
         self._panels: list[AnswerPanel] = [
             *first,
-            CertaintyPanel(site, self._look_back_to_frame),
+            CertaintyPanel(site, columns),
             LostPanel(site, self._look_back_to_frame),
             FieldsPanel(site),
-            MatrixPanel(site, self._look_back_to_frame),
+            MatrixPanel(site, columns),
         ]
         self._health = HealthPanel(site)
         self._replay = ReplayPanel(site)

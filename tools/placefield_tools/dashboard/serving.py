@@ -14,10 +14,10 @@ from nicegui import app, ui
 
 from placefield.errors import ConfigError, FrameError, MessageError
 from placefield_services.process import leave
+from placefield_tools.dashboard.columns import LOOK_BACK
 from placefield_tools.dashboard.frame_images import distance_picture, frame_picture
 from placefield_tools.dashboard.live_page import live_page
 from placefield_tools.dashboard.map_page import map_page
-from placefield_tools.dashboard.panels import LOOK_BACK
 from placefield_tools.dashboard.same_origin import LOOPBACK, SameOrigin, names_of
 from placefield_tools.dashboard.site import Site
 

@@ -26,7 +26,7 @@ def blueprint(*, georeferenced: bool, frames: bool) -> rrb.Blueprint:
         georeferenced: whether there are positions on the earth; else the route is drawn in metres.
         frames: whether there are images of the query, beside which those of the places are drawn.
     """
-    route = _earth() if georeferenced else _route()
+    route = _georeferenced() if georeferenced else _route()
     images = (
         rrb.Spatial2DView(origin="/frame", name="Query"),
         rrb.Spatial2DView(origin="/place", name="Reference: its place, at once"),
@@ -55,7 +55,7 @@ def blueprint(*, georeferenced: bool, frames: bool) -> rrb.Blueprint:
     )
 
 
-def _earth() -> rrb.MapView:
+def _georeferenced() -> rrb.MapView:
     return rrb.MapView(name="Map", contents=_of_each_kind("earth/position"))
 
 
