@@ -184,6 +184,17 @@ def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> No
     follow(shown)
 
 
+def test_the_keys_do_not_scroll_the_page(shown: Shown) -> None:
+    top = "window.scrollTo(0, 0)"
+    shown.page.evaluate(top)
+    for key in ("End", "Space", "Space"):
+        shown.page.keyboard.press(key)
+    shown.page.keyboard.press("ArrowLeft")
+    wait_until(lambda: shown.text("moment").startswith("frame 58 "), "the keys are handled")
+    follow(shown)
+    assert shown.page.evaluate("window.scrollY") == 0
+
+
 def test_a_replay_is_started_and_stopped_from_the_page(
     shown: Shown, listener: Listener, query_dir: Path, tmp_path: Path
 ) -> None:

@@ -21,6 +21,11 @@ _DRAW_EVERY_S = 0.1
 _STATUS_EVERY_S = 1.0  # services report as often
 _WHEN_DRAWN = "return new Promise(drawn => requestAnimationFrame(() => drawn(true)))"
 _PATIENCE_S = 10.0
+_KEEP_STILL = """(pressed) => {
+    const taken = [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(pressed.key);
+    if (taken && !pressed.ctrlKey && !pressed.altKey && !pressed.metaKey)
+        pressed.event.preventDefault();
+}"""  # the browser would scroll the page by these keys, away from what they show
 _FAR = 10  # frames that a step takes with the shift key
 
 
@@ -87,7 +92,7 @@ class LivePage:
             self._moment = ui.label("no answer yet").classes("moment")
             self._moment.props("data-shown=moment")
             stop_button(self._site)
-        ui.keyboard(self._press)
+        ui.keyboard(self._press).on("key", js_handler=_KEEP_STILL)
 
     def _press(self, pressed: KeyEventArguments) -> None:
         if not pressed.action.keydown:
@@ -166,7 +171,9 @@ class LivePage:
 
     def _draw_controls(self, answer: Answer) -> None:
         answers, paused = self._state.answers, self._paused_at is not None
-        self._slider.props["min"], self._slider.props["max"] = answers[0].number, answers[-1].number
+        for end, number in (("min", answers[0].number), ("max", answers[-1].number)):
+            if self._slider.props[end] != number:  # setting it sends it, whatever it was
+                self._slider.props[end] = number
         self._slider.value = max(answer.number, answers[0].number)
         self._pause.text = "Back to live" if paused else "Pause"
         newer = answers[-1].number - answer.number
