@@ -263,12 +263,21 @@ class Listener:
                     return received
         raise AssertionError("no match came")
 
-    def answers(self, first: int = 0, count: int | None = None) -> list[Answer]:
-        """Return the next answers, of frames from ``first`` on: so many, or all of the stream."""
+    def answers(
+        self, first: int = 0, count: int | None = None, stream: str | None = None
+    ) -> list[Answer]:
+        """Return the next answers, of frames from ``first`` on: so many, or all of the stream.
+
+        Answers to other streams than ``stream`` are left out, if it is given: a fuser answers what
+        it owes to a stream that was cut off when the next one begins.
+        """
         answers: list[Answer] = []
         while count is None or len(answers) < count:
             header, match = self.next_match()
-            assert header.sequence == first + len(answers), "an answer is missing or out of turn"
+            if stream not in (None, header.stream):
+                continue
+            due = first + len(answers)
+            assert header.sequence == due, f"frame {due} is due, and this came: {header}"
             if match is None:
                 assert count is None, "the stream ended too early"
                 break
