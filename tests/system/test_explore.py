@@ -51,10 +51,10 @@ def said(answers: Sequence[Answer]) -> list[Said]:
 
 def explored(lens: Lens | None = None) -> tuple[list[Said], list[Said]]:
     """Return what the library says of the laps, as a lens takes them, causal and smoothed."""
-    describe = feature_of("gist").describe
-    images = IMAGES
+    describe, images = feature_of("gist").describe, IMAGES
     if lens is not None:
-        images = [rectify(image, lens.calibration, view_of(lens.calibration)) for image in IMAGES]
+        view = view_of(lens.calibration)
+        images = [rectify(image, lens.calibration, view) for image in IMAGES]
     explorer = Explorer(MatchingConfig())
     causal = [explorer.update(describe(image)) for image in images]
     smoothed = [*explorer.smoothed(), *explorer.finish()]
