@@ -3,7 +3,6 @@
 import base64
 import os
 import socket
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -52,25 +51,13 @@ def _websocket(port: int) -> socket.socket:
     return browser
 
 
-CONNECTIONS: list[Callable[[int], socket.socket]] = [
-    _silent,
-    _half_a_request,
-    _kept_open,
-    _long_polling,
-    _websocket,
-]
-
-
-@pytest.mark.parametrize("connect", [*CONNECTIONS, None])
-def test_a_dashboard_ends_whoever_is_connected(
-    logs: Path, map_path: Path, host: Host, connect: Callable[[int], socket.socket] | None
-) -> None:
+def test_a_dashboard_ends_whoever_is_connected(logs: Path, map_path: Path, host: Host) -> None:
     port = int(free_endpoint().rpartition(":")[2])
     at = ("--endpoint", host.endpoint, "--port", str(port))
     with Process(logs, "dashboard", map_path, *at) as dashboard, ExitStack() as open_still:
         wait_until(lambda: "\n" in dashboard.out or not dashboard.runs, "the dashboard is ready")
-        for one in CONNECTIONS if connect is None else [connect]:
+        for connect in (_silent, _half_a_request, _kept_open, _long_polling, _websocket):
             for _ in range(3):
-                open_still.enter_context(one(port))
+                open_still.enter_context(connect(port))
         assert dashboard.stop() == 0, dashboard.err
         assert "Traceback" not in dashboard.err
