@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import cv2
@@ -41,6 +42,7 @@ class Lens:
         (fx, fy), (cx, cy) = self.focal, self.centre
         return fx * x * scale + cx, fy * y * scale + cy
 
+    @cached_property
     def rays(self) -> tuple[Array, Array]:
         """Return the x and y of the ray (x, y, 1) of each pixel, (height, width) each."""
         table = np.linspace(0, 3, 100_001)
@@ -56,11 +58,11 @@ class Lens:
 
     def image(self, scene: Callable[[Array, Array], Array]) -> Pixels:
         """Return the image of a scene, which gives the grey level of a ray (x, y, 1)."""
-        return np.asarray(np.rint(scene(*self.rays())), np.uint8)
+        return np.asarray(np.rint(scene(*self.rays)), np.uint8)
 
     def retaken(self, image: Pixels, focal: float) -> Pixels:
         """Return the image that the camera takes of what a pinhole camera's image shows."""
-        x, y = self.rays()
+        x, y = self.rays
         height, width = image.shape[:2]
         columns = (focal * x + (width - 1) / 2).astype(np.float32)
         rows = (focal * y + (height - 1) / 2).astype(np.float32)

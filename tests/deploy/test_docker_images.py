@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 
@@ -140,12 +141,20 @@ def test_the_pins_are_versions_that_the_project_takes(pinned: dict[str, str], de
             assert pinned[required.name] in required.specifier, required
 
 
-def run_with_only(pinned: dict[str, str], *arguments: str) -> "subprocess.CompletedProcess[str]":
+@pytest.fixture(scope="module")
+def installed() -> Mapping[str, list[str]]:
+    """The distributions that bring each package."""
+    return packages_distributions()
+
+
+def run_with_only(
+    pinned: dict[str, str], installed: Mapping[str, list[str]], *arguments: str
+) -> "subprocess.CompletedProcess[str]":
     """Run our command as if nothing but these distributions were installed."""
     own = {*pinned, "placefield"}
     hidden = [
         package
-        for package, distributions in packages_distributions().items()
+        for package, distributions in installed.items()
         if package.isidentifier()
         and not own & {canonicalize_name(distribution) for distribution in distributions}
     ]
@@ -160,7 +169,12 @@ def run_with_only(pinned: dict[str, str], *arguments: str) -> "subprocess.Comple
 
 
 def test_every_role_starts_with_what_is_pinned_for_it(
-    deploy: Path, map_path: Path, verified_map_path: Path, query_dir: Path, endpoint: str
+    deploy: Path,
+    installed: Mapping[str, list[str]],
+    map_path: Path,
+    verified_map_path: Path,
+    query_dir: Path,
+    endpoint: str,
 ) -> None:
     at = ("--endpoint", endpoint, "--set", "bus.connect_timeout_s=0.1")
     router, services = (pins(deploy / "docker" / f"{name}.txt") for name in ("router", "services"))
@@ -173,9 +187,9 @@ def test_every_role_starts_with_what_is_pinned_for_it(
         ("replay", str(query_dir)): services,
     }
     for command, pinned in commands.items():
-        ended = run_with_only(pinned, *command, *at)
+        ended = run_with_only(pinned, installed, *command, *at)
         assert f"placefield: no router at {endpoint}" in ended.stderr, ended.stderr
-    ended = run_with_only(router, "router", "--endpoint", "tcp/256.0.0.1:7557")
+    ended = run_with_only(router, installed, "router", "--endpoint", "tcp/256.0.0.1:7557")
     assert "placefield: cannot listen at tcp/256.0.0.1:7557" in ended.stderr, ended.stderr
 
 
