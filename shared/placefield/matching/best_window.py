@@ -69,12 +69,14 @@ def _best_of_laps(
 ) -> tuple[int, float]:
     """Do as ``best_window`` does where some places are the same."""
     shared = same[places]
-    order = np.argsort(shared, kind="mergesort")
+    order = np.argsort(shared.astype(np.int64), kind="mergesort")
     rows, _ = _best(shared[order], beliefs[order], chains, tolerance)
-    laps = np.unique(order[rows])
+    laps = np.zeros(len(places), np.bool_)
+    for row in rows:
+        laps[order[row]] = True
     middle = _middle_of_best(places[laps], beliefs[laps], chains, tolerance)
     near = _near(middle, places, chains, tolerance)
-    return middle, _sum_of(beliefs, near | _near(same[middle], shared, chains, tolerance))
+    return middle, _sum_of(beliefs, near | _near(int(same[middle]), shared, chains, tolerance))
 
 
 @kernel
