@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.verification.relative_pose import Camera, RelativePose, depths, moved, rays_of
+from placefield.verification.relative_pose import (
+    Camera,
+    RelativePose,
+    depths,
+    moved,
+    rays_of,
+    tangents_of,
+)
 from placefield.verification.two_views import Correspondences
 
 _DIFFERENCE = 1e-6  # for derivatives
@@ -43,9 +50,9 @@ class Distance(NamedTuple):
 
 def turn_of(pose: RelativePose) -> Turn:
     """Return the bearing and the yaw of a relative pose."""
-    angles = _angles(pose.rotation, pose.direction)
+    angles, tangents = _angles(pose.rotation, pose.direction), tangents_of(pose.direction)
     changes = [
-        _angles(*moved(pose.rotation, pose.direction, step)) - angles
+        _angles(*moved(pose.rotation, pose.direction, tangents, step)) - angles
         for step in _DIFFERENCE * np.eye(5)
     ]
     jacobian = np.angle(np.exp(1j * np.column_stack(changes))) / _DIFFERENCE

@@ -130,10 +130,13 @@ def tangents_of(direction: Array) -> Array:
     return np.column_stack([first, np.cross(direction, first)])
 
 
-def moved(rotation: Array, direction: Array, by: Array) -> tuple[Array, Array]:
-    """Return a rotation and a direction after a change (5,), see ``RelativePose.covariance``."""
+def moved(rotation: Array, direction: Array, tangents: Array, by: Array) -> tuple[Array, Array]:
+    """Return a rotation and a direction after a change (5,), see ``RelativePose.covariance``.
+
+    ``tangents`` are those of the direction.
+    """
     turned = cv2.Rodrigues(by[:3])[0] @ rotation
-    aside = direction + tangents_of(direction) @ by[3:]
+    aside = direction + tangents @ by[3:]
     return turned, aside / np.linalg.norm(aside)
 
 
@@ -154,10 +157,10 @@ def _refined(
     for _ in range(_STEPS):
         distances = _sampson(rotation, direction, one, other)
         front = _in_front(rotation, direction, one, other, tolerance)
-        columns = []
+        tangents, columns = tangents_of(direction), []
         for step in _DIFFERENCE * np.eye(5):
-            ahead = _sampson(*moved(rotation, direction, step), one, other)
-            behind = _sampson(*moved(rotation, direction, -step), one, other)
+            ahead = _sampson(*moved(rotation, direction, tangents, step), one, other)
+            behind = _sampson(*moved(rotation, direction, tangents, -step), one, other)
             columns.append((ahead - behind) / (2 * _DIFFERENCE))
         jacobian = np.column_stack(columns)
         near = np.abs(distances)[front & (np.abs(distances) < tolerance)]
@@ -171,7 +174,7 @@ def _refined(
         leverage = ((jacobian @ covariance) * jacobian).sum(axis=1) / deviation**2
         leverage = np.minimum(weights * leverage, _MOST_LEVERAGE)
         by = -covariance @ (jacobian.T @ (weights * distances)) / deviation**2
-        rotation, direction = moved(rotation, direction, by)
+        rotation, direction = moved(rotation, direction, tangents, by)
     return rotation, direction, covariance, weights > 0
 
 
