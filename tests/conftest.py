@@ -227,6 +227,12 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
 
 
 @pytest.fixture
+def no_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let ``evaluate`` draw nothing, where a test is about its figures."""
+    monkeypatch.setattr("placefield_tools.evaluate.evaluation_plots.draw", lambda *_: [])
+
+
+@pytest.fixture
 def endpoint() -> str:
     """A free port of loopback, as the bus spells it."""
     return free_endpoint()

@@ -59,6 +59,7 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize(
     ("tolerance", "numbers"),
     [
@@ -133,6 +134,7 @@ def test_as_many_frames_on_another_way_are_no_truth(
     assert "the query is 30 m long, and the reference 59 m" in figures["truth"]["why"]
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_metres_of_one_s_own_are_compared_only_if_somebody_says_that_they_are_the_same(
     reference_dir: Path, query_dir: Path, tmp_path: Path
 ) -> None:
@@ -199,6 +201,7 @@ def test_a_study_goes_by_georeferenced_positions_too(
     assert methods["Placefield, filter, lag 20"]["recall_at_1"] > 0.9
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_maps_of_other_origins_are_compared_georeferenced(
     reference_dir: Path, query_dir: Path, tmp_path: Path
 ) -> None:

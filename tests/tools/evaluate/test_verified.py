@@ -17,6 +17,8 @@ from placefield.maps.opening import open_map
 from placefield.verification.verification_stage import VerificationStage
 from placefield_tools.cli.main import app
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 QUICK = ["--channels", "1", "--metric", "identity", "--set", "build.local_features=100"]
 
 
