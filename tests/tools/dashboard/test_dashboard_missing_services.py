@@ -2,7 +2,6 @@ import pytest
 
 from placefield_tools.dashboard.missing_services import (
     can_answer,
-    missing_in_words,
     slowest_in_words,
 )
 from placefield_tools.status.service_status import RunStatus, ServiceStatus
@@ -10,14 +9,6 @@ from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 def missing_only(*missing: str) -> RunStatus:
     return RunStatus(None, None, None, (), missing)
-
-
-def test_missing_and_silent_services_are_named() -> None:
-    assert missing_in_words(missing_only()) == ""
-    assert missing_in_words(missing_only("fuser", "channel 2")) == "missing: fuser; channel 2"
-    hanging = ServiceStatus("channel", "a", None, None, None, None, None, True, {"received": 1})
-    status = RunStatus(None, None, None, (hanging,), ("fuser",))
-    assert missing_in_words(status) == "missing: fuser · silent: channel"
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,18 @@ def test_what_is_wrong_comes_before_what_is_going_on(state: LiveState) -> None:
     assert found(state, "channel 2").is_current  # the others still answer
 
 
+def test_the_services_that_are_missing_and_those_that_are_silent_are_named_together(
+    state: LiveState,
+) -> None:
+    hanging = ServiceStatus("channel", "a", None, None, None, None, None, True, {"received": 1})
+    status = RunStatus(None, None, None, (hanging,), ("fuser",))
+    words = run_state(state, status, connected=True, run="night").words
+    assert words == (
+        "Not running: fuser. Start them with 'placefield up MAP --run night'. "
+        "Running, but silent: channel. Look into the log of 'placefield up'."
+    )
+
+
 def test_answers_of_another_map_are_named_as_such(state: LiveState) -> None:
     add(state, digest=OTHER)
     wrong = found(state)

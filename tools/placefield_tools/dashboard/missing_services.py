@@ -1,4 +1,4 @@
-"""Which services a run misses, or are silent, in words, and whether it can still answer."""
+"""Which services are silent, which is the slowest, and whether a run can still answer."""
 
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.status.service_status import RunStatus
@@ -16,12 +16,6 @@ def silent(status: RunStatus) -> tuple[str, ...]:
     """Name the services that are there and have reported, but no longer do: they hang."""
     hanging = {each.service for each in status.services if each.silent and each.counts}
     return tuple(sorted(hanging))
-
-
-def missing_in_words(status: RunStatus) -> str:
-    """Name the services that are missing or silent; the text is empty if there is none."""
-    said = {"missing": status.missing, "silent": silent(status)}
-    return " · ".join(f"{what}: {'; '.join(names)}" for what, names in said.items() if names)
 
 
 def slowest_in_words(status: RunStatus) -> str:

@@ -24,6 +24,11 @@ class RunState:
     words: str = ""
     is_current: bool = True
 
+    @property
+    def is_fault(self) -> bool:
+        """Whether something must be mended."""
+        return self.name in ("router-gone", "services-missing", "wrong-map")
+
 
 def run_state(state: LiveState, status: RunStatus, *, connected: bool, run: str) -> RunState:
     """Return the state of a run.
@@ -38,18 +43,25 @@ def run_state(state: LiveState, status: RunStatus, *, connected: bool, run: str)
         return RunState("router-gone", "The router does not answer. Waiting for it.", False)
     if wrong := _wrong_map(state, status):
         return RunState("wrong-map", wrong, False)
-    if status.missing:
-        names = ", ".join(status.missing)
-        words = f"Not running: {names}. Start them with 'placefield up MAP --run {run}'."
-        return RunState("services-missing", words, can_answer(status))
-    if hanging := silent(status):
-        words = f"Running, but silent: {', '.join(hanging)}. Look into the log of 'placefield up'."
-        return RunState("services-missing", words, can_answer(status))
+    if absent := _absent(status, run):
+        return RunState("services-missing", absent, can_answer(status))
     if state.ended is not None and state.summary is not None:
         return RunState("ended", f"The stream is over: {state.summary.words()}.")
     if not state.answers:
         return RunState("idle", "Waiting for frames. Start a replay here, or in a terminal:")
     return RunState("live")
+
+
+def _absent(status: RunStatus, run: str) -> str:
+    """Name the services that are missing or silent, and say what to do; empty if all are there."""
+    words = []
+    if status.missing:
+        words.append(f"Not running: {', '.join(status.missing)}.")
+        words.append(f"Start them with 'placefield up MAP --run {run}'.")
+    if hanging := silent(status):
+        words.append(f"Running, but silent: {', '.join(hanging)}.")
+        words.append("Look into the log of 'placefield up'.")
+    return " ".join(words)
 
 
 def _wrong_map(state: LiveState, status: RunStatus) -> str:

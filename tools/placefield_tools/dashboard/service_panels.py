@@ -4,7 +4,8 @@ import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.missing_services import missing_in_words, slowest_in_words
+from placefield_tools.dashboard.missing_services import slowest_in_words
+from placefield_tools.dashboard.run_state import RunState
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
@@ -24,6 +25,7 @@ _TILES = {
     "gaps": "frames missed",
     "partial": "answered in part",
 }
+_DRAW_EVERY_S = 0.5
 _APART = ("gaps", "partial")  # counts that have a column of their own
 
 
@@ -46,12 +48,11 @@ class HealthPanel:
             ).props('dense flat :grid="Quasar.Screen.lt.md"')
             self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
-    def show(self, status: RunStatus) -> None:
-        """Show the current status of the run."""
-        absent = missing_in_words(status)
-        slow = slowest_in_words(status)
-        self._verdict.text = absent or f"all services are running{slow}"
-        self._verdict.classes(**({"add": "warning"} if absent else {"remove": "warning"}))
+    def show(self, status: RunStatus, state: RunState) -> None:
+        """Show the current status of the services, and what is the matter with the run."""
+        all_well = f"all services are running{slowest_in_words(status)}"
+        self._verdict.text = state.words if state.is_fault else all_well
+        self._verdict.classes(**({"add": "warning"} if state.is_fault else {"remove": "warning"}))
         for name, value in _whole(status).items():
             self._tiles[name].text = value
         rows = [_row(service) for service in status.services]
@@ -108,18 +109,12 @@ def _row(service: ServiceStatus) -> dict[str, str]:
     }
 
 
-def stop_button(site: Site) -> None:
-    """Add a button that stops the replay of this page, while it runs."""
-    button = ui.button("Stop the replay", on_click=site.replay.stop)
-    button.props("outline no-caps data-shown=stop")
-    ui.timer(0.5, lambda: button.set_visibility(site.replay.runs))
-
-
 class ReplayPanel:
-    """Starts a replay; see ``stop_button``."""
+    """Starts a replay, and shows a button that stops it while it runs."""
 
-    def __init__(self, site: Site) -> None:
-        self._replay = site.replay
+    def __init__(self, site: Site, stop: ui.button) -> None:
+        """Show the button ``stop``, which is elsewhere on the page, while a replay runs."""
+        self._replay, self._stop = site.replay, stop
         self._is_first = False
         with card("Replay", "third replay") as self._card, ui.element("div").classes("form"):
             self._source = ui.input("Source: a folder, a video, camera:0").props(
@@ -137,7 +132,8 @@ class ReplayPanel:
                 self._start.props("unelevated no-caps data-shown=start")
             self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
-        ui.timer(0.5, self._draw)
+        stop.on_click(self._stop_replay)
+        ui.timer(_DRAW_EVERY_S, self._draw)
 
     def show(self, *, is_first: bool) -> None:
         """Show the panel first, where no frame has come yet, or last."""
@@ -153,6 +149,12 @@ class ReplayPanel:
             )
         self._draw()
 
+    def _stop_replay(self) -> None:
+        self._replay.stop()
+        self._draw()
+
     def _draw(self) -> None:
         self._status.text = self._replay.status
-        self._start.set_enabled(not self._replay.runs)
+        runs = self._replay.runs
+        self._start.set_enabled(not runs)
+        self._stop.set_visibility(runs)
