@@ -161,7 +161,10 @@ class LivePage:
         """Show the state of the run and its services; grey the match when no newer can come."""
         status = self._site.feed.status()
         state = run_state(
-            self._state, status, connected=self._site.feed.connected, run=self._site.run
+            self._state,
+            status,
+            connected=self._site.feed.connected,
+            commands=self._site.commands,
         )
         self._health.show(status, state)
         self._banner.show(state)

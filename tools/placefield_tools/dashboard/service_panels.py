@@ -4,8 +4,8 @@ import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.missing_services import slowest_in_words
 from placefield_tools.dashboard.run_state import RunState
+from placefield_tools.dashboard.service_words import slowest_in_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
