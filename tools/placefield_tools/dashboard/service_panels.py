@@ -5,12 +5,13 @@ import math
 from nicegui import ui
 
 from placefield_tools.dashboard.run_state import RunState
-from placefield_tools.dashboard.service_words import slowest_in_words
+from placefield_tools.dashboard.service_words import slowest_in_words, state_in_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
 _COLUMNS = {
     "service": "service",
+    "state": "state",
     "identity": "identity",
     "frame": "frame",
     "behind": "frames behind",
@@ -25,6 +26,21 @@ _TILES = {
     "gaps": "frames missed",
     "partial": "answered in part",
 }
+_ITEM = """
+    <details class="service" :key="props.key">
+        <summary>
+            <span class="strong">{{ props.row.service }}</span>
+            <span :class="props.row.state == 'silent' && 'warning'">{{ props.row.state }}</span>
+        </summary>
+        <dl>
+            <div v-for="column in props.cols.slice(2)" :key="column.name">
+                <dt>{{ column.label }}</dt><dd>{{ column.value || "–" }}</dd>
+            </div>
+        </dl>
+    </details>
+"""
+"""A service on a narrow page: the first two columns, and the others on request."""
+
 _DRAW_EVERY_S = 0.5
 _APART = ("gaps", "partial")  # counts that have a column of their own
 
@@ -45,7 +61,8 @@ class HealthPanel:
                     {"name": name, "field": name, "label": label, "align": "left"}
                     for name, label in _COLUMNS.items()
                 ],
-            ).props('dense flat :grid="Quasar.Screen.lt.md"')
+            ).props('dense flat wrap-cells :grid="Quasar.Screen.lt.md"')
+            self._table.add_slot("item", _ITEM)
             self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
     def show(self, status: RunStatus, state: RunState) -> None:
@@ -96,14 +113,14 @@ def _sum(status: RunStatus, name: str) -> int:
 
 
 def _row(service: ServiceStatus) -> dict[str, str]:
-    rate = "" if service.rate is None else f"{service.rate:.1f}"
     others = {name: count for name, count in service.counts.items() if name not in _APART}
     return {
-        "service": service.service,
+        "service": service.name,
+        "state": state_in_words(service),
         "identity": service.identity,
         "frame": "" if service.sequence is None else str(service.sequence),
         "behind": "" if service.behind is None else str(service.behind),
-        "rate": "silent" if service.silent else rate,
+        "rate": "" if service.rate is None else f"{service.rate:.1f}",
         **{name: str(service.counts.get(name, 0)) for name in _APART},
         "counts": counts_in_words(others),
     }
