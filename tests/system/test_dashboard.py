@@ -35,12 +35,16 @@ def shown(browser: "Browser", dashboard: Dashboard) -> Iterator[Shown]:
         assert not shown.strayed, "it needs the internet"
 
 
+def assert_shows_frame(shown: Shown, sequence: int) -> None:
+    wait_until(
+        lambda: re.match(rf"frame {sequence}\b", shown.text("moment")),
+        f"frame {sequence} is shown",
+    )
+
+
 def assert_shows(shown: Shown, answer: Answer) -> None:
     header, match = answer
-    wait_until(
-        lambda: re.match(rf"frame {header.sequence}\b", shown.text("moment")),
-        f"frame {header.sequence} is shown",
-    )
+    assert_shows_frame(shown, header.sequence)
     guess = " (best guess)" if match.known is False else ""
     shown.await_text("place", f"{match.place}{guess}")
     said = shown.text("verdict")
@@ -116,7 +120,7 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
     ]
     assert corrected, "the first frames of a stream are not known at once"
     shown.await_text("corrected", f"corrected: {len(corrected)} of 60 frames")
-    assert shown.text("lost-0") == f"not known: frames 0 to {corrected[-1]}"
+    assert shown.text("lost-0").startswith(f"frames 0 to {corrected[-1]}: ")
     for header, match in (answers[-1], answers[corrected[-1]]):
         if header.sequence == corrected[-1]:
             shown.page.get_by_text(f"frame {header.sequence}: ").click()
@@ -181,6 +185,22 @@ def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> No
         wait_until(lambda at=frame: shown.text("moment").startswith(f"frame {at} "), key)
     shown.page.keyboard.press("Home")
     wait_until(lambda: shown.text("moment").startswith("frame 0 "), "the first kept frame")
+    follow(shown)
+
+
+def test_verdicts_differ_in_more_than_their_colours(shown: Shown, replayed: list[Answer]) -> None:
+    verdict = shown.page.locator("[data-shown=verdict]")
+    borders = {"known": "none", "likely": "solid", "unknown": "dashed"}
+    found = set()
+    shown.page.keyboard.press("Home")
+    for header, match in replayed[:10]:
+        assert_shows_frame(shown, header.sequence)
+        certainty = certainty_of(match) or ""
+        border = verdict.evaluate("one => getComputedStyle(one).borderTopStyle")
+        assert border == borders[certainty]
+        found.add(certainty)
+        shown.page.keyboard.press("ArrowRight")
+    assert len(found) >= 2, "the first frames are not known"
     follow(shown)
 
 

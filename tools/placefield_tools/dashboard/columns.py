@@ -5,7 +5,8 @@ from collections.abc import Callable
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from placefield_tools.dashboard.state import Answer, LiveState
+from placefield_tools.dashboard.answer import Answer
+from placefield_tools.dashboard.state import LiveState
 
 LOOK_BACK = 200
 """Number of columns, a frame each."""

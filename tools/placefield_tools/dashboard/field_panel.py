@@ -3,6 +3,7 @@
 from nicegui import ui
 
 from placefield.maps.map import MapChannel
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.drawings import (
     FIELD_HEIGHT,
     firing_drawing,
@@ -11,7 +12,6 @@ from placefield_tools.dashboard.drawings import (
 )
 from placefield_tools.dashboard.fields import Window, firing_segment, window_around
 from placefield_tools.dashboard.site import Site, card, svg
-from placefield_tools.dashboard.state import Answer
 
 
 class FieldsPanel:

@@ -11,9 +11,10 @@ from placefield.maps.geography import Origin
 from placefield_tools.common.certainty import percent
 from placefield_tools.common.place_words import place_words
 from placefield_tools.dashboard import drawings
+from placefield_tools.dashboard.answer import Answer
+from placefield_tools.dashboard.marks import KEY
 from placefield_tools.dashboard.site import Site, card, svg
-from placefield_tools.dashboard.state import Answer
-from placefield_tools.dashboard.verdict import belief_of, verdict_of
+from placefield_tools.dashboard.verdict import belief_of, kind_of, verdict_of
 
 STARTED = f"{time.time_ns():x}"
 """Keeps browsers from showing a cached picture of an earlier dashboard."""
@@ -47,7 +48,7 @@ class VerdictPanel:
         match = answer.match
         verdict = verdict_of(answer, self._site.precision)
         self._verdict.text = verdict.words
-        self._verdict.classes(replace=f"verdict {verdict.kind}")
+        self._verdict.classes(replace=f"verdict mark {verdict.kind}")
         named = place_words(match.place, self._graph).removeprefix("place ")
         guess = " (best guess)" if match.known is False else ""
         self._place.text = "none" if match.place < 0 else f"{named}{guess}"
@@ -101,7 +102,9 @@ class RoutePanel:
                 self._here = ui.html("", sanitize=False)
             bar = f"bar: {self._route.bar_m:g} m"
             words = bar if self._route.bar_m else f"places 0 to {self._places.count - 1}"
-            ui.label(f"{words} · green: belief · click: when was it there?").classes("quiet")
+            with ui.element("div").classes("key quiet"):
+                ui.html(KEY, sanitize=False)
+                ui.label(f"green: belief · {words} · click: when was it there?")
 
         def clicked(event: GenericEventArguments) -> None:
             place = self._route.nearest(*map(float, event.args))
@@ -123,7 +126,7 @@ class RoutePanel:
             if one.match.known is not False and 0 <= one.match.place < count
         ]
         if 0 <= place < count:
-            drawn += self._route.match(place, recent, is_guess=answer.match.known is False)
+            drawn += self._route.match(place, recent, kind_of(answer.match))
         self._here.content = self._svg(drawn, f"At place {place}")
 
 

@@ -7,6 +7,7 @@ from typing import Protocol
 from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.banner import Banner
 from placefield_tools.dashboard.columns import Columns
 from placefield_tools.dashboard.field_panel import FieldsPanel
@@ -15,7 +16,6 @@ from placefield_tools.dashboard.panels import CertaintyPanel, LostPanel, MatrixP
 from placefield_tools.dashboard.run_state import run_state
 from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel
 from placefield_tools.dashboard.site import Site, page
-from placefield_tools.dashboard.state import Answer
 
 _DRAW_EVERY_S = 0.1
 _STATUS_EVERY_S = 1.0  # services report as often
