@@ -77,8 +77,8 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
 def test_the_page_reports_how_the_services_are(shown: Shown) -> None:
     rows = shown.page.get_by_role("region", name="Services").get_by_role("row")
     wait_until(lambda: rows.count() >= 1 + 5, "all services are shown")
-    shown.await_text("whole frames missed", "0")
-    shown.await_text("whole answered in part", "0")
+    shown.await_text("whole missed so far", "0")
+    shown.await_text("whole answered in part so far", "0")
     shown.await_text("whole frames behind", "0")
     shown.await_text("services", "all services are running")
 
@@ -119,13 +119,13 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
         if bool(match.known) != bool(smoothed[header.sequence].known)
     ]
     assert corrected, "the first frames of a stream are not known at once"
-    shown.await_text("corrected", f"corrected: {len(corrected)} of 60 frames")
+    shown.await_text("corrected", f"later frames corrected {len(corrected)} of 60 frames")
     assert shown.text("lost-0").startswith(f"frames 0 to {corrected[-1]}: ")
     for header, match in (answers[-1], answers[corrected[-1]]):
         if header.sequence == corrected[-1]:
             shown.page.get_by_text(f"frame {header.sequence}: ").click()
         assert_shows(shown, (header, match))
-        shown.await_text("later frames", later_words(match.place, smoothed[header.sequence]))
+        shown.await_text("later frames say", later_words(match.place, smoothed[header.sequence]))
     follow(shown)
 
 
@@ -154,7 +154,7 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         frame = int(shown.text("moment").split()[1])
         assert abs(frame - 30) <= 5, f"the middle of the route is in the middle of {what}"
         assert int(shown.text("place").split()[0]) == replayed[frame][1].place
-        assert shown.page.get_by_text("frames 0 to 59 to the right").count() == 2, "both stay"
+        assert shown.page.get_by_text("frames 0 to 59, left to right").count() == 2, "both stay"
         follow(shown)
 
 

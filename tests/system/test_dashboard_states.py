@@ -175,7 +175,9 @@ def test_a_page_whose_router_is_gone_is_grey_and_says_so(
     place = page.text("place")
     assert own_host.stop(signal.SIGINT) == 0, "it ends on Ctrl-C as the dashboard does"
     page.await_state("router-gone")
-    assert page.text("state") == "The router does not answer. Waiting for it."
+    assert page.text("state") == (
+        f"The router at {own_host.endpoint} does not answer. Waiting for it."
+    )
     page.await_text("services", page.text("state"))
     wait_until(lambda: colour(page, "verdict") != _BLUE, "it is not blue")
     assert page.text("place") == place

@@ -37,7 +37,7 @@ HERE, AWAY = candidate((3, 0.9), (4, 0.05)), candidate((3, 0.1), (4, 0.05))
 @pytest.mark.parametrize(
     ("given", "words", "kind"),
     [
-        (answer(match(None, known=None, place=-1)), "no answer", "plain"),
+        (answer(match(None, known=None, place=-1)), "no place", "plain"),
         (answer(match(None, known=None), rule="ams"), "matched", "plain"),
         (answer(match(0.996, known=True), HERE), "known, 99.6 %", "known"),
         (answer(match(0.985), HERE), "likely, 98.5 % (99 % asked)", "likely"),

@@ -62,7 +62,7 @@ def test_the_services_that_are_missing_and_those_that_are_silent_are_named_toget
     words = run_state(state, status, connected=True, commands=COMMANDS).words
     assert words == (
         f"Not running: fuser. Start them with '{UP}'. "
-        "Running, but silent: channel. Look into the log of 'placefield up'."
+        "Running, but silent: channel. See the log of 'placefield up'."
     )
 
 
@@ -109,7 +109,7 @@ def test_a_service_that_hangs_is_as_bad_as_one_that_is_missing(state: LiveState)
     add(state)
     assert of("channel", received=3) == RunState(
         "services-missing",
-        "Running, but silent: channel. Look into the log of 'placefield up'.",
+        "Running, but silent: channel. See the log of 'placefield up'.",
     )
     assert not of("fuser", received=3).is_current
     assert of("fuser").name == "live"  # it has just begun

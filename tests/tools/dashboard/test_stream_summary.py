@@ -58,9 +58,10 @@ def add(
     *,
     missed: int = 0,
     belief: float = 1.0,
+    live: bool = False,
 ) -> None:
     """Add a frame's answer, with so much belief in the map's places."""
-    header = Header(stream="s", sequence=sequence, stamp_ns=0)
+    header = Header(stream="s", sequence=sequence, stamp_ns=0, live=live)
     evidence = np.array([belief], np.float32)
     candidate = Candidate(match.place, belief, np.array([match.place], np.int32), evidence)
     summary.add(Answer(0, header, match, "filter", {0: candidate}, None), missed)
@@ -70,7 +71,7 @@ def test_a_stream_is_summed_up_in_words() -> None:
     summary = StreamSummary("s", tolerance=3)
     add(summary, 0, first(1, known=False))
     add(summary, 1, first(2, known=True))
-    assert summary.words() == "2 frames, 1 known at once, none corrected later, no gap"
+    assert summary.words() == "2 frames, 1 known at once, none corrected later, none missed"
     add(summary, 5, first(6, known=True), missed=3)
     summary.compare(HEADER, first(9, known=True), later(40, known=True))
     assert summary.words() == "3 frames, 2 known at once, 1 corrected later, 3 missed"
@@ -79,7 +80,13 @@ def test_a_stream_is_summed_up_in_words() -> None:
 def test_a_rule_that_does_not_say_known_is_not_summed_up_so() -> None:
     summary = StreamSummary("s", tolerance=3)
     add(summary, 0, first(1, known=None))
-    assert summary.words() == "1 frame, no gap"
+    assert summary.words() == "1 frame, none missed"
+
+
+def test_a_live_stream_drops_frames_and_misses_none() -> None:
+    summary = StreamSummary("s", tolerance=3)
+    add(summary, 0, first(1, known=None), live=True)
+    assert summary.words() == "1 frame"
 
 
 def test_the_stretches_that_are_not_known_are_listed_with_their_verdicts() -> None:

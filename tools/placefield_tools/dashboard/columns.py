@@ -54,7 +54,7 @@ class Columns:
     @property
     def words(self) -> str:
         """The columns in words."""
-        return f"frames {max(self._first, 0)} to {self._last} to the right"
+        return f"frames {max(self._first, 0)} to {self._last}, left to right"
 
     @property
     def _first(self) -> int:

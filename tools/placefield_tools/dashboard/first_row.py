@@ -8,7 +8,7 @@ from nicegui.events import GenericEventArguments
 
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
-from placefield_tools.common.certainty import percent
+from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.common.place_words import place_words
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.answer import Answer
@@ -40,7 +40,7 @@ class VerdictPanel:
             with ui.element("dl"):
                 self._place = _fact("place")
                 self._pose = _fact("position")
-                self._smoothed = _fact("later frames")
+                self._smoothed = _fact("later frames say")
             self._note = ui.label("").classes("warning").props("role=status data-shown=note")
 
     def show(self, answer: Answer) -> None:
@@ -55,17 +55,18 @@ class VerdictPanel:
         self._pose.text = self._where(answer)
         self._smoothed.text = self._later(answer)
         channels = ", ".join(map(str, match.missing))
-        self._note.text = f"without channel {channels}" if channels else ""
+        self._note.text = f"without channels {channels}" if channels else ""
 
     def _later(self, answer: Answer) -> str:
         """Say what later frames made of this frame's match."""
         smoothed = self._site.state.smoothed(answer)
         if smoothed is None:
-            return "not yet known"
+            return "nothing yet"
         if smoothed.too_fast:
             return FASTER
-        same = smoothed.place == answer.match.place
-        parts = ["the same place" if same else place_words(smoothed.place, self._graph)]
+        same = 0 <= smoothed.place == answer.match.place
+        place = "the same place" if same else place_words(smoothed.place, self._graph)
+        parts = ["unknown" if certainty_of(smoothed) == "unknown" else place]
         if smoothed.probability is not None:
             parts.append(percent(smoothed.probability))
         return ", ".join(parts)
@@ -104,7 +105,7 @@ class RoutePanel:
             words = bar if self._route.bar_m else f"places 0 to {self._places.count - 1}"
             with ui.element("div").classes("key quiet"):
                 ui.html(KEY, sanitize=False)
-                ui.label(f"green: belief · {words} · click: when was it there?")
+                ui.label(f"green: how likely each place is · {words} · click: when was it there?")
 
         def clicked(event: GenericEventArguments) -> None:
             place = self._route.nearest(*map(float, event.args))
@@ -164,7 +165,8 @@ class FramesPanel:
         """Return why the query frame is not shown, as the end of its caption."""
         if kept:
             return ""
-        return ": not kept" if self._site.placemap.places.has_thumbnails else ": a descriptor"
+        has_images = self._site.placemap.places.has_thumbnails
+        return ": the image is not kept" if has_images else ": a descriptor, no image"
 
 
 def _figure(name: str) -> tuple[ui.element, ui.label]:

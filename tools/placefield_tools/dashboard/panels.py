@@ -48,7 +48,7 @@ class CertaintyPanel:
         self._drawing.content = svg(drawn, LOOK_BACK, HEIGHT, words, stretch=True)
         lowest, highest = score_range(frames) or (0.0, 0.0)
         self._words.text = (
-            f"{self._columns.words}. Blue: at once, green: smoothed; dashed: "
+            f"{self._columns.words}. Blue: at once; green: with later frames; dashed: the "
             f"{100 * self._precision:g} % asked; grey: score, {lowest:.3g} to {highest:.3g}"
         )
 
@@ -69,7 +69,7 @@ class LostPanel:
         if summary is None:
             return
         frames = counted(summary.frames, "frame")
-        self._words.text = f"corrected: {summary.corrected or 'none'} of {frames}"
+        self._words.text = f"later frames corrected {summary.corrected or 'none'} of {frames}"
         self._lost.show(
             [_Listed(one.middle, one.words(), one.kind) for one in list(summary.lost)[-_LISTED:]]
         )
@@ -140,8 +140,8 @@ class MatrixPanel:
         self._picture.props["src"] = f"/distances/{newest.number}.png?{STARTED}"
         self._picture.props["alt"] = "Distances of the last frames to all places, and the matches"
         self._words.text = (
-            f"{self._columns.words}, {self._count} places upwards; small distances are dark. "
-            "Green: smoothed"
+            f"{self._columns.words}; {self._count} places, upwards. Small distances are dark. "
+            "Green: with later frames"
         )
         at_once = [(one, one.match.place, kind_of(one.match)) for one in answers]
         smoothed = [(one, self._state.smoothed(one)) for one in answers]

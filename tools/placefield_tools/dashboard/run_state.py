@@ -43,7 +43,8 @@ def run_state(
         commands: that mend it.
     """
     if not connected:
-        return RunState("router-gone", "The router does not answer. Waiting for it.", False)
+        gone = f"The router at {commands.endpoint} does not answer. Waiting for it."
+        return RunState("router-gone", gone, False)
     if wrong := _wrong_map(state, status, commands):
         return RunState("wrong-map", wrong, False)
     if absent := _absent(status, commands):
@@ -63,7 +64,7 @@ def _absent(status: RunStatus, commands: Commands) -> str:
         words.append(f"Start them with '{commands.up}'.")
     if hanging := silent(status):
         words.append(f"Running, but silent: {', '.join(hanging)}.")
-        words.append("Look into the log of 'placefield up'.")
+        words.append("See the log of 'placefield up'.")
     return " ".join(words)
 
 

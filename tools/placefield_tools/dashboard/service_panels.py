@@ -13,7 +13,7 @@ _COLUMNS = {
     "service": "service",
     "state": "state",
     "identity": "identity",
-    "frame": "frame",
+    "frame": "last frame",
     "behind": "frames behind",
     "rate": "frames/s",
     "gaps": "missed",
@@ -23,8 +23,8 @@ _COLUMNS = {
 _TILES = {
     "rate": "frames per second",
     "behind": "frames behind",
-    "gaps": "frames missed",
-    "partial": "answered in part",
+    "gaps": "missed so far",
+    "partial": "answered in part so far",
 }
 _ITEM = """
     <details class="service" :key="props.key">
@@ -40,6 +40,14 @@ _ITEM = """
     </details>
 """
 """A service on a narrow page: the first two columns, and the others on request."""
+
+_WHY = {
+    "dropped": "faster than this page reads",
+    "malformed": "unreadable",
+    "foreign": "of another map",
+    "missed": "that did not come",
+}
+"""Why messages are not shown, by the name of their count."""
 
 _DRAW_EVERY_S = 0.5
 _APART = ("gaps", "partial")  # counts that have a column of their own
@@ -80,9 +88,9 @@ class HealthPanel:
     def _not_shown(self) -> str:
         """Name the messages that this page could not show."""
         feed, state = self._site.feed, self._site.state
-        counts = {"too fast for this page": feed.dropped, **feed.counts, **state.counts}
-        counted = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-        return f"messages not shown: {counted}" if counted else ""
+        counts = {"dropped": feed.dropped, **feed.counts, **state.counts}
+        named = ", ".join(f"{count} {_WHY[name]}" for name, count in counts.items() if count)
+        return f"messages not shown: {named}" if named else ""
 
 
 def _tile(words: str) -> ui.label:

@@ -93,11 +93,12 @@ class StreamSummary:
         self.known: int | None = None
         self.corrections: deque[Correction] = deque(maxlen=_SHOWN)
         self.lost: deque[Lost] = deque(maxlen=_SHOWN)
-        self._is_lost = False
+        self._is_lost = self._is_live = False
 
     def add(self, answer: Answer, missed: int) -> None:
         """Count the first match of a frame, and the frames missed before it."""
         known, sequence = answer.match.known, answer.header.sequence
+        self._is_live = answer.header.live
         self.frames += 1
         if known is not None:
             self.known = (self.known or 0) + known
@@ -125,5 +126,6 @@ class StreamSummary:
         parts = [counted(self.frames, "frame")]
         if self.known is not None:
             parts += [f"{self.known} known at once", f"{self.corrected or 'none'} corrected later"]
-        parts.append(f"{self.missed} missed" if self.missed else "no gap")
+        if self.missed or not self._is_live:
+            parts.append(f"{self.missed or 'none'} missed")
         return ", ".join(parts)

@@ -58,7 +58,7 @@ def verdict_name(answer: Answer) -> str:
     """Say what an answer comes to, without figures."""
     certainty = certainty_of(answer.match)
     if answer.match.place < 0:
-        return "no answer"
+        return "no place"
     if certainty is None:
         return "matched"
     if certainty == "unknown" and _is_off_route(answer):
