@@ -65,7 +65,7 @@ def test_an_idle_page_says_what_to_do_and_has_the_replay_form_in_sight(
     page, _ = shown
     page.await_state("idle")
     page.page.set_viewport_size(_DESKTOP)
-    assert page.page.get_by_text("placefield replay SOURCE --run default").is_visible()
+    assert page.page.get_by_text("placefield replay SOURCE").is_visible()
     assert_in_sight(page, "source", "start")
     assert page.text("verdict") == "no frame yet"
     assert_accessible(page)
@@ -144,7 +144,7 @@ def test_a_page_of_another_map_says_so_in_a_red_banner(
         page.await_state("wrong-map")
         words = page.text("state")
         assert f"Wrong map: this page shows {other} (digest " in words
-        assert f"placefield up {other} --run default --endpoint {own_host.endpoint}" in words
+        assert f"'placefield up {other} --endpoint {own_host.endpoint}'" in words
         background = page.page.locator(".banner").evaluate(
             "one => getComputedStyle(one).backgroundColor"
         )

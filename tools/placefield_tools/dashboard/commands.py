@@ -4,12 +4,12 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-from placefield.config import BusConfig
+from placefield.config import Config
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Commands for a run, to be copied into a terminal.
+    """Commands for a run, to be copied into a terminal; they name what is not the default.
 
     Attributes:
         run: name of the run.
@@ -24,21 +24,22 @@ class Commands:
     @property
     def replay(self) -> str:
         """Replays a source."""
-        return f"placefield replay SOURCE {self._flags}"
+        return self._of("replay", "SOURCE")
 
     @property
     def up(self) -> str:
         """Starts the services with the map of the page."""
-        return f"placefield up {shlex.quote(str(self.map_path))} {self._flags}"
+        return self._of("up", str(self.map_path))
 
     @property
     def dashboard(self) -> str:
         """Starts the page with another map."""
-        return f"placefield dashboard MAP {self._flags}"
+        return self._of("dashboard", "MAP")
 
-    @property
-    def _flags(self) -> str:
-        is_default = self.endpoint == BusConfig().endpoint
-        return shlex.join(
-            ["--run", self.run, *([] if is_default else ["--endpoint", self.endpoint])]
-        )
+    def _of(self, *command: str) -> str:
+        usual, flags = Config(), []
+        if self.run != usual.run:
+            flags += ["--run", self.run]
+        if self.endpoint != usual.bus.endpoint:
+            flags += ["--endpoint", self.endpoint]
+        return shlex.join(["placefield", *command, *flags])
