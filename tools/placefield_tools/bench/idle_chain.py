@@ -98,7 +98,7 @@ def _run_host(shape: Shape, config: Config, stop: threading.Event) -> None:
     commands = {"featurizer": [*own, "featurizer"], "fuser": [*own, "fuser"]}
     for worker in range(len(shape.workers)):
         commands[f"channel worker {worker}"] = [*own, "channel", "--worker", str(worker)]
-    program = Program(_run_service, preload=[__spec__.name])
+    program = Program(_run_service, preload=[run_host.__module__])
     run_host(program, commands, shape.channels, config, stop, lambda: print("ready", flush=True))
 
 
