@@ -14,11 +14,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Message
 from placefield.bus.messages import MatchMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.maps.digest import NO_DIGEST
 from placefield_services.forkserver import Program
