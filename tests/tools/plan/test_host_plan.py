@@ -12,17 +12,8 @@ from hypothesis import strategies as st
 
 from placefield.errors import MapError
 from placefield.maps.manifest import read_manifest
-from placefield_tools.plan.host_plan import (
-    LEAST_SHARD,
-    ROOM,
-    MetricLoad,
-    Plan,
-    Process,
-    loads_of,
-    plan,
-    services_of,
-    with_describers,
-)
+from placefield_tools.plan.host_plan import LEAST_SHARD, ROOM, Plan, plan, with_describers
+from placefield_tools.plan.process_cost import MetricLoad, Process, loads_of, services_of
 
 SERVICES = [Process("featurizer", 5e-3), Process("fuser", 2e-3)]
 
