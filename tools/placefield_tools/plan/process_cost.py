@@ -1,9 +1,8 @@
 """What the processes of a run cost: seconds of a core per frame, and memory.
 
-The cost of a frame for a channel worker is what it reads: the places under each metric, or a few
-bytes of each place if the map has a coarse search, and the beliefs of each channel. Shards divide
-this cost. With inverted lists, a whole channel costs the same on a map of any size, and a shard as
-without them.
+The cost of a frame for a channel worker is what it reads under each metric: the places, or a few
+bytes of each place if the map has a coarse search, and the beliefs. Shards divide this cost. With
+inverted lists, a whole channel costs the same on a map of any size, and a shard as without them.
 
 The constants were measured on the machine of docs/performance.md, for the rule ``filter``.
 """
@@ -27,11 +26,11 @@ _ROUTER_S = 1.3e-3
 _WORKER_S = 1.2e-3  # to wake up, and to answer
 _SHARD_S = 1.0e-3  # additional, to exchange partial results with the other shards
 _READ_S = 1 / 15e9  # per byte of places or of a projection
-_FILTER_S = 25e-9  # per place of a channel: predict and update its beliefs
+_FILTER_S = 80e-9  # per place under a metric: predict and update its beliefs
 _SPARSE_S = 4e-3  # per metric with inverted lists: what the lists propose, and its beliefs
 
 _PROCESS_BYTES = 120_000_000  # Python and its libraries
-_BELIEFS_BYTES = 2 * 7 * 4 + 24  # per place of a channel: beliefs, and likelihoods
+_BELIEFS_BYTES = 560  # per place under a metric: beliefs, likelihoods, and what a step needs
 _LOOKED_AT = 64  # the coarse search selects one of so many places for the exact comparison
 
 
@@ -156,8 +155,8 @@ def groups_of(loads: Sequence[MetricLoad], places: int, count: int) -> list[Grou
 def worker_of(group: Group, shards: int, places: int) -> Process:
     """Return the worker of the first of so many shards of a group; all shards cost the same."""
     channels = tuple(sorted(channel for load in group for channel in load.channels))
-    every = sum(len(load.channels) for load in group if not load.is_sparse(shards))
-    beliefs = _BELIEFS_BYTES * every * places // shards
+    full = sum(not load.is_sparse(shards) for load in group)  # channels share the beliefs
+    beliefs = _BELIEFS_BYTES * full * places // shards
     return Process(
         "channel",
         _frame_s(group, places, shards),
@@ -172,9 +171,7 @@ def _frame_s(group: Group, places: int, shards: int) -> float:
     """Return the seconds per frame of a worker of one of so many shards."""
     alone = _READ_S * sum(load.projected_bytes for load in group)
     shared = sum(
-        _SPARSE_S
-        if load.is_sparse(shards)
-        else _READ_S * load.read_bytes + _FILTER_S * places * len(load.channels)
+        _SPARSE_S if load.is_sparse(shards) else _READ_S * load.read_bytes + _FILTER_S * places
         for load in group
     )
     return _WORKER_S + (_SHARD_S if shards > 1 else 0.0) + alone + shared / shards
