@@ -42,8 +42,8 @@ def _dashboard(
       placefield dashboard route.pfmap
       placefield dashboard route.pfmap --run night --port 8081
     """
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys
-    from placefield.bus.session import open_bus
     from placefield.errors import ConfigError
     from placefield_services.map_versions import MapVersions, PreparedVersions
     from placefield_services.process import stop_of_service
