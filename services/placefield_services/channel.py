@@ -4,9 +4,9 @@ import threading
 from collections.abc import Sequence
 from functools import cache
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import CAPACITY, Inbox
 from placefield.bus.keys import Part
-from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.maps.map import Map

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.messages import FrameMessage, RawFeatureMessage
 from placefield.bus.publishing import Publisher
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
-from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, FrameError
 from placefield.features.descriptor_stage import DescriptorStage, FrameStage, warm_up

@@ -13,6 +13,7 @@ from placefield.bus.candidate_messages import (
     SmoothedFrame,
     SmoothedFrames,
 )
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Header
@@ -24,7 +25,7 @@ from placefield.bus.replay_cache import (
     ReplayCache,
     replicated_cache,
 )
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.bus.streams import Turn
 from placefield.config import Config, MatchingConfig
 from placefield.errors import FrameError, MessageError

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.message import Header
@@ -18,7 +19,6 @@ from placefield.bus.messages import (
     MomentsMessage,
 )
 from placefield.bus.replay_cache import LENGTH, MOMENTS, CachedPublisher, replicated_cache
-from placefield.bus.session import open_bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox
 from placefield.bus.keys import Keys
 from placefield.bus.replay_cache import (
@@ -14,7 +15,7 @@ from placefield.bus.replay_cache import (
     replicated_cache,
     serve_cache,
 )
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import Config
 from placefield.fusion.fusion_stage import FusionStage
 from placefield.maps.map import Map

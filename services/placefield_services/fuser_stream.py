@@ -106,6 +106,8 @@ class FuserStream:
         """
         self.smoothing.add(header.sequence, message, now)
         if isinstance(message, CandidatesMessage):
+            if self.live and self._joiner.is_released(header.sequence):
+                self._publisher.acknowledge(header)  # it may have had no credit, see below
             self._know(header)
             self._add(header.sequence, message, now)
 
@@ -152,16 +154,23 @@ class FuserStream:
             self._publisher.acknowledge(last)
 
     def _release_matches(self, now: float) -> Header | None:
-        """Publish the matches that are due; return the header of the last."""
+        """Publish the matches that are due; return the header of the last that has its credit.
+
+        A live frame that living channels have not answered yet has its credit once they have. With
+        more cameras than they can follow, the featurizer would else describe more and more frames,
+        and take the processors from them.
+        """
         self._joiner.set_alive(self._channels.alive)
-        last = None
+        last = credited = None
         for joined in self._joiner.release(now):
             last = self._headers[joined.sequence]
             self._publisher.publish(last, joined, forgotten=self.is_forgotten)
             self.smoothing.announce(last)
+            if joined.candidates or not (self.live and self._channels.alive):
+                credited = last
         if last is not None:
             self._forget_before(last.sequence)
-        return last
+        return credited
 
     def _forget_before(self, sequence: int) -> None:
         self._shards.forget_before(sequence)

@@ -16,8 +16,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 
+from placefield.bus.connecting import open_router
 from placefield.bus.keys import Keys, part_of, run_of, service_and_identity
-from placefield.bus.session import MOST_TOKENS, Bus, open_router
+from placefield.bus.session import MOST_TOKENS, Bus
 from placefield.config import Config
 from placefield.errors import BusError
 from placefield_services.forkserver import LOST, Program, end_if_lost, fork

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
 from placefield.bus.messages import CacheQuery, FeatureMessage, FrameMessage
 from placefield.bus.replay_cache import Fetch, fetcher
-from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import FrameError
 from placefield.features.calibration import Calibration, View

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox
 from placefield.bus.maps import MapKeys, OfferMessage, chunk_of
-from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError, MapError, MessageError
 from placefield.maps.transfer import OwnMap, digest_of

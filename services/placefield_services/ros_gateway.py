@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.message import Header
 from placefield.bus.replay_cache import CachedPublisher, ReplayCache
 from placefield.bus.ros_node import RosNode
-from placefield.bus.session import open_bus
 from placefield.config import Config
 from placefield.errors import ConfigError
 from placefield.features.calibration import Calibration, View

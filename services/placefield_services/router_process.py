@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable
 
-from placefield.bus.session import open_router
+from placefield.bus.connecting import open_router
 from placefield.config import BusConfig
 from placefield_services.notifying import notify_alive, notify_ready
 

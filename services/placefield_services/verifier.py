@@ -8,10 +8,11 @@ from functools import partial
 
 import cv2
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox
 from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.replay_cache import CachedPublisher, fetcher, replicated_cache
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import Config
 from placefield_services.live_verifiers import LiveVerifiers
 from placefield_services.map_versions import MapVersions

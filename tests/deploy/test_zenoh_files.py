@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import zenoh
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus
 from placefield.bus.settings import router_settings
 from placefield.config import BusConfig
 from placefield_tools.common.host_process import free_endpoint

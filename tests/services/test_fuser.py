@@ -170,6 +170,22 @@ def test_in_a_live_stream_a_frame_is_not_held_back_for_those_that_were_dropped(
     assert [sequence for sequence, _ in stage.published] == [0, 5, 6]
 
 
+def test_a_live_frame_has_its_credit_only_once_a_living_channel_has_answered_it(
+    stage: Stage,
+) -> None:
+    stage.announce(header(0, live=True))
+    stage.pass_time(1.1 * DEADLINE_S)
+    assert stage.published == [(0, stage.expected(0, 0, 1, 2))]
+    assert not stage.acks.sent
+    stage.answer(0, header(0, live=True))  # late
+    assert stage.acks.sequences == [0]
+    for channel in range(CHANNELS):
+        stage.set_alive(channel, False)
+    stage.announce(header(1, live=True))
+    stage.pass_time(0.1)
+    assert stage.acks.sequences == [0, 1]  # nobody is there who could fall behind
+
+
 def test_an_answer_has_the_pose_of_its_place_where_the_map_has_poses(
     route_map: Map, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,8 +13,8 @@ from host_scripts import SCRIPTS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys, Part
-from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield_services import host

@@ -15,10 +15,11 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys, service_and_identity
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage, StatsMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config, MatchingConfig, Rule
 from placefield.errors import MessageError
 from placefield.loading import ENV_PREFIX

@@ -22,7 +22,7 @@ from hosting import (
     wait_until,
 )
 
-from placefield.bus.session import open_bus, open_router
+from placefield.bus.connecting import open_bus, open_router
 from placefield.config import BusConfig, Config
 from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map

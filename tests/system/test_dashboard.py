@@ -35,12 +35,16 @@ def shown(browser: "Browser", dashboard: Dashboard) -> Iterator[Shown]:
         assert not shown.strayed, "it needs the internet"
 
 
+def assert_shows_frame(shown: Shown, sequence: int) -> None:
+    wait_until(
+        lambda: re.match(rf"frame {sequence}\b", shown.text("moment")),
+        f"frame {sequence} is shown",
+    )
+
+
 def assert_shows(shown: Shown, answer: Answer) -> None:
     header, match = answer
-    wait_until(
-        lambda: re.match(rf"frame {header.sequence}\b", shown.text("moment")),
-        f"frame {header.sequence} is shown",
-    )
+    assert_shows_frame(shown, header.sequence)
     guess = " (best guess)" if match.known is False else ""
     shown.await_text("place", f"{match.place}{guess}")
     said = shown.text("verdict")
@@ -73,8 +77,8 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
 def test_the_page_reports_how_the_services_are(shown: Shown) -> None:
     rows = shown.page.get_by_role("region", name="Services").get_by_role("row")
     wait_until(lambda: rows.count() >= 1 + 5, "all services are shown")
-    shown.await_text("whole frames missed", "0")
-    shown.await_text("whole answered in part", "0")
+    shown.await_text("whole missed so far", "0")
+    shown.await_text("whole answered in part so far", "0")
     shown.await_text("whole frames behind", "0")
     shown.await_text("services", "all services are running")
 
@@ -115,13 +119,13 @@ def test_the_page_shows_what_later_frames_made_of_the_first_answers(
         if bool(match.known) != bool(smoothed[header.sequence].known)
     ]
     assert corrected, "the first frames of a stream are not known at once"
-    shown.await_text("corrected", f"corrected: {len(corrected)} of 60 frames")
-    assert shown.text("lost-0") == f"not known: frames 0 to {corrected[-1]}"
+    shown.await_text("corrected", f"later frames corrected {len(corrected)} of 60 frames")
+    assert shown.text("lost-0").startswith(f"frames 0 to {corrected[-1]}: ")
     for header, match in (answers[-1], answers[corrected[-1]]):
         if header.sequence == corrected[-1]:
             shown.page.get_by_text(f"frame {header.sequence}: ").click()
         assert_shows(shown, (header, match))
-        shown.await_text("later frames", later_words(match.place, smoothed[header.sequence]))
+        shown.await_text("later frames say", later_words(match.place, smoothed[header.sequence]))
     follow(shown)
 
 
@@ -150,7 +154,7 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         frame = int(shown.text("moment").split()[1])
         assert abs(frame - 30) <= 5, f"the middle of the route is in the middle of {what}"
         assert int(shown.text("place").split()[0]) == replayed[frame][1].place
-        assert shown.page.get_by_text("frames 0 to 59 to the right").count() == 2, "both stay"
+        assert shown.page.get_by_text("frames 0 to 59, left to right").count() == 2, "both stay"
         follow(shown)
 
 
@@ -181,6 +185,22 @@ def test_keys_look_back_by_one_frame_by_ten_and_to_the_start(shown: Shown) -> No
         wait_until(lambda at=frame: shown.text("moment").startswith(f"frame {at} "), key)
     shown.page.keyboard.press("Home")
     wait_until(lambda: shown.text("moment").startswith("frame 0 "), "the first kept frame")
+    follow(shown)
+
+
+def test_verdicts_differ_in_more_than_their_colours(shown: Shown, replayed: list[Answer]) -> None:
+    verdict = shown.page.locator("[data-shown=verdict]")
+    borders = {"known": "none", "likely": "solid", "unknown": "dashed"}
+    found = set()
+    shown.page.keyboard.press("Home")
+    for header, match in replayed[:10]:
+        assert_shows_frame(shown, header.sequence)
+        certainty = certainty_of(match) or ""
+        border = verdict.evaluate("one => getComputedStyle(one).borderTopStyle")
+        assert border == borders[certainty]
+        found.add(certainty)
+        shown.page.keyboard.press("ArrowRight")
+    assert len(found) >= 2, "the first frames are not known"
     follow(shown)
 
 

@@ -20,7 +20,7 @@ _FIRST_ROW = ("verdict", "route", "query", "reference")
 _DESKTOP, _PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 _FINGER = 44  # pixels
 _SMALL = f"""() => [...document.querySelectorAll(
-        'button, nav a, [role=slider], [role=checkbox], .q-field__control')]
+        'button, nav a, summary, [role=slider], [role=checkbox], .q-field__control')]
     .filter(one => one.checkVisibility())
     .map(one => [one.outerHTML.slice(0, 120), one.getBoundingClientRect()])
     .filter(([, box]) => box.height < {_FINGER} || box.width < {_FINGER})"""
@@ -65,7 +65,7 @@ def test_an_idle_page_says_what_to_do_and_has_the_replay_form_in_sight(
     page, _ = shown
     page.await_state("idle")
     page.page.set_viewport_size(_DESKTOP)
-    assert page.page.get_by_text("placefield replay SOURCE --run default").is_visible()
+    assert page.page.get_by_text("placefield replay SOURCE").is_visible()
     assert_in_sight(page, "source", "start")
     assert page.text("verdict") == "no frame yet"
     assert_accessible(page)
@@ -103,9 +103,30 @@ def test_the_pages_have_no_violation_of_accessibility(
     page.page.set_viewport_size(size)
     page.open(path)
     wait_until(lambda: page.page.locator("h2").count() > 3, "the page is filled")
+    page.page.keyboard.press("Home")  # a frame that is not known
     assert_accessible(page)
+    page.page.keyboard.press("End")
     if size == _PHONE:
         assert page.page.evaluate(_SMALL) == []
+
+
+def test_the_services_are_a_line_each_on_a_phone_and_show_more_on_request(
+    shown: tuple[Shown, Dashboard],
+) -> None:
+    page, _ = shown
+    page.page.set_viewport_size(_PHONE)
+    services = page.page.get_by_role("region", name="Services")
+    channel = services.locator("summary", has_text="channel 2")
+    wait_until(lambda: "running" in channel.inner_text(), "its state is shown")
+    box = services.bounding_box()
+    assert box is not None
+    assert box["height"] < _PHONE["height"], "all are seen at once"
+    assert not services.get_by_text("identity").first.is_visible()
+    channel.click()
+    wait_until(services.get_by_text("identity").nth(2).is_visible, "its details are shown")
+    page.page.wait_for_timeout(1500)  # the services report once a second
+    assert services.locator("details[open]").count() == 1, "they stay"
+    assert_accessible(page)
 
 
 def test_a_page_of_another_map_says_so_in_a_red_banner(
@@ -121,7 +142,9 @@ def test_a_page_of_another_map_says_so_in_a_red_banner(
     with Dashboard(logs, other, own_host) as dashboard, looking(browser, dashboard) as page:
         own_host.replay(query_dir)
         page.await_state("wrong-map")
-        assert page.text("state").startswith("Wrong map: ")
+        words = page.text("state")
+        assert f"Wrong map: this page shows {other} (digest " in words
+        assert f"'placefield up {other} --endpoint {own_host.endpoint}'" in words
         background = page.page.locator(".banner").evaluate(
             "one => getComputedStyle(one).backgroundColor"
         )
@@ -152,7 +175,10 @@ def test_a_page_whose_router_is_gone_is_grey_and_says_so(
     place = page.text("place")
     assert own_host.stop(signal.SIGINT) == 0, "it ends on Ctrl-C as the dashboard does"
     page.await_state("router-gone")
-    assert page.text("state") == "The router does not answer. Waiting for it."
+    assert page.text("state") == (
+        f"The router at {own_host.endpoint} does not answer. Waiting for it."
+    )
+    page.await_text("services", page.text("state"))
     wait_until(lambda: colour(page, "verdict") != _BLUE, "it is not blue")
     assert page.text("place") == place
     assert_accessible(page)

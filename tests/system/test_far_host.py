@@ -20,7 +20,7 @@ from hosting import (
 )
 from slow_links import SlowLink
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield_tools.common.host_process import free_endpoint

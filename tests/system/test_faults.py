@@ -18,7 +18,7 @@ from hosting import (
     wait_until,
 )
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 

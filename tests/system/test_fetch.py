@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hosting import Host, Listener, Process, placefield, refusal, wait_until
 
-from placefield.bus.session import open_bus, open_router
+from placefield.bus.connecting import open_bus, open_router
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield.maps.store import save_map

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 from hosting import Host, Listener, answers_of, offline, placefield, wait_until
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hosting import Host, Listener, wait_until
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig, Config
 from placefield.features.frames import Frame
 from placefield_tools.replay.replay_source import replay

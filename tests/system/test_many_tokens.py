@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from hosting import Host, Listener, answers_of, offline, placefield
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 

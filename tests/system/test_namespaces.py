@@ -33,7 +33,7 @@ import numpy as np
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 wide = FeatureMessage(model="0" * 64, descriptor=np.zeros({WIDE}, np.float32))
 with open_bus(BusConfig()) as bus:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hosting import Host, Listener, Process, placefield, wait_until
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map

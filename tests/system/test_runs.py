@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hosting import UNREADABLE, Host, Listener, answers_of, offline, placefield, refusal, wait_until
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig, Config
 from placefield.features.frames import Frame
 from placefield.maps.map import Map

@@ -6,9 +6,9 @@ from pathlib import Path
 import psutil
 from hosting import Answer, Host, answers_of, offline, wait_until
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield_tools.chaos.garbage import (

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from hosting import Host, Process, placefield, wait_until
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys, Part
 from placefield.bus.messages import StatsMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 
 

@@ -22,10 +22,10 @@ from hosting import (
     wait_until,
 )
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
-from placefield.bus.session import open_bus, open_router
 from placefield.bus.verified_messages import VerifiedMessage
 from placefield.config import BusConfig, Rule
 from placefield.features.images import decode

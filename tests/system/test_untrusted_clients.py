@@ -27,10 +27,11 @@ from hosting import (
     wait_until,
 )
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.credentials import tls_settings
 from placefield.bus.keys import Keys
 from placefield.bus.message import MAX_BYTES
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.maps.map import Map
 from placefield.maps.opening import open_map

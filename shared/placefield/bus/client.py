@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from weakref import WeakSet
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
 from placefield.bus.matches import MatchQueue
 from placefield.bus.sending import FrameStream, sending
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import Config
 from placefield.errors import MessageError
 from placefield.features.frames import Frame

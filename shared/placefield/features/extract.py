@@ -29,8 +29,10 @@ from placefield.plugins import load_plugin
 GIST_SIZE = 64  # pixels; 128 pixels were no better on the sample routes, and slower
 
 # A JPEG that is decoded to a part of its size has lost where an edge lies within its pixels. Each
-# pixel of a feature is the mean of 4 x 4 of them and more, so that this changes little.
+# pixel of a feature is the mean of 4 x 4 of them and more, so that this changes little. For GIST,
+# a few less are enough, and 640 x 480 can be decoded to half its sides; see docs/performance.md.
 _DECODED_PER_PIXEL = 4
+_LEAST_SIDE_OF_GIST = 240
 
 _DEFAULTS = InferenceConfig()
 _ANY_IMAGE = np.zeros((64, 64, 3), np.uint8)
@@ -228,13 +230,15 @@ def network_of(kind: FeatureKind) -> Network | None:
 def least_side_of(kind: FeatureKind, network: Network | None) -> int | None:
     """Return the least side of an image that new maps of a kind of one part need.
 
-    It is four times the longer side of the image that the feature makes of it. A feature of another
-    package gets whole images: None.
+    It is four times the longer side of the image that the feature makes of it, and a little less
+    for GIST. Images are decoded whole, None, for a feature of another package, and for a network
+    whose input is equalised, which makes small differences large.
     """
     if network is not None:
-        return _DECODED_PER_PIXEL * max(network.input.width, network.input.height)
-    sides = {"grayscale": max(WIDTH, HEIGHT), "gist": GIST_SIZE}
-    return _DECODED_PER_PIXEL * sides[kind] if kind in sides else None
+        side = max(network.input.width, network.input.height)
+        return None if network.input.equalise else _DECODED_PER_PIXEL * side
+    grayscale = _DECODED_PER_PIXEL * max(WIDTH, HEIGHT)
+    return {"grayscale": grayscale, "gist": _LEAST_SIDE_OF_GIST}.get(kind)
 
 
 def _new_part(kind: FeatureKind, inference: InferenceConfig) -> DescribingPart:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from placefield.matching.chains import Chains, Passages
+from placefield.kernels import kernel
+from placefield.matching.chains import Chains, Passages, Places
 from placefield.matching.motion import LOSE, REACH, SPEEDS, Array
 from placefield.matching.trace import Trace
 
@@ -48,28 +49,46 @@ class Pieces:
         halos = self._nothing.copy()
         for hypothesis, passages in enumerate(self._into):
             if last is not None and len(passages.source):
-                self._pass(passages, hypothesis, last, halos)
+                where = self._chains.edges, self._first, hypothesis
+                _pass_on(passages, *where, last.places, last.belief, halos)
         before = [halos[0, 0], sides[0, :, REACH - self._before :]]
         after = [sides[1, :, : self._after], halos[-1, 1]]
         halos[0, 0] = np.concatenate(before, axis=1)[:, -REACH:]
         halos[-1, 1] = np.concatenate(after, axis=1)[:, :REACH]
         return np.float32(1 - LOSE) * halos
 
-    def _pass(self, passages: Passages, hypothesis: int, last: Trace, halos: Array) -> None:
-        """Add the beliefs of a frame to the halos of the pieces that passages lead to."""
-        edges, places = self._chains.edges, last.places
-        shifts = passages.shift.astype(np.int64)
+
+@kernel
+def _pass_on(
+    passages: Passages,
+    edges: Places,
+    first: int,
+    hypothesis: int,
+    places: Places,
+    belief: Array,
+    halos: Array,
+) -> None:
+    """Add the beliefs of a frame to the halos of the pieces that passages lead to.
+
+    Args:
+        passages: that lead to the pieces.
+        edges: of the chains.
+        first: chain of the first piece.
+        hypothesis: 0 on the map, 1 on its reverse.
+        places: (n,) int32, of the frame; they may be in any order, if they were forged.
+        belief: (n, 2, S) float32, in these places.
+        halos: (P, 2, S, REACH) float32, changed in place.
+    """
+    reach = halos.shape[3]
+    for i in range(len(passages.source)):
+        source, target = passages.source[i], passages.target[i]
         # In the order of places, the halo of a piece, seen from the source, begins here.
-        if hypothesis == 0:
-            begins = edges[passages.target] + shifts - REACH
-        else:
-            begins = edges[passages.target + 1] + shifts
-        lows = np.maximum(begins, edges[passages.source])
-        highs = np.minimum(begins + REACH, edges[passages.source + 1])
-        counts = np.searchsorted(places, highs) - np.searchsorted(places, lows)
-        for i in np.flatnonzero(counts):
-            # Places from other shards may not ascend, if they were forged.
-            rows = np.flatnonzero((places >= lows[i]) & (places < highs[i]))
-            halo = halos[passages.target[i] - self._first, hypothesis]
-            belief = last.belief[rows, hypothesis]
-            halo[:, places[rows] - begins[i]] += passages.chance[i] * belief.T
+        begin = int(passages.shift[i])
+        begin += edges[target + 1] if hypothesis else edges[target] - reach
+        low, high = max(begin, edges[source]), min(begin + reach, edges[source + 1])
+        for row in range(len(places)):
+            if low <= places[row] < high:
+                column = places[row] - begin
+                for speed in range(halos.shape[2]):
+                    moved = passages.chance[i] * belief[row, hypothesis, speed]
+                    halos[target - first, hypothesis, speed, column] += moved

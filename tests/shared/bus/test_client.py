@@ -13,11 +13,12 @@ import pytest
 import placefield
 from placefield import BusError, Client, ConfigError, Frame, FrameError, Match, SourceError
 from placefield.bus import sending
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage, MatchMessage
 from placefield.bus.replay_cache import ReplayCache, serve_cache
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.maps.digest import NO_DIGEST
 

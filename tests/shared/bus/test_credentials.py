@@ -7,8 +7,8 @@ from shutil import copytree
 
 import pytest
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.credentials import tls_settings
-from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig
 from placefield.errors import BusError
 from placefield_tools.security.certificates import issue, make_authority

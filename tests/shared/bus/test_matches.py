@@ -3,10 +3,11 @@ from collections.abc import Iterator
 import pytest
 from bus_readers import await_reader
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage, StatsMessage
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.errors import MessageError, OtherMapError
 from placefield.maps.digest import NO_DIGEST

@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import CacheQuery
 from placefield.bus.replay_cache import ReplayCache, fetcher, serve_cache
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.errors import MessageError
 

@@ -1,20 +1,19 @@
 """Routers and clients in one process, on free ports of loopback."""
 
 import queue
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 
 import pytest
 import zenoh
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage, FrameMessage, StatsMessage
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.errors import BusError, MessageError
 
@@ -195,67 +194,6 @@ def test_a_second_instance_of_a_sole_service_is_refused(sender: Bus, receiver: B
             pytest.fail("the second was let in")
         wait_until(lambda: sender.alive(KEYS.all_alive("fuser")) == {KEYS.alive("fuser", "one")})
     wait_until(lambda: not sender.alive(KEYS.all_alive("fuser")))
-
-
-def test_without_a_router_a_client_gives_up_in_time_and_says_where_it_looked(
-    config: BusConfig,
-) -> None:
-    hurried = config.model_copy(update={"connect_timeout_s": 0.3})
-    with pytest.raises(BusError, match=f"no router at {config.endpoint}.*placefield up"):
-        open_bus(hurried).__enter__()
-
-
-def test_a_client_that_is_stopped_no_longer_waits(config: BusConfig) -> None:
-    patient = config.model_copy(update={"connect_timeout_s": 3600})
-    stop = threading.Event()
-    stop.set()
-    with pytest.raises(BusError, match="no router"):
-        open_bus(patient, stop).__enter__()
-
-
-def test_a_client_finds_a_router_that_was_started_again(config: BusConfig) -> None:
-    received: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with ExitStack() as stack:
-        with open_router(config):
-            client = stack.enter_context(open_bus(config))
-            client.subscribe_raw(KEYS.all_stats, lambda _, payload: received.put(payload))
-        restarted = stack.enter_context(open_router(config))
-        stats = StatsMessage(service="fuser", counts={})
-
-        def is_received() -> bool:
-            restarted.put(KEYS.stats("fuser", "ab12"), stats)
-            return not received.empty()
-
-        wait_until(is_received)
-
-
-def test_a_client_waits_for_a_router_that_starts_later(config: BusConfig) -> None:
-    connected = threading.Event()
-
-    def connect() -> None:
-        with open_bus(config):
-            connected.set()
-
-    client = threading.Thread(target=connect)
-    client.start()
-    time.sleep(0.3)
-    assert not connected.is_set()
-    with open_router(config):
-        client.join(60)
-    assert connected.is_set()
-
-
-def test_a_port_in_use_is_refused_by_name(router: Bus, config: BusConfig) -> None:
-    with pytest.raises(BusError, match=f"cannot listen at {config.endpoint}.*--endpoint"):
-        open_router(config).__enter__()
-
-
-@pytest.mark.parametrize("endpoint", ["", "nonsense", "tcp", "127.0.0.1:7557", "tcp/127.0.0.1"])
-def test_a_malformed_endpoint_is_refused_by_name(endpoint: str) -> None:
-    config = BusConfig(endpoint=endpoint, connect_timeout_s=0.3)
-    for opener in (open_router, open_bus):
-        with pytest.raises(BusError, match=f"'{endpoint}' is malformed.*tcp/HOST:PORT"):
-            opener(config).__enter__()
 
 
 def test_a_query_is_answered_by_each_session_that_has_an_answer_and_by_no_other(

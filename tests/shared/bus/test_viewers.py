@@ -9,10 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.bus.settings import VIEWERS
 from placefield.config import BusConfig
 
@@ -21,7 +22,7 @@ PATIENCE_S = 30.0
 VIEWER = """
 import sys, time
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 with open_bus(BusConfig(endpoint=sys.argv[1]), viewer=True) as bus:
     bus.subscribe_raw(Keys("test").frame, lambda key, payload: None)

@@ -59,6 +59,17 @@ def test_a_large_jpeg_is_described_by_a_part_of_its_size(image: NDArray[np.uint8
         assert np.linalg.norm(described - whole) < 0.02 * np.linalg.norm(whole)
 
 
+def test_for_gist_a_camera_s_usual_image_is_decoded_to_half_its_sides(
+    image: NDArray[np.uint8],
+) -> None:
+    jpeg = cv2.imencode(".jpg", cv2.resize(image, (640, 480), interpolation=cv2.INTER_CUBIC))[1]
+    half = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_REDUCED_COLOR_2), np.uint8)
+    gist, grayscale = feature_of("gist"), feature_of("grayscale")
+    np.testing.assert_array_equal(gist.describe(jpeg.tobytes()), gist.describe(half))
+    whole = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), np.uint8)
+    np.testing.assert_array_equal(grayscale.describe(jpeg.tobytes()), grayscale.describe(whole))
+
+
 def test_a_feature_of_several_parts_needs_the_image_of_the_most_demanding(
     tmp_path: Path, install: Callable[..., Path]
 ) -> None:
@@ -66,12 +77,14 @@ def test_a_feature_of_several_parts_needs_the_image_of_the_most_demanding(
     write_network(tmp_path / "net.onnx")
     wide = read_network(tmp_path / "net.onnx").input
     assert feature_of(network).least_side == 4 * max(wide.width, wide.height)
-    assert feature_of("gist").least_side == 4 * 64
-    assert feature_of(f"gist+{network}").least_side == max(256, 4 * max(wide.width, wide.height))
+    assert feature_of("gist").least_side == 240
+    assert feature_of(f"gist+{network}").least_side == max(240, 4 * max(wide.width, wide.height))
     install(
         "ownpack", "def describe(images): ...", {"placefield.features": {"own": "ownpack:describe"}}
     )
     assert feature_of("own").least_side is None  # it gets whole images
+    write_network(tmp_path / "net.onnx", channels=1, colour="grey", equalise=True)
+    assert feature_of(network).least_side is None  # small differences would become large ones
     described = feature_of("gist").describing + feature_of("own").describing
     assert Feature(described).least_side is None
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.connecting import open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield_tools.bench.chain import shape_of
 from placefield_tools.bench.host_chain import started

@@ -1,5 +1,9 @@
 """What is said of the machine, with counters and speeds that are made up."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from placefield_tools.bench import machine
@@ -25,3 +29,25 @@ def test_others_take_what_is_neither_idle_nor_our_own(
     monkeypatch.setattr(machine.psutil, "cpu_count", lambda: 2)
     start, end = machine._Moment(100, 50, 4), machine._Moment(110, 50 + idle, 4 + own)
     assert end.others_since(start) == pytest.approx(others)  # of 20 s of computing
+
+
+_LEAVES_A_BUSY_CHILD = """
+import os, time
+if os.fork() == 0:
+    while time.process_time() < 0.5:
+        pass
+    os.write(1, b"done")
+"""
+
+
+def test_a_process_whose_parent_has_ended_is_our_own() -> None:
+    def measure() -> list[Figure]:
+        ended = subprocess.run(
+            [sys.executable, "-c", _LEAVES_A_BUSY_CHILD], check=True, capture_output=True
+        )
+        assert ended.stdout == b"done"
+        return []
+
+    before = sum(os.times()[2:4])
+    machine.with_machine(measure)
+    assert sum(os.times()[2:4]) - before >= 0.45

@@ -17,7 +17,8 @@ def points(frames: list[Drawn]) -> dict[str | None, list[tuple[float, float]]]:
     """The points of each line, from 0 at the bottom to 1 at the top of the probabilities."""
     inside = ET.fromstring(f"<svg>{certainty_drawing(frames, 200, 0.99)}</svg>")
     numbers = {
-        path.get("class"): re.findall(r"([\d.]+) ([\d.]+)", path.get("d", "")) for path in inside
+        path.get("class"): re.findall(r"(?<=[ML])([\d.]+) ([\d.]+)", path.get("d", ""))
+        for path in inside
     }
     low, high = HEIGHT - 3, 3
     return {
@@ -40,8 +41,9 @@ def test_certainty_shows_both_answers_the_score_and_the_threshold() -> None:
         "asked": [(0.0, 0.99)],
         "score": [(0.5, 0.0), (1.5, 0.75), (2.5, 1.0)],
         "smoothed": [(1.5, 1.0)],
-        "sure": [(0.5, 0.25), (1.5, 0.9)],
-        "unsure": [(0.5, 0.25)],
+        "at-once": [(0.5, 0.25), (1.5, 0.9)],
+        "unknown under": [(0.5, 0.25)],
+        "unknown over": [(0.5, 0.25)],
     }
     assert score_range(frames) == (-1.0, 3.0)
 
@@ -49,5 +51,5 @@ def test_certainty_shows_both_answers_the_score_and_the_threshold() -> None:
 def test_equal_scores_and_no_frames_are_drawn() -> None:
     frames: list[Drawn] = [(0, MatchMessage(**_OF_MAP, score=2.0), None)]
     assert points(frames)["score"] == [(0.5, 0.0)]
-    assert set(points([])) == {"asked", "unsure"}
+    assert set(points([])) == {"asked"}
     assert score_range([]) is None

@@ -13,11 +13,11 @@ from placefield_tools.dashboard.drawings import (
     RouteDrawing,
     firing_drawing,
     match_drawing,
-    path_drawing,
     segments_drawing,
 )
 from placefield_tools.dashboard.fields import Window
 from placefield_tools.dashboard.frame_images import distance_picture, frame_picture
+from placefield_tools.dashboard.marks import marks_drawing
 
 
 def drawn(inside: str) -> list[ET.Element]:
@@ -62,10 +62,21 @@ def test_what_is_outside_of_the_window_is_not_drawn(route_map: Map) -> None:
     assert match_drawing(-1, Window(0, 10)) == ""
 
 
-def test_matches_lie_on_their_frame_and_place_in_the_matrix() -> None:
-    sure, unsure = drawn(path_drawing([(0, 0, "sure"), (9, 3, "unsure")], 4))
-    assert sure.get("d") == "M0.5 87.50h0"
-    assert unsure.get("d") == "M9.5 12.50h0"
+def test_verdicts_have_marks_of_different_shapes() -> None:
+    marks = drawn(marks_drawing([(0.5, 9, "known"), (1.5, 8, "likely"), (2.5, 7, "unknown")]))
+    dot, ring, middle, edge, cross = ((mark.get("class"), mark.get("d", "")) for mark in marks)
+    assert dot == ("known", "M0.5 9.00h0")
+    assert ring == ("likely under", "M1.5 8.00h0")
+    assert middle == ("likely over", ring[1])
+    assert cross == ("unknown over", edge[1])
+    assert cross[1].startswith("M2.5 7.00m-1.2 -2.4l2.4 4.8")
+
+
+def test_the_three_verdicts_differ_in_shape_on_the_route() -> None:
+    route = RouteDrawing.of(np.zeros((4, 3)), 4)
+    shapes = {kind: drawn(route.match(2, [], kind))[-1].tag for kind in ("known", "unknown")}
+    assert shapes == {"known": "circle", "unknown": "path"}
+    assert 'class="here likely"' in route.match(2, [], "likely")
 
 
 def test_a_route_keeps_its_shape_with_north_upwards() -> None:
@@ -77,16 +88,16 @@ def test_a_route_keeps_its_shape_with_north_upwards() -> None:
     assert (b[1], c[0]) == (a[1], b[0])
     assert c[1] < b[1]
     assert route.bar_m == 20
-    here = {part.get("class"): part for part in drawn(route.match(2, [0, 1]))}
-    assert "rotate(-90.0)" in here["heading"].get("transform", "")
-    assert float(here["here"].get("cx", "")) == pytest.approx(c[0])
+    here = {part.get("class"): part for part in drawn(route.match(2, [0, 1], "known"))}
+    assert "rotate(-90.0)" in here["heading known"].get("transform", "")
+    assert float(here["here known"].get("cx", "")) == pytest.approx(c[0])
 
 
 def test_a_route_without_poses_is_a_line() -> None:
     route = RouteDrawing.of(np.empty((0, 3)), 10)
-    here = {part.get("class"): part for part in drawn(route.match(9, []))}
-    assert "heading" not in here
-    assert float(here["here"].get("cx", "")) == 960
+    here = {part.get("class"): part for part in drawn(route.match(9, [], "known"))}
+    assert "heading known" not in here
+    assert float(here["here known"].get("cx", "")) == 960
     assert route.bar_m == 0
 
 
@@ -96,7 +107,7 @@ def test_a_route_is_broken_where_nobody_knows_it() -> None:
     route = RouteDrawing.of(poses, 8)
     assert drawn(route.inside)[0].get("d", "").count("M") == 2
     assert "nan" not in route.inside
-    here = route.match(4, [2, 3, 4])
+    here = route.match(4, [2, 3, 4], "known")
     assert "nan" not in here
     assert drawn(here)[0].get("d", "").count("M") == 2
 

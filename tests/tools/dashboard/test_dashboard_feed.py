@@ -13,7 +13,6 @@ from placefield.bus.session import Bus
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map
 from placefield_tools.dashboard.feed import Feed, Newest
-from placefield_tools.dashboard.missing_services import can_answer
 from placefield_tools.dashboard.state import LiveState
 
 KEYS = Keys("day")
@@ -113,21 +112,6 @@ def test_the_status_is_what_the_services_report(bus: FakeBus, feed: Feed) -> Non
     [fuser] = status.services
     assert (fuser.behind, fuser.counts) == (2, {"gaps": 2})
     assert status.missing == ("featurizer", "channel 0")
-
-
-def test_a_fuser_with_another_map_than_the_page_shows_is_no_fuser_of_the_run(
-    bus: FakeBus, feed: Feed
-) -> None:
-    for service, process in (("fuser", "ab"), ("featurizer", "cd"), ("channel", "ef")):
-        bus.change(KEYS.alive(service, f"0-{process}" if service == "channel" else process), True)
-        stats = StatsMessage(service=service, counts={}, channels=1, map=NO_DIGEST)
-        bus.receive_raw[KEYS.all_stats](KEYS.stats(service, process), stats.encode())
-    assert feed.status().missing == ()
-    assert can_answer(feed.status())
-    other = StatsMessage(service="fuser", counts={}, channels=1, map="f" * 16)
-    bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), other.encode())
-    assert feed.status().missing == (f"fuser ab on map {NO_DIGEST}: it has {'f' * 16}",)
-    assert not can_answer(feed.status())
 
 
 def received(sequence: int, size: int = 1) -> Received:

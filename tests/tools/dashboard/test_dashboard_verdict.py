@@ -6,7 +6,7 @@ from placefield.bus.messages import MatchMessage
 from placefield.config import Rule
 from placefield.maps.digest import NO_DIGEST
 from placefield.matching.candidate import Candidate
-from placefield_tools.dashboard.state import Answer
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.verdict import belief_of, verdict_of
 
 
@@ -37,15 +37,15 @@ HERE, AWAY = candidate((3, 0.9), (4, 0.05)), candidate((3, 0.1), (4, 0.05))
 @pytest.mark.parametrize(
     ("given", "words", "kind"),
     [
-        (answer(match(None, known=None, place=-1)), "no answer", "plain"),
+        (answer(match(None, known=None, place=-1)), "no place", "plain"),
         (answer(match(None, known=None), rule="ams"), "matched", "plain"),
         (answer(match(0.996, known=True), HERE), "known, 99.6 %", "known"),
-        (answer(match(0.985), HERE), "likely, 98.5 % (99 % asked)", "unsure"),
-        (answer(match(0.4), HERE), "unknown, 40.0 % (99 % asked)", "unsure"),
-        (answer(match(0.1), AWAY), "not on this route", "unsure"),
-        (answer(match(0.1), AWAY, sequence=5), "looking for the place", "unsure"),
-        (answer(match(0.1)), "unknown, 10.0 % (99 % asked)", "unsure"),
-        (answer(match(0.1, too_fast=True), AWAY), "faster than the map resolves", "unsure"),
+        (answer(match(0.985), HERE), "likely, 98.5 % (99 % asked)", "likely"),
+        (answer(match(0.4), HERE), "unknown, 40.0 % (99 % asked)", "unknown"),
+        (answer(match(0.1), AWAY), "not on this route", "unknown"),
+        (answer(match(0.1), AWAY, sequence=5), "looking for the place", "unknown"),
+        (answer(match(0.1)), "unknown, 10.0 % (99 % asked)", "unknown"),
+        (answer(match(0.1, too_fast=True), AWAY), "faster than the map resolves", "unknown"),
     ],
 )
 def test_the_verdict_says_what_the_answer_comes_to(given: Answer, words: str, kind: str) -> None:

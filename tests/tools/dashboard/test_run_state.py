@@ -1,16 +1,21 @@
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage
+from placefield.config import BusConfig
 from placefield.maps.digest import NO_DIGEST
 from placefield.maps.map import Map
+from placefield_tools.dashboard.commands import Commands
 from placefield_tools.dashboard.run_state import RunState, run_state
 from placefield_tools.dashboard.state import LiveState
 from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 OTHER = "f" * 16
+COMMANDS = Commands("night", Path("my maps/route.pfmap"), BusConfig().endpoint)
+UP = "placefield up 'my maps/route.pfmap' --run night"
 
 
 @pytest.fixture
@@ -20,7 +25,7 @@ def state(route_map: Map) -> LiveState:
 
 def found(state: LiveState, *missing: str, connected: bool = True) -> RunState:
     status = RunStatus(None, None, None, (), missing)
-    return run_state(state, status, connected=connected, run="night")
+    return run_state(state, status, connected=connected, commands=COMMANDS)
 
 
 def add(state: LiveState, *, digest: str = NO_DIGEST) -> None:
@@ -45,32 +50,66 @@ def test_what_is_wrong_comes_before_what_is_going_on(state: LiveState) -> None:
     assert (gone.name, gone.is_current) == ("router-gone", False)
     missing = found(state, "fuser", "channel 2")
     assert (missing.name, missing.is_current) == ("services-missing", False)
-    assert missing.words == (
-        "Not running: fuser, channel 2. Start them with 'placefield up MAP --run night'."
-    )
+    assert missing.words == (f"Not running: fuser, channel 2. Start them with '{UP}'.")
     assert found(state, "channel 2").is_current  # the others still answer
 
 
-def test_answers_of_another_map_are_named_as_such(state: LiveState) -> None:
-    add(state, digest=OTHER)
-    wrong = found(state)
-    assert (wrong.name, wrong.is_current) == ("wrong-map", False)
-    assert f"of map {OTHER}, and this page has {NO_DIGEST}" in wrong.words
+def test_the_services_that_are_missing_and_those_that_are_silent_are_named_together(
+    state: LiveState,
+) -> None:
+    hanging = ServiceStatus("channel", "a", None, None, None, None, None, True, {"received": 1})
+    status = RunStatus(None, None, None, (hanging,), ("fuser",))
+    words = run_state(state, status, connected=True, commands=COMMANDS).words
+    assert words == (
+        f"Not running: fuser. Start them with '{UP}'. "
+        "Running, but silent: channel. See the log of 'placefield up'."
+    )
+
+
+def served(state: LiveState, **maps: str) -> RunState:
+    services = tuple(
+        ServiceStatus(name, "a", None, None, None, None, None, False, {}, digest)
+        for name, digest in maps.items()
+    )
+    return run_state(
+        state, RunStatus(None, None, None, services, ()), connected=True, commands=COMMANDS
+    )
+
+
+def test_a_page_of_another_map_than_the_services_names_both_and_what_to_run(
+    state: LiveState,
+) -> None:
+    words = (
+        f"Wrong map: this page shows my maps/route.pfmap (digest {NO_DIGEST}), but the services "
+        f"use another map (digest {OTHER}). Start the page with their map: 'placefield dashboard "
+        f"MAP --run night', or the services with this one: '{UP}'. 'placefield inspect MAP' says "
+        "the digest of a map."
+    )
+    assert served(state, fuser=OTHER) == RunState("wrong-map", words, is_current=False)
+    add(state, digest=OTHER)  # before a service has reported
+    assert found(state).words == words
     add(state)
     assert found(state).name == "live"
-    assert found(state, f"fuser ab on map {NO_DIGEST}: it has {OTHER}").name == "wrong-map"
+
+
+def test_a_service_of_another_map_than_the_others_is_named(state: LiveState) -> None:
+    assert served(state, fuser=NO_DIGEST).name == "idle"
+    assert served(state, fuser=NO_DIGEST, channel=OTHER).words == (
+        f"Wrong map: channel with another map (digest {OTHER}), this page and the other services "
+        f"with my maps/route.pfmap (digest {NO_DIGEST}). Start all services with one map: '{UP}'."
+    )
 
 
 def test_a_service_that_hangs_is_as_bad_as_one_that_is_missing(state: LiveState) -> None:
     def of(service: str, **counts: int) -> RunState:
         hanging = ServiceStatus(service, "a", None, None, None, None, None, True, counts)
         status = RunStatus(None, None, None, (hanging,), ())
-        return run_state(state, status, connected=True, run="night")
+        return run_state(state, status, connected=True, commands=COMMANDS)
 
     add(state)
     assert of("channel", received=3) == RunState(
         "services-missing",
-        "Running, but silent: channel. Look into the log of 'placefield up'.",
+        "Running, but silent: channel. See the log of 'placefield up'.",
     )
     assert not of("fuser", received=3).is_current
     assert of("fuser").name == "live"  # it has just begun

@@ -1,13 +1,16 @@
+import numpy as np
 import pytest
 
 from placefield.bus.message import Header
 from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.digest import NO_DIGEST
+from placefield.matching.candidate import Candidate
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.stream_summary import StreamSummary
 
 
-def first(place: int, *, known: bool | None) -> MatchMessage:
-    return MatchMessage(map=NO_DIGEST, place=place, score=1.0, known=known)
+def first(place: int, *, known: bool | None, probability: float | None = None) -> MatchMessage:
+    return MatchMessage(map=NO_DIGEST, place=place, score=1.0, known=known, probability=probability)
 
 
 def later(place: int, *, known: bool) -> SmoothedMessage:
@@ -48,29 +51,59 @@ def test_a_correction_says_what_later_frames_changed(
     assert summary.corrected == len(summary.corrections)
 
 
+def add(
+    summary: StreamSummary,
+    sequence: int,
+    match: MatchMessage,
+    *,
+    missed: int = 0,
+    belief: float = 1.0,
+    live: bool = False,
+) -> None:
+    """Add a frame's answer, with so much belief in the map's places."""
+    header = Header(stream="s", sequence=sequence, stamp_ns=0, live=live)
+    evidence = np.array([belief], np.float32)
+    candidate = Candidate(match.place, belief, np.array([match.place], np.int32), evidence)
+    summary.add(Answer(0, header, match, "filter", {0: candidate}, None), missed)
+
+
 def test_a_stream_is_summed_up_in_words() -> None:
     summary = StreamSummary("s", tolerance=3)
-    summary.add(0, first(1, known=False), 0)
-    summary.add(1, first(2, known=True), 0)
-    assert summary.words() == "2 frames, 1 known at once, none corrected later, no gap"
-    summary.add(5, first(6, known=True), 3)
+    add(summary, 0, first(1, known=False))
+    add(summary, 1, first(2, known=True))
+    assert summary.words() == "2 frames, 1 known at once, none corrected later, none missed"
+    add(summary, 5, first(6, known=True), missed=3)
     summary.compare(HEADER, first(9, known=True), later(40, known=True))
     assert summary.words() == "3 frames, 2 known at once, 1 corrected later, 3 missed"
 
 
 def test_a_rule_that_does_not_say_known_is_not_summed_up_so() -> None:
     summary = StreamSummary("s", tolerance=3)
-    summary.add(0, first(1, known=None), 0)
-    assert summary.words() == "1 frame, no gap"
+    add(summary, 0, first(1, known=None))
+    assert summary.words() == "1 frame, none missed"
 
 
-def test_the_stretches_that_are_not_known_are_listed() -> None:
+def test_a_live_stream_drops_frames_and_misses_none() -> None:
     summary = StreamSummary("s", tolerance=3)
-    for sequence, known in enumerate([False, False, True, False, True, True, False]):
-        summary.add(10 + sequence, first(sequence, known=known), 0)
-    summary.add(30, first(9, known=False), 13)
-    assert [(one.words(), one.middle) for one in summary.lost] == [
-        ("not known: frames 10 to 11", 10),
-        ("not known: frame 13", 13),
-        ("not known: frames 16 to 30", 23),
+    add(summary, 0, first(1, known=None), live=True)
+    assert summary.words() == "1 frame"
+
+
+def test_the_stretches_that_are_not_known_are_listed_with_their_verdicts() -> None:
+    summary = StreamSummary("s", tolerance=3)
+    likely = first(9, known=False, probability=0.9)
+    unknown = first(9, known=False, probability=0.1)
+    add(summary, 10, unknown, belief=0.1)
+    add(summary, 11, first(9, known=True))
+    add(summary, 12, likely)
+    add(summary, 13, likely)
+    add(summary, 14, first(9, known=True))
+    add(summary, 26, likely, missed=11)
+    add(summary, 27, unknown)
+    for sequence in (28, 30):
+        add(summary, sequence, unknown, belief=0.1)
+    assert [(one.words(), one.middle, one.kind) for one in summary.lost] == [
+        ("frame 10: looking for the place", 10, "unknown"),
+        ("frames 12 to 13: likely", 12, "likely"),
+        ("frames 26 to 30: 2 not on this route, 1 likely, 1 unknown", 28, "unknown"),
     ]

@@ -5,8 +5,8 @@ import socket
 
 import pytest
 
+from placefield.bus.connecting import open_router
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_router
 from placefield.config import BusConfig
 from placefield_tools.cli.main import main
 from placefield_tools.doctor.finding import Finding, Health

@@ -41,7 +41,7 @@ def test_how_many_places_have_no_pose_is_reported(route_map: Map) -> None:
 
 def test_how_images_are_decoded_is_reported(route_map: Map) -> None:
     reported = map_facts(route_map)["decoding"]
-    assert reported == "JPEG to a part of its size, of at least 256 pixels a side"
+    assert reported == "JPEG to a part of its size, of at least 240 pixels a side"
     whole = replace(route_map, model=replace(route_map.model, least_side=None))
     assert map_facts(whole)["decoding"] == "whole frames"
 

@@ -13,12 +13,13 @@ from frame_folders import uneven_drive
 from lenses import pinhole
 
 from placefield.bus import sending
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.credits import WINDOW
 from placefield.bus.inbox import Received
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FrameMessage, MatchMessage
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, SourceError
 from placefield.features.calibration import Calibration

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from bus_readers import await_reader
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
 from placefield.bus.messages import OdometryMessage, StatsMessage
-from placefield.bus.session import Bus, open_bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig
 from placefield.features.frames import Frame
 from placefield_tools.replay.vehicle_odometry import Odometry

@@ -1,8 +1,8 @@
 import time
 from collections.abc import Callable
 
+from placefield.bus.connecting import open_bus, open_router
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus, open_router
 from placefield.config import BusConfig
 from placefield_tools.status.statistics import RunsListener
 

@@ -161,20 +161,23 @@ def test_counts_of_what_is_no_fault_are_named_as_such() -> None:
     assert counts_in_words({"late": 1}) == "sent twice or late, no fault: late 1"
 
 
-@pytest.mark.parametrize("digest", [None, "a" * 16, "b" * 16])
-def test_a_service_with_another_map_than_the_fuser_or_the_one_that_is_shown_is_missing(
-    digest: str | None,
-) -> None:
-    record = RunRecord()
-    maps = {"featurizer/f1": "a", "fuser/u1": "a", "channel/c1": "b", "channel/old": "c"}
+def test_a_service_with_another_map_than_the_fuser_is_missing(record: RunRecord) -> None:
+    maps = {"fuser/u1": "a", "channel/c1": "b", "channel/old": "c"}
     for name, of in maps.items():
         service, process = name.split("/")
         own = stats(service, 1, channels=2).model_copy(update={"map": of * 16})
         record.update(service, process, own, 5.0)
-    own = digest or "a" * 16
-    absent = record.status(tokens(*WHOLE), 6.0, digest).missing
-    assert sorted(absent) == sorted(
-        f"{name.replace('/', ' ')} on map {own}: it has {of * 16}"
-        for name, of in maps.items()
-        if of * 16 != own and name != "channel/old"  # that one is dead
-    )
+    status = record.status(tokens(*WHOLE), 6.0)  # the old worker is dead
+    assert status.missing == (f"channel c1 on map {'a' * 16}: it has {'b' * 16}",)
+    found = {each.name: each.map for each in status.services}
+    assert found == {
+        "channel 0": "b" * 16,
+        "channel 1": "b" * 16,
+        "featurizer": None,
+        "fuser": "a" * 16,
+    }
+
+
+def test_a_shard_is_named_with_its_channel(record: RunRecord) -> None:
+    [shard] = record.status(tokens("channel/2.0of4-c1"), 6.0).services
+    assert shard.name == "channel 2, shard 0/4"

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys, part_of, service_and_identity
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.maps.manifest import SUFFIX
 from placefield.maps.store import save_map

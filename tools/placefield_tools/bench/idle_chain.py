@@ -14,11 +14,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys, Part
 from placefield.bus.message import Message
 from placefield.bus.messages import MatchMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.maps.digest import NO_DIGEST
 from placefield_services.forkserver import Program
@@ -98,7 +99,7 @@ def _run_host(shape: Shape, config: Config, stop: threading.Event) -> None:
     commands = {"featurizer": [*own, "featurizer"], "fuser": [*own, "fuser"]}
     for worker in range(len(shape.workers)):
         commands[f"channel worker {worker}"] = [*own, "channel", "--worker", str(worker)]
-    program = Program(_run_service, preload=[__spec__.name])
+    program = Program(_run_service, preload=[run_host.__module__])
     run_host(program, commands, shape.channels, config, stop, lambda: print("ready", flush=True))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig
 from placefield_tools.bench.figure import Figure
 from placefield_tools.bench.host_chain import Chain, started

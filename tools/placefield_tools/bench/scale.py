@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.bus.session import open_bus
+from placefield.bus.connecting import open_bus
 from placefield.config import BusConfig, Config
 from placefield.fusion.match import Match
 from placefield.maps.manifest import SUFFIX

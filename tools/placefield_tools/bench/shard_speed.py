@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
-from placefield.bus.session import open_bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield.fusion.match import Match

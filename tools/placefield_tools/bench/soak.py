@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
 from placefield.bus.messages import MatchMessage
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config, FeatureConfig, ScaleConfig
 from placefield.errors import BusError
 from placefield.features.frames import Frame

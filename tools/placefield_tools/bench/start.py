@@ -12,10 +12,11 @@ from typing import Any
 
 import psutil  # type: ignore[import-untyped]
 
+from placefield.bus.connecting import open_router
 from placefield.bus.keys import Keys
 from placefield.bus.message import Header
 from placefield.bus.messages import FeatureMessage
-from placefield.bus.session import Bus, open_router
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield.maps.manifest import SUFFIX

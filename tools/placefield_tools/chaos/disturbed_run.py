@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError, MessageError
 from placefield.maps.opening import open_map

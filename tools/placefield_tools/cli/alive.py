@@ -34,8 +34,8 @@ def _alive(
       placefield alive fuser
       placefield alive channel --channel 2
     """
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys, part_of, service_and_identity
-    from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError
 
     if channel is not None and service != "channel":

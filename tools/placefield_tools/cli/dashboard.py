@@ -42,11 +42,12 @@ def _dashboard(
       placefield dashboard route.pfmap
       placefield dashboard route.pfmap --run night --port 8081
     """
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys
-    from placefield.bus.session import open_bus
     from placefield.errors import ConfigError
     from placefield_services.map_versions import MapVersions, PreparedVersions
     from placefield_services.process import stop_of_service
+    from placefield_tools.dashboard.commands import Commands
     from placefield_tools.dashboard.feed import Feed
     from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
     from placefield_tools.dashboard.state import LiveState, ShownMap
@@ -75,8 +76,9 @@ def _dashboard(
         warn_of_other_runs(bus, run_name)
         prepared = PreparedVersions(versions, ShownMap.of)
         feed = Feed(bus, Keys(run_name), state, prepared.pop_all)
+        commands = Commands(run_name, map_path, effective.bus.endpoint)
         precision = effective.matching.precision
-        site = Site(run_name, map_path.stem, state, feed, replay, precision)
+        site = Site(commands, state, feed, replay, precision)
         try:
             serve(site, host, port, name or (), ready)
         finally:

@@ -32,7 +32,7 @@ def _fetch(
     Examples:
       placefield fetch route --endpoint tcp/10.0.0.2:7557
     """
-    from placefield.bus.session import open_bus
+    from placefield.bus.connecting import open_bus
     from placefield.errors import ConfigError
     from placefield.maps.manifest import SUFFIX
     from placefield_services.process import stop_event

@@ -55,9 +55,9 @@ def _listen(
       placefield listen --run rear --json
       placefield listen --map town.pfmap
     """
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys
     from placefield.bus.refusing import count_refused
-    from placefield.bus.session import open_bus
     from placefield.errors import MessageError
     from placefield.maps.opening import open_map
     from placefield_services.process import stop_event

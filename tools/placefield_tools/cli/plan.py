@@ -14,7 +14,8 @@ from placefield.config import BusConfig
 from placefield_tools.cli import options
 
 if TYPE_CHECKING:
-    from placefield_tools.plan.host_plan import Plan, Process
+    from placefield_tools.plan.host_plan import Plan
+    from placefield_tools.plan.process_cost import Process
 
 _PORT = BusConfig().endpoint.rpartition(":")[2]
 
@@ -57,7 +58,8 @@ def _plan(
       placefield plan city.pfmap --hosts 4 --cores 2 --memory 1.5
     """
     from placefield.maps.manifest import read_manifest
-    from placefield_tools.plan.host_plan import loads_of, plan, services_of, with_describers
+    from placefield_tools.plan.host_plan import plan, with_describers
+    from placefield_tools.plan.process_cost import loads_of, services_of
 
     names = _names(hosts)
     memory_bytes = math.inf if memory is None else memory * 1e9

@@ -58,8 +58,8 @@ def _replay(
       placefield replay drive.bag --topic /camera/image_raw/compressed --spacing 0.5
       placefield replay rtsp://192.168.0.10/stream
     """
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys
-    from placefield.bus.session import open_bus
     from placefield.errors import SourceError
     from placefield_services.process import stop_event
     from placefield_tools.replay.replay_source import replay

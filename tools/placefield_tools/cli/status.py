@@ -52,8 +52,8 @@ def _status(
     """
     from rich.console import Console
 
+    from placefield.bus.connecting import open_bus
     from placefield.bus.keys import Keys
-    from placefield.bus.session import open_bus
     from placefield.errors import BusError, ConfigError
     from placefield_services.process import stop_event
     from placefield_tools.listen.match_queue import warn_of_other_runs

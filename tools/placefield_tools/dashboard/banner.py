@@ -15,9 +15,7 @@ class Banner:
             ui.element("section").classes("banner live").props('aria-label="State"') as self._banner
         ):
             self._words = ui.label("").props("role=status data-shown=state")
-            self._command = ui.html(
-                f"placefield replay SOURCE --run {site.run}", sanitize=True, tag="code"
-            )
+            self._command = ui.html(site.commands.replay, sanitize=True, tag="code")
 
     def show(self, state: RunState) -> None:
         """Show the state of the run."""

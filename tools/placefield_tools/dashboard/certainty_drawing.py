@@ -7,6 +7,8 @@ than the 16.7 ms between two pictures of the screen; this takes about one.
 from collections.abc import Sequence
 
 from placefield.bus.messages import MatchMessage, SmoothedMessage
+from placefield_tools.dashboard.marks import marks_drawing
+from placefield_tools.dashboard.verdict import kind_of
 
 HEIGHT = 100
 _MARGIN = 3  # above certainty, and below impossibility
@@ -24,7 +26,7 @@ def certainty_drawing(frames: Sequence[Drawn], columns: int, precision: float) -
         precision: the probability from which on a match is known.
     """
     rated = [
-        (column, match.probability, match.known)
+        (column, match.probability, kind_of(match))
         for column, match, _ in frames
         if match.probability is not None
     ]
@@ -33,14 +35,18 @@ def certainty_drawing(frames: Sequence[Drawn], columns: int, precision: float) -
         for column, _, match in frames
         if match is not None and match.probability is not None
     ]
-    unknown = "".join(f"M{_point(column, share)}h0" for column, share, known in rated if not known)
+    marks = [
+        (column + 0.5, _height(share), kind)
+        for column, share, kind in rated
+        if kind in ("likely", "unknown")
+    ]
     return "".join(
         [
             f'<path class="asked" d="M0 {_height(precision):.1f}H{columns}"/>',
             _line("score", _scores(frames)),
             _line("smoothed", later),
-            _line("sure", [(column, share) for column, share, _ in rated]),
-            f'<path class="unsure" d="{unknown}"/>',
+            _line("at-once", [(column, share) for column, share, _ in rated]),
+            marks_drawing(marks),
         ]
     )
 
@@ -62,12 +68,8 @@ def _scores(frames: Sequence[Drawn]) -> list[tuple[int, float]]:
 
 
 def _line(kind: str, shares: Sequence[tuple[int, float]]) -> str:
-    points = "L".join(_point(column, share) for column, share in shares)
+    points = "L".join(f"{column + 0.5:g} {_height(share):.1f}" for column, share in shares)
     return f'<path class="{kind}" d="M{points}"/>' if points else ""
-
-
-def _point(column: int, share: float) -> str:
-    return f"{column + 0.5:g} {_height(share):.1f}"
 
 
 def _height(share: float) -> float:

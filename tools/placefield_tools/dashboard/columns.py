@@ -5,7 +5,8 @@ from collections.abc import Callable
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from placefield_tools.dashboard.state import Answer, LiveState
+from placefield_tools.dashboard.answer import Answer
+from placefield_tools.dashboard.state import LiveState
 
 LOOK_BACK = 200
 """Number of columns, a frame each."""
@@ -53,7 +54,7 @@ class Columns:
     @property
     def words(self) -> str:
         """The columns in words."""
-        return f"frames {max(self._first, 0)} to {self._last} to the right"
+        return f"frames {max(self._first, 0)} to {self._last}, left to right"
 
     @property
     def _first(self) -> int:

@@ -13,6 +13,7 @@ from placefield.config import Rule
 from placefield.maps.map import MapChannel
 from placefield.matching.candidate import Candidate
 from placefield_tools.dashboard.fields import Window, firing_segment, heights
+from placefield_tools.dashboard.verdict import Kind
 
 FIELD_HEIGHT = 56
 _BASE, _TOP, _BAR = (
@@ -24,6 +25,7 @@ _BINS = 200  # of the evidence
 
 _MOST_POINTS = 2000  # of a route
 _LEAST_BELIEF = 0.01  # that is drawn
+_CROSS = "m-16 -16l32 32m0 -32l-32 32"
 _MOST_BELIEF = 70.0  # units that certainty is high
 
 
@@ -100,20 +102,6 @@ def _upright(name: str, x: float) -> str:
     return f'<path class="{name}" d="M{x:g} 0V{FIELD_HEIGHT}"/>'
 
 
-def path_drawing(places: Sequence[tuple[int, int, str]], count: int) -> str:
-    """Draw matches over a picture of distances, in units of a column and a hundredth of its height.
-
-    Args:
-        places: column in the picture, place, and the class in the page's style, of each match.
-        count: places that it is high.
-    """
-    dots: dict[str, str] = {}
-    for column, place, kind in places:
-        y = 100 * (1 - (place + 0.5) / count)
-        dots[kind] = dots.get(kind, "") + f"M{column + 0.5:g} {y:.2f}h0"
-    return "".join(f'<path class="{kind}" d="{drawn}"/>' for kind, drawn in dots.items())
-
-
 def column_drawing(column: int, height: int) -> str:
     """Draw the column that is looked at, a unit wide, in a drawing that is so many units high."""
     return f'<path class="column" d="M{column + 0.5:g} 0V{height}"/>'
@@ -160,22 +148,26 @@ class RouteDrawing:
         bar = f'<path class="bar" d="M{margin} {height - 16}h{bar_m * scale:.1f}"/>'
         return cls(width, height, _line(points) + bar, bar_m, points, poses[:, 2])
 
-    def match(self, place: int, recent: Sequence[int], *, is_guess: bool = False) -> str:
-        """Draw the match, and the places of the matches before it, if they are known."""
+    def match(self, place: int, recent: Sequence[int], kind: Kind) -> str:
+        """Draw the match by its kind, and the places of the matches before it, if they are known.
+
+        An unknown match is a cross; the others have the direction of the route there.
+        """
         passed = (f"M{x:.1f} {y:.1f}h0" for x, y in self._points[list(recent)] if not np.isnan(x))
         trail = "".join(dict.fromkeys(passed))  # each point once: most are the same on a long route
         x, y = self._points[place]
         drawn = f'<path class="trail" d="{trail}"/>'
         if np.isnan(x):
             return drawn
-        guess = " guess" if is_guess else ""
+        if kind == "unknown":
+            return f'{drawn}<path class="here unknown" d="M{x:.1f} {y:.1f}{_CROSS}"/>'
         if self._yaws is not None:
             turn = -np.degrees(self._yaws[place])
             drawn += (
-                f'<path class="heading{guess}" d="M34 0L12 -12L12 12Z" '
+                f'<path class="heading {kind}" d="M36 0L14 -13L14 13Z" '
                 f'transform="translate({x:.1f} {y:.1f}) rotate({turn:.1f})"/>'
             )
-        return f'{drawn}<circle class="here{guess}" cx="{x:.1f}" cy="{y:.1f}" r="12"/>'
+        return f'{drawn}<circle class="here {kind}" cx="{x:.1f}" cy="{y:.1f}" r="13"/>'
 
     def belief(self, places: NDArray[np.int32], beliefs: NDArray[np.float64]) -> str:
         """Draw the belief in each place: a line beside the route, the longer the likelier."""

@@ -120,7 +120,7 @@ class Feed:
 
     def status(self) -> RunStatus:
         """Return the status of the run's services."""
-        return self._listener.status(self._state.placemap.digest)
+        return self._listener.status()
 
     def _receive_feature(self, received: Received) -> None:
         self._listener.announce(received)

@@ -3,6 +3,8 @@
 from nicegui import ui
 
 from placefield.maps.map import MapChannel
+from placefield_tools.common.certainty import percent
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.drawings import (
     FIELD_HEIGHT,
     firing_drawing,
@@ -11,7 +13,6 @@ from placefield_tools.dashboard.drawings import (
 )
 from placefield_tools.dashboard.fields import Window, firing_segment, window_around
 from placefield_tools.dashboard.site import Site, card, svg
-from placefield_tools.dashboard.state import Answer
 
 
 class FieldsPanel:
@@ -32,8 +33,8 @@ class FieldsPanel:
         for row in self._rows:
             row.show(answer, window)
         self._words.text = (
-            f"places {window.first} to {window.end - 1}; bars: segments, the longer the higher. "
-            "Purple: the active segment, belief below it; dashed: the match"
+            f"places {window.first} to {window.end - 1}, left to right. Bars: segments, the longer "
+            "the higher; purple: the active segment, and the belief below; dashed: the match"
         )
 
 
@@ -67,9 +68,11 @@ class _Row:
             self._words.text = "no place"
         else:
             drawn += firing_drawing(self._channel, candidate, answer.rule, window)
-            certain = "belief" if answer.rule == "filter" else "score"
-            field = self._field(candidate.place)
-            self._words.text = f"{field} · {certain} {candidate.score:.3g}"
+            score = candidate.score
+            certain = (
+                f"belief {percent(score)}" if answer.rule == "filter" else f"score {score:.3g}"
+            )
+            self._words.text = f"{self._field(candidate.place)} · {certain}"
         self._firing.content = svg(drawn, window.size, FIELD_HEIGHT, "", stretch=True)
 
     def _field(self, place: int) -> str:

@@ -8,12 +8,13 @@ from nicegui.events import GenericEventArguments
 
 from placefield.fusion.match import FASTER
 from placefield.maps.geography import Origin
-from placefield_tools.common.certainty import percent
+from placefield_tools.common.certainty import certainty_of, percent
 from placefield_tools.common.place_words import place_words
 from placefield_tools.dashboard import drawings
+from placefield_tools.dashboard.answer import Answer
+from placefield_tools.dashboard.marks import KEY
 from placefield_tools.dashboard.site import Site, card, svg
-from placefield_tools.dashboard.state import Answer
-from placefield_tools.dashboard.verdict import belief_of, verdict_of
+from placefield_tools.dashboard.verdict import belief_of, kind_of, verdict_of
 
 STARTED = f"{time.time_ns():x}"
 """Keeps browsers from showing a cached picture of an earlier dashboard."""
@@ -39,7 +40,7 @@ class VerdictPanel:
             with ui.element("dl"):
                 self._place = _fact("place")
                 self._pose = _fact("position")
-                self._smoothed = _fact("later frames")
+                self._smoothed = _fact("later frames say")
             self._note = ui.label("").classes("warning").props("role=status data-shown=note")
 
     def show(self, answer: Answer) -> None:
@@ -47,24 +48,25 @@ class VerdictPanel:
         match = answer.match
         verdict = verdict_of(answer, self._site.precision)
         self._verdict.text = verdict.words
-        self._verdict.classes(replace=f"verdict {verdict.kind}")
+        self._verdict.classes(replace=f"verdict mark {verdict.kind}")
         named = place_words(match.place, self._graph).removeprefix("place ")
         guess = " (best guess)" if match.known is False else ""
         self._place.text = "none" if match.place < 0 else f"{named}{guess}"
         self._pose.text = self._where(answer)
         self._smoothed.text = self._later(answer)
         channels = ", ".join(map(str, match.missing))
-        self._note.text = f"without channel {channels}" if channels else ""
+        self._note.text = f"without channels {channels}" if channels else ""
 
     def _later(self, answer: Answer) -> str:
         """Say what later frames made of this frame's match."""
         smoothed = self._site.state.smoothed(answer)
         if smoothed is None:
-            return "not yet known"
+            return "nothing yet"
         if smoothed.too_fast:
             return FASTER
-        same = smoothed.place == answer.match.place
-        parts = ["the same place" if same else place_words(smoothed.place, self._graph)]
+        same = 0 <= smoothed.place == answer.match.place
+        place = "the same place" if same else place_words(smoothed.place, self._graph)
+        parts = ["unknown" if certainty_of(smoothed) == "unknown" else place]
         if smoothed.probability is not None:
             parts.append(percent(smoothed.probability))
         return ", ".join(parts)
@@ -101,7 +103,9 @@ class RoutePanel:
                 self._here = ui.html("", sanitize=False)
             bar = f"bar: {self._route.bar_m:g} m"
             words = bar if self._route.bar_m else f"places 0 to {self._places.count - 1}"
-            ui.label(f"{words} · green: belief · click: when was it there?").classes("quiet")
+            with ui.element("div").classes("key quiet"):
+                ui.html(KEY, sanitize=False)
+                ui.label(f"green: how likely each place is · {words} · click: when was it there?")
 
         def clicked(event: GenericEventArguments) -> None:
             place = self._route.nearest(*map(float, event.args))
@@ -123,7 +127,7 @@ class RoutePanel:
             if one.match.known is not False and 0 <= one.match.place < count
         ]
         if 0 <= place < count:
-            drawn += self._route.match(place, recent, is_guess=answer.match.known is False)
+            drawn += self._route.match(place, recent, kind_of(answer.match))
         self._here.content = self._svg(drawn, f"At place {place}")
 
 
@@ -161,7 +165,8 @@ class FramesPanel:
         """Return why the query frame is not shown, as the end of its caption."""
         if kept:
             return ""
-        return ": not kept" if self._site.placemap.places.has_thumbnails else ": a descriptor"
+        has_images = self._site.placemap.places.has_thumbnails
+        return ": the image is not kept" if has_images else ": a descriptor, no image"
 
 
 def _figure(name: str) -> tuple[ui.element, ui.label]:

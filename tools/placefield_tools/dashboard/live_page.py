@@ -7,15 +7,15 @@ from typing import Protocol
 from nicegui import ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.banner import Banner
 from placefield_tools.dashboard.columns import Columns
 from placefield_tools.dashboard.field_panel import FieldsPanel
 from placefield_tools.dashboard.first_row import FramesPanel, RoutePanel, VerdictPanel
 from placefield_tools.dashboard.panels import CertaintyPanel, LostPanel, MatrixPanel
 from placefield_tools.dashboard.run_state import run_state
-from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel, stop_button
+from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel
 from placefield_tools.dashboard.site import Site, page
-from placefield_tools.dashboard.state import Answer
 
 _DRAW_EVERY_S = 0.1
 _STATUS_EVERY_S = 1.0  # services report as often
@@ -68,7 +68,7 @@ class LivePage:
             MatrixPanel(site, columns),
         ]
         self._health = HealthPanel(site)
-        self._replay = ReplayPanel(site)
+        self._replay = ReplayPanel(site, self._stop)
         self._draw_status()
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
         ui.timer(_STATUS_EVERY_S, self._draw_status)
@@ -91,7 +91,7 @@ class LivePage:
             self._slider.on("update:model-value", self._look_back, throttle=0.05)
             self._moment = ui.label("no answer yet").classes("moment")
             self._moment.props("data-shown=moment")
-            stop_button(self._site)
+            self._stop = ui.button("Stop the replay").props("outline no-caps data-shown=stop")
         ui.keyboard(self._press).on("key", js_handler=_KEEP_STILL)
 
     def _press(self, pressed: KeyEventArguments) -> None:
@@ -160,10 +160,13 @@ class LivePage:
     def _draw_status(self) -> None:
         """Show the state of the run and its services; grey the match when no newer can come."""
         status = self._site.feed.status()
-        self._health.show(status)
         state = run_state(
-            self._state, status, connected=self._site.feed.connected, run=self._site.run
+            self._state,
+            status,
+            connected=self._site.feed.connected,
+            commands=self._site.commands,
         )
+        self._health.show(status, state)
         self._banner.show(state)
         self._replay.show(is_first=state.name == "idle")
         stale = not state.is_current

@@ -1,16 +1,19 @@
 """The panels of the live page below its first row; each updates only what has changed."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from nicegui import ui
 
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.dashboard import drawings
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.certainty_drawing import HEIGHT, certainty_drawing, score_range
 from placefield_tools.dashboard.columns import LOOK_BACK, Columns, LookBack
 from placefield_tools.dashboard.first_row import STARTED
+from placefield_tools.dashboard.marks import KEY, marks_drawing
 from placefield_tools.dashboard.site import Site, card, svg
-from placefield_tools.dashboard.state import Answer
+from placefield_tools.dashboard.verdict import Kind, kind_of
 
 _LISTED = 3  # stretches, and corrections
 
@@ -28,7 +31,9 @@ class CertaintyPanel:
                 with ui.element("div").classes("certainty") as drawing:
                     self._drawing = ui.html("", sanitize=False)
                 drawing.props("data-shown=certainty")
-            self._words = ui.label("no frame yet").classes("quiet")
+            with ui.element("div").classes("key quiet"):
+                ui.html(KEY, sanitize=False)
+                self._words = ui.label("no frame yet")
         columns.look_back_on_click(drawing)
 
     def show(self, answer: Answer) -> None:
@@ -43,7 +48,7 @@ class CertaintyPanel:
         self._drawing.content = svg(drawn, LOOK_BACK, HEIGHT, words, stretch=True)
         lowest, highest = score_range(frames) or (0.0, 0.0)
         self._words.text = (
-            f"{self._columns.words}. Blue: at once, green: smoothed, orange: not known; dashed: "
+            f"{self._columns.words}. Blue: at once; green: with later frames; dashed: the "
             f"{100 * self._precision:g} % asked; grey: score, {lowest:.3g} to {highest:.3g}"
         )
 
@@ -64,12 +69,24 @@ class LostPanel:
         if summary is None:
             return
         frames = counted(summary.frames, "frame")
-        self._words.text = f"corrected: {summary.corrected or 'none'} of {frames}"
-        self._lost.show([(one.words(), one.middle) for one in list(summary.lost)[-_LISTED:]])
-        corrections = list(summary.corrections)[-_LISTED:]
-        self._corrections.show(
-            [(one.words(self._graph), one.header.sequence) for one in corrections]
+        self._words.text = f"later frames corrected {summary.corrected or 'none'} of {frames}"
+        self._lost.show(
+            [_Listed(one.middle, one.words(), one.kind) for one in list(summary.lost)[-_LISTED:]]
         )
+        self._corrections.show(
+            [
+                _Listed(one.header.sequence, one.words(self._graph), "plain")
+                for one in list(summary.corrections)[-_LISTED:]
+            ]
+        )
+
+
+class _Listed(NamedTuple):
+    """A frame to look back to, in words, and how it is marked."""
+
+    frame: int
+    words: str
+    kind: Kind
 
 
 class _FrameList:
@@ -80,22 +97,24 @@ class _FrameList:
 
     def __init__(self, shown: str, look_back: LookBack) -> None:
         self._look_back = look_back
-        self._frames: list[int] = []
+        self._listed: list[_Listed] = []
         with ui.element("div").classes("stretches"):
-            self._buttons = [self._button(rank, shown) for rank in range(_LISTED)]
+            self._rows = [self._row(rank, shown) for rank in range(_LISTED)]
 
-    def _button(self, rank: int, shown: str) -> ui.button:
-        button = ui.button(on_click=lambda: self._look_back(self._frames[rank]))
+    def _row(self, rank: int, shown: str) -> tuple[ui.button, ui.label]:
+        button = ui.button(on_click=lambda: self._look_back(self._listed[rank].frame))
         button.props(f"flat no-caps align=left data-shown={shown}-{rank}").set_visibility(False)
-        return button
+        with button:
+            return button, ui.label("")
 
-    def show(self, frames: Sequence[tuple[str, int]]) -> None:
-        """Show at most ``_LISTED`` frames by their words, given oldest first."""
-        self._frames = [frame for _, frame in reversed(frames)]
-        for button, (words, _) in zip(self._buttons, reversed(frames), strict=False):
-            button.text = words
-        for rank, button in enumerate(self._buttons):
-            button.set_visibility(rank < len(frames))
+    def show(self, listed: Sequence[_Listed]) -> None:
+        """Show at most ``_LISTED`` frames, given oldest first."""
+        self._listed = [*reversed(listed)]
+        for (_, label), one in zip(self._rows, self._listed, strict=False):
+            label.text = one.words
+            label.classes(replace=f"mark {one.kind}")
+        for rank, (button, _) in enumerate(self._rows):
+            button.set_visibility(rank < len(listed))
 
 
 class MatrixPanel:
@@ -109,7 +128,9 @@ class MatrixPanel:
             with matrix:
                 self._picture = ui.element("img").props('alt="no distances yet" data-shown=matrix')
                 self._path = ui.html("", sanitize=False)
-            self._words = ui.label("no frame yet").classes("quiet")
+            with ui.element("div").classes("key quiet"):
+                ui.html(KEY, sanitize=False)
+                self._words = ui.label("no frame yet")
         columns.look_back_on_click(matrix)
 
     def show(self, answer: Answer) -> None:
@@ -119,23 +140,20 @@ class MatrixPanel:
         self._picture.props["src"] = f"/distances/{newest.number}.png?{STARTED}"
         self._picture.props["alt"] = "Distances of the last frames to all places, and the matches"
         self._words.text = (
-            f"{self._columns.words}, {self._count} places upwards; small distances are dark. "
-            "Blue: known, orange: not known, green: smoothed"
+            f"{self._columns.words}; {self._count} places, upwards. Small distances are dark. "
+            "Green: with later frames"
         )
-        at_once = [
-            (one, one.match.place, "sure" if one.match.known else "unsure") for one in answers
-        ]
+        at_once = [(one, one.match.place, kind_of(one.match)) for one in answers]
         smoothed = [(one, self._state.smoothed(one)) for one in answers]
         later = [
             (one, match.place, "smoothed")
             for one, match in smoothed
             if match is not None and match.known and match.place != one.match.place
         ]
-        dots = [
-            (self._columns.of(one), place, kind)
+        path = marks_drawing(
+            (self._columns.of(one) + 0.5, 100 * (1 - (place + 0.5) / self._count), kind)
             for one, place, kind in [*at_once, *later]
             if 0 <= place < self._count
-        ]
-        path = drawings.path_drawing(dots, self._count)
+        )
         path += drawings.column_drawing(self._columns.of(answer), 100)
         self._path.content = svg(path, LOOK_BACK, 100, "", stretch=True)

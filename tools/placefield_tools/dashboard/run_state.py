@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from placefield_tools.dashboard.missing_services import can_answer, silent
+from placefield_tools.dashboard.commands import Commands
+from placefield_tools.dashboard.service_words import can_answer, silent
 from placefield_tools.dashboard.state import LiveState
 from placefield_tools.status.service_status import RunStatus
 
@@ -24,27 +25,30 @@ class RunState:
     words: str = ""
     is_current: bool = True
 
+    @property
+    def is_fault(self) -> bool:
+        """Whether something must be mended."""
+        return self.name in ("router-gone", "services-missing", "wrong-map")
 
-def run_state(state: LiveState, status: RunStatus, *, connected: bool, run: str) -> RunState:
+
+def run_state(
+    state: LiveState, status: RunStatus, *, connected: bool, commands: Commands
+) -> RunState:
     """Return the state of a run.
 
     Args:
         state: the newest answers.
         status: of the services.
         connected: whether the router answers.
-        run: name of the run.
+        commands: that mend it.
     """
     if not connected:
-        return RunState("router-gone", "The router does not answer. Waiting for it.", False)
-    if wrong := _wrong_map(state, status):
+        gone = f"The router at {commands.endpoint} does not answer. Waiting for it."
+        return RunState("router-gone", gone, False)
+    if wrong := _wrong_map(state, status, commands):
         return RunState("wrong-map", wrong, False)
-    if status.missing:
-        names = ", ".join(status.missing)
-        words = f"Not running: {names}. Start them with 'placefield up MAP --run {run}'."
-        return RunState("services-missing", words, can_answer(status))
-    if hanging := silent(status):
-        words = f"Running, but silent: {', '.join(hanging)}. Look into the log of 'placefield up'."
-        return RunState("services-missing", words, can_answer(status))
+    if absent := _absent(status, commands):
+        return RunState("services-missing", absent, can_answer(status))
     if state.ended is not None and state.summary is not None:
         return RunState("ended", f"The stream is over: {state.summary.words()}.")
     if not state.answers:
@@ -52,13 +56,35 @@ def run_state(state: LiveState, status: RunStatus, *, connected: bool, run: str)
     return RunState("live")
 
 
-def _wrong_map(state: LiveState, status: RunStatus) -> str:
-    """Name what has another map than this page; empty if nothing has."""
+def _absent(status: RunStatus, commands: Commands) -> str:
+    """Name the services that are missing or silent, and say what to do; empty if all are there."""
+    words = []
+    if status.missing:
+        words.append(f"Not running: {', '.join(status.missing)}.")
+        words.append(f"Start them with '{commands.up}'.")
+    if hanging := silent(status):
+        words.append(f"Running, but silent: {', '.join(hanging)}.")
+        words.append("See the log of 'placefield up'.")
+    return " ".join(words)
+
+
+def _wrong_map(state: LiveState, status: RunStatus, commands: Commands) -> str:
+    """Say who has another map than this page, and what to do; empty if nobody has."""
     own = state.placemap.digest
-    if state.foreign_map is not None:
+    maps = {each.name: each.map for each in status.services if each.map is not None}
+    others = {name: digest for name, digest in maps.items() if digest != own}
+    found = {*others.values(), *filter(None, [state.foreign_map])}
+    if not found:
+        return ""
+    another = f"another map (digest {', '.join(sorted(found))})"
+    shown = f"{commands.map_path} (digest {own})"
+    if own in maps.values():
         return (
-            f"Wrong map: the answers are of map {state.foreign_map}, and this page has {own}. "
-            "Start the dashboard with the map of the services."
+            f"Wrong map: {', '.join(others) or 'a service'} with {another}, this page and the "
+            f"other services with {shown}. Start all services with one map: '{commands.up}'."
         )
-    others = [each for each in status.missing if " on map " in each]
-    return f"Wrong map: {'; '.join(others)}." if others else ""
+    return (
+        f"Wrong map: this page shows {shown}, but the services use {another}. Start the page with "
+        f"their map: '{commands.dashboard}', or the services with this one: '{commands.up}'. "
+        "'placefield inspect MAP' says the digest of a map."
+    )

@@ -4,14 +4,16 @@ import math
 
 from nicegui import ui
 
-from placefield_tools.dashboard.missing_services import missing_in_words, slowest_in_words
+from placefield_tools.dashboard.run_state import RunState
+from placefield_tools.dashboard.service_words import slowest_in_words, state_in_words
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
 _COLUMNS = {
     "service": "service",
+    "state": "state",
     "identity": "identity",
-    "frame": "frame",
+    "frame": "last frame",
     "behind": "frames behind",
     "rate": "frames/s",
     "gaps": "missed",
@@ -21,9 +23,33 @@ _COLUMNS = {
 _TILES = {
     "rate": "frames per second",
     "behind": "frames behind",
-    "gaps": "frames missed",
-    "partial": "answered in part",
+    "gaps": "missed so far",
+    "partial": "answered in part so far",
 }
+_ITEM = """
+    <details class="service" :key="props.key">
+        <summary>
+            <span class="strong">{{ props.row.service }}</span>
+            <span :class="props.row.state == 'silent' && 'warning'">{{ props.row.state }}</span>
+        </summary>
+        <dl>
+            <div v-for="column in props.cols.slice(2)" :key="column.name">
+                <dt>{{ column.label }}</dt><dd>{{ column.value || "–" }}</dd>
+            </div>
+        </dl>
+    </details>
+"""
+"""A service on a narrow page: the first two columns, and the others on request."""
+
+_WHY = {
+    "dropped": "faster than this page reads",
+    "malformed": "unreadable",
+    "foreign": "of another map",
+    "missed": "that did not come",
+}
+"""Why messages are not shown, by the name of their count."""
+
+_DRAW_EVERY_S = 0.5
 _APART = ("gaps", "partial")  # counts that have a column of their own
 
 
@@ -43,15 +69,15 @@ class HealthPanel:
                     {"name": name, "field": name, "label": label, "align": "left"}
                     for name, label in _COLUMNS.items()
                 ],
-            ).props('dense flat :grid="Quasar.Screen.lt.md"')
+            ).props('dense flat wrap-cells :grid="Quasar.Screen.lt.md"')
+            self._table.add_slot("item", _ITEM)
             self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
-    def show(self, status: RunStatus) -> None:
-        """Show the current status of the run."""
-        absent = missing_in_words(status)
-        slow = slowest_in_words(status)
-        self._verdict.text = absent or f"all services are running{slow}"
-        self._verdict.classes(**({"add": "warning"} if absent else {"remove": "warning"}))
+    def show(self, status: RunStatus, state: RunState) -> None:
+        """Show the current status of the services, and what is the matter with the run."""
+        all_well = f"all services are running{slowest_in_words(status)}"
+        self._verdict.text = state.words if state.is_fault else all_well
+        self._verdict.classes(**({"add": "warning"} if state.is_fault else {"remove": "warning"}))
         for name, value in _whole(status).items():
             self._tiles[name].text = value
         rows = [_row(service) for service in status.services]
@@ -62,9 +88,9 @@ class HealthPanel:
     def _not_shown(self) -> str:
         """Name the messages that this page could not show."""
         feed, state = self._site.feed, self._site.state
-        counts = {"too fast for this page": feed.dropped, **feed.counts, **state.counts}
-        counted = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-        return f"messages not shown: {counted}" if counted else ""
+        counts = {"dropped": feed.dropped, **feed.counts, **state.counts}
+        named = ", ".join(f"{count} {_WHY[name]}" for name, count in counts.items() if count)
+        return f"messages not shown: {named}" if named else ""
 
 
 def _tile(words: str) -> ui.label:
@@ -95,31 +121,25 @@ def _sum(status: RunStatus, name: str) -> int:
 
 
 def _row(service: ServiceStatus) -> dict[str, str]:
-    rate = "" if service.rate is None else f"{service.rate:.1f}"
     others = {name: count for name, count in service.counts.items() if name not in _APART}
     return {
-        "service": service.service,
+        "service": service.name,
+        "state": state_in_words(service),
         "identity": service.identity,
         "frame": "" if service.sequence is None else str(service.sequence),
         "behind": "" if service.behind is None else str(service.behind),
-        "rate": "silent" if service.silent else rate,
+        "rate": "" if service.rate is None else f"{service.rate:.1f}",
         **{name: str(service.counts.get(name, 0)) for name in _APART},
         "counts": counts_in_words(others),
     }
 
 
-def stop_button(site: Site) -> None:
-    """Add a button that stops the replay of this page, while it runs."""
-    button = ui.button("Stop the replay", on_click=site.replay.stop)
-    button.props("outline no-caps data-shown=stop")
-    ui.timer(0.5, lambda: button.set_visibility(site.replay.runs))
-
-
 class ReplayPanel:
-    """Starts a replay; see ``stop_button``."""
+    """Starts a replay, and shows a button that stops it while it runs."""
 
-    def __init__(self, site: Site) -> None:
-        self._replay = site.replay
+    def __init__(self, site: Site, stop: ui.button) -> None:
+        """Show the button ``stop``, which is elsewhere on the page, while a replay runs."""
+        self._replay, self._stop = site.replay, stop
         self._is_first = False
         with card("Replay", "third replay") as self._card, ui.element("div").classes("form"):
             self._source = ui.input("Source: a folder, a video, camera:0").props(
@@ -137,7 +157,8 @@ class ReplayPanel:
                 self._start.props("unelevated no-caps data-shown=start")
             self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
-        ui.timer(0.5, self._draw)
+        stop.on_click(self._stop_replay)
+        ui.timer(_DRAW_EVERY_S, self._draw)
 
     def show(self, *, is_first: bool) -> None:
         """Show the panel first, where no frame has come yet, or last."""
@@ -153,6 +174,12 @@ class ReplayPanel:
             )
         self._draw()
 
+    def _stop_replay(self) -> None:
+        self._replay.stop()
+        self._draw()
+
     def _draw(self) -> None:
         self._status.text = self._replay.status
-        self._start.set_enabled(not self._replay.runs)
+        runs = self._replay.runs
+        self._start.set_enabled(not runs)
+        self._stop.set_visibility(runs)

@@ -10,6 +10,7 @@ from nicegui import app, ui
 
 from placefield.maps.map import Map
 from placefield_tools.dashboard.charts import Options
+from placefield_tools.dashboard.commands import Commands
 from placefield_tools.dashboard.feed import Feed
 from placefield_tools.dashboard.replay_process import ReplayChild
 from placefield_tools.dashboard.state import LiveState
@@ -30,16 +31,14 @@ class Site:
     """A run, its map, and the replay that the page may start.
 
     Attributes:
-        run: name of the run.
-        map_name: name of its map.
+        commands: for the run and its map.
         state: the newest answers of the run, and the version of the map that they are of.
         feed: the run's messages, which update the state.
         replay: the replay that the page starts and stops.
         precision: the probability from which on a match is known.
     """
 
-    run: str
-    map_name: str
+    commands: Commands
     state: LiveState
     feed: Feed
     replay: ReplayChild
@@ -61,7 +60,7 @@ def page(site: Site, current: str) -> Iterator[ui.element]:
     ui.add_css(_STYLE)
     with ui.header(fixed=False).classes("top"):
         ui.html("Placefield", sanitize=False, tag="h1")
-        ui.label(f"run {site.run} · map {site.map_name}").classes("quiet")
+        ui.label(f"run {site.commands.run} · map {site.commands.map_path.stem}").classes("quiet")
         with ui.element("nav").props('aria-label="Pages"'):
             for name, path in _PAGES.items():
                 link = ui.link(name, path)

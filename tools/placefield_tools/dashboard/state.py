@@ -16,6 +16,7 @@ from placefield.errors import FrameError, MessageError
 from placefield.fusion.shard_joiner import ShardJoiner
 from placefield.maps.map import Map, fingerprint
 from placefield.matching.candidate import Candidate
+from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.distance_columns import DistanceColumns, Row
 from placefield_tools.dashboard.fields import thinned
 from placefield_tools.dashboard.stream_summary import StreamSummary
@@ -25,28 +26,6 @@ KEPT = 600
 
 _KEPT_BYTES = 64 * 2**20  # encoded frames of the kept answers
 _UNDER_WAY = 256  # frames that are not answered yet
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """An answered frame.
-
-    Attributes:
-        number: number of the answer, from 0, across all streams.
-        header: header of the frame.
-        match: match of the frame.
-        rule: rule that made the channels' candidates; None if no candidate came.
-        candidates: candidate by channel, see ``thinned``.
-        distances: distances to the places, in the columns of ``DistanceColumns``; None if no
-            descriptor of this map came.
-    """
-
-    number: int
-    header: Header
-    match: MatchMessage
-    rule: Rule | None
-    candidates: dict[int, Candidate]
-    distances: Row | None
 
 
 @dataclass
@@ -235,7 +214,7 @@ class LiveState:
         self.ended = None
         if self.summary is None or self.summary.stream != header.stream:
             self.summary = StreamSummary(header.stream, self._tolerance)
-        self.summary.add(header.sequence, match, missed)
+        self.summary.add(answer, missed)
         self._compare(answer)
 
     def add_smoothed(self, header: Header, payload: bytes) -> None:

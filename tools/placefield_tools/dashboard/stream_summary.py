@@ -1,6 +1,7 @@
 """What the matches of a stream come to, and which of them later frames corrected."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from placefield.bus.message import Header
@@ -8,6 +9,8 @@ from placefield.bus.messages import MatchMessage, SmoothedMessage
 from placefield.maps.route_graph import RouteGraph
 from placefield_tools.common.natural_sort import counted
 from placefield_tools.common.place_words import place_words
+from placefield_tools.dashboard.answer import Answer
+from placefield_tools.dashboard.verdict import Kind, verdict_name
 
 _SHOWN = 50  # corrections, and stretches, that are kept
 
@@ -43,22 +46,32 @@ class Lost:
 
     Attributes:
         first: number of its first frame.
-        last: number of its last frame so far.
+        last: number of its last frame.
+        verdicts: how many frames have each verdict, by its name, in the order of their coming.
     """
 
     first: int
     last: int
+    verdicts: Mapping[str, int]
 
     @property
     def middle(self) -> int:
         """The number of the frame in its middle."""
         return (self.first + self.last) // 2
 
+    @property
+    def kind(self) -> Kind:
+        """How it is marked: as likely, if all of it is."""
+        return "likely" if set(self.verdicts) == {"likely"} else "unknown"
+
     def words(self) -> str:
-        """Say which frames these are."""
-        if self.first == self.last:
-            return f"not known: frame {self.first}"
-        return f"not known: frames {self.first} to {self.last}"
+        """Say which frames these are, and their verdicts, the most frequent first."""
+        is_one = self.first == self.last
+        frames = f"frame {self.first}" if is_one else f"frames {self.first} to {self.last}"
+        ranked = sorted(self.verdicts.items(), key=lambda each: -each[1])
+        if len(ranked) == 1:
+            return f"{frames}: {ranked[0][0]}"
+        return f"{frames}: " + ", ".join(f"{count} {name}" for name, count in ranked)
 
 
 class StreamSummary:
@@ -80,18 +93,22 @@ class StreamSummary:
         self.known: int | None = None
         self.corrections: deque[Correction] = deque(maxlen=_SHOWN)
         self.lost: deque[Lost] = deque(maxlen=_SHOWN)
-        self._is_lost = False
+        self._is_lost = self._is_live = False
 
-    def add(self, sequence: int, match: MatchMessage, missed: int) -> None:
+    def add(self, answer: Answer, missed: int) -> None:
         """Count the first match of a frame, and the frames missed before it."""
+        known, sequence = answer.match.known, answer.header.sequence
+        self._is_live = answer.header.live
         self.frames += 1
-        if match.known is not None:
-            self.known = (self.known or 0) + match.known
+        if known is not None:
+            self.known = (self.known or 0) + known
         self.missed += missed
-        if match.known is False:
-            first = self.lost.pop().first if self._is_lost else sequence
-            self.lost.append(Lost(first, sequence))
-        self._is_lost = match.known is False
+        if known is False:
+            name = verdict_name(answer)
+            so_far = self.lost.pop() if self._is_lost else Lost(sequence, sequence, {})
+            verdicts = {**so_far.verdicts, name: so_far.verdicts.get(name, 0) + 1}
+            self.lost.append(Lost(so_far.first, sequence, verdicts))
+        self._is_lost = known is False
 
     def compare(self, header: Header, first: MatchMessage, smoothed: SmoothedMessage) -> None:
         """Count the frame if its smoothed match corrects its first match.
@@ -109,5 +126,6 @@ class StreamSummary:
         parts = [counted(self.frames, "frame")]
         if self.known is not None:
             parts += [f"{self.known} known at once", f"{self.corrected or 'none'} corrected later"]
-        parts.append(f"{self.missed} missed" if self.missed else "no gap")
+        if self.missed or not self._is_live:
+            parts.append(f"{self.missed or 'none'} missed")
         return ", ".join(parts)

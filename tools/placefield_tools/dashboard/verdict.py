@@ -6,11 +6,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from placefield.bus.messages import MatchMessage
 from placefield_tools.common.certainty import certainty_of, percent
-from placefield_tools.dashboard.state import Answer
+from placefield_tools.dashboard.answer import Answer
 
-Kind = Literal["known", "unsure", "plain"]
-"""The colour of a verdict: one may act on it, one may not, or the rule does not say."""
+Kind = Literal["known", "likely", "unknown", "plain"]
+"""How a verdict is marked: one may act on it, perhaps, one may not, or the rule does not say."""
 
 _FIRST = 20  # frames of a stream, in which a vehicle may not be found yet
 _ON_ROUTE = 0.5  # belief in all places of the map
@@ -22,11 +23,21 @@ class Verdict:
 
     Attributes:
         words: for people.
-        kind: the colour.
+        kind: how it is marked.
     """
 
     words: str
     kind: Kind
+
+
+def kind_of(match: MatchMessage) -> Kind:
+    """Return how a match is marked."""
+    certainty = certainty_of(match)
+    if certainty is None or match.place < 0:
+        return "plain"
+    if certainty == "known":
+        return "known"
+    return "likely" if certainty == "likely" else "unknown"
 
 
 def verdict_of(answer: Answer, precision: float) -> Verdict:
@@ -36,21 +47,24 @@ def verdict_of(answer: Answer, precision: float) -> Verdict:
         answer: of a frame.
         precision: the probability from which on a match is known.
     """
-    match = answer.match
-    certainty = certainty_of(match)
-    if match.place < 0:
-        return Verdict("no answer", "plain")
+    match, words, kind = answer.match, verdict_name(answer), kind_of(answer.match)
+    if match.probability is None or words != certainty_of(match) or match.too_fast:
+        return Verdict(words, kind)
+    asked = "" if match.known else f" ({100 * precision:g} % asked)"
+    return Verdict(f"{words}, {percent(match.probability)}{asked}", kind)
+
+
+def verdict_name(answer: Answer) -> str:
+    """Say what an answer comes to, without figures."""
+    certainty = certainty_of(answer.match)
+    if answer.match.place < 0:
+        return "no place"
     if certainty is None:
-        return Verdict("matched", "plain")
+        return "matched"
     if certainty == "unknown" and _is_off_route(answer):
         found = answer.header.sequence >= _FIRST
-        return Verdict("not on this route" if found else "looking for the place", "unsure")
-    if match.too_fast or match.probability is None:
-        return Verdict(certainty, "unsure")
-    if match.known:
-        return Verdict(f"known, {percent(match.probability)}", "known")
-    asked = f"({100 * precision:g} % asked)"
-    return Verdict(f"{certainty}, {percent(match.probability)} {asked}", "unsure")
+        return "not on this route" if found else "looking for the place"
+    return certainty
 
 
 def belief_of(answer: Answer) -> tuple[NDArray[np.int32], NDArray[np.float64]]:

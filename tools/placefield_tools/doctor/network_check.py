@@ -4,8 +4,8 @@ import re
 import socket
 from collections.abc import Collection, Iterator, Sequence
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys, service_and_identity
-from placefield.bus.session import open_bus
 from placefield.config import BusConfig
 from placefield.errors import BusError, PlacefieldError
 from placefield_tools.doctor.finding import Finding, bad, good, warning

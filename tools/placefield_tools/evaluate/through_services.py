@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.keys import Keys
 from placefield.bus.messages import SmoothedMessage
-from placefield.bus.session import open_bus
 from placefield.config import BusConfig, Config
 from placefield.errors import BusError
 from placefield.fusion.match import Match, SmoothedMatch

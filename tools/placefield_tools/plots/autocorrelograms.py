@@ -117,7 +117,8 @@ def _mean_length(run: Runs) -> float:
 def _summary(channel: ChannelSegments, run: Runs) -> str:
     lengths = f", {_mean_length(run):.1f} frames long on average" if run.scales.size else ""
     return (
-        f"{channel.name}   m = {channel.fuzzifier:.2f}   {run.scales.size} active segments{lengths}"
+        f"{channel.name}   fuzzifier {channel.fuzzifier:.2f}   "
+        f"{run.scales.size} active segments{lengths}"
     )
 
 

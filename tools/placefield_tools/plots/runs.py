@@ -80,7 +80,7 @@ def summary(channel: ChannelSegments, runs: Runs) -> str:
     """Say in a line what the channel is called and how it cut the route."""
     scales = f", scales {runs.scales.min()} to {runs.scales.max()}" if runs.scales.size else ""
     return (
-        f"{channel.name}   m = {channel.fuzzifier:.2f}   {runs.scales.size} active segments, "
+        f"{channel.name}   fuzzifier {channel.fuzzifier:.2f}   {runs.scales.size} active segments, "
         f"{np.mean(channel.active):.0%} of places{scales}"
     )
 

@@ -5,11 +5,12 @@ from collections import Counter
 from collections.abc import Callable, Container
 from contextlib import AbstractContextManager, ExitStack
 
+from placefield.bus.connecting import open_bus
 from placefield.bus.inbox import Inbox, Received
 from placefield.bus.keys import Keys
 from placefield.bus.messages import FrameMessage
 from placefield.bus.refusing import count_refused
-from placefield.bus.session import Bus, open_bus
+from placefield.bus.session import Bus
 from placefield.bus.streams import StreamFollower, Turn
 from placefield.config import Config
 from placefield.errors import FrameError, MessageError

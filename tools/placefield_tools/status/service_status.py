@@ -38,6 +38,7 @@ class ServiceStatus:
         rate: frames per second that the service answered between its last two reports.
         silent: whether the service has not reported for ``SILENT_S`` seconds.
         counts: the service's counts since it started.
+        map: digest of its map; None if it has none, or has not reported.
     """
 
     service: str
@@ -49,6 +50,12 @@ class ServiceStatus:
     rate: float | None
     silent: bool
     counts: dict[str, int]
+    map: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The service, and its part of the map: ``fuser``, or ``channel 2, shard 0/4``."""
+        return self.service if self.part is None else _part_in_words(self.part)
 
 
 @dataclass(frozen=True)
@@ -104,13 +111,14 @@ class RunRecord:
         """Remove the reports of a process that has ended."""
         self._reports.pop((service, process), None)
 
-    def status(self, tokens: Iterable[str], now: float, digest: str | None = None) -> RunStatus:
+    def status(self, tokens: Iterable[str], now: float) -> RunStatus:
         """Return the status of the services that have these liveliness tokens.
+
+        A service that has another map than the fuser is among the missing ones.
 
         Args:
             tokens: of the services that are alive.
             now: the time.
-            digest: of the map that the services should have; None: the map of the fuser.
         """
         alive = sorted(map(service_and_identity, tokens))
         reports = {
@@ -124,7 +132,7 @@ class RunRecord:
         )
         expected = [of.stats.channels for of in reports.values() if of.stats.channels is not None]
         channels = max(expected, default=None)
-        absent = [*missing(alive, channels), *_on_other_maps(reports, digest)]
+        absent = [*missing(alive, channels), *_on_other_maps(reports)]
         return RunStatus(stream, newest, channels, services, tuple(absent))
 
     def _newest(self, reports: dict[tuple[str, str], _Report]) -> tuple[str | None, int | None]:
@@ -169,6 +177,7 @@ class RunRecord:
             None if silent else report.rate,
             silent,
             stats.counts,
+            stats.map,
         )
 
 
@@ -230,10 +239,15 @@ def _missing_of(channel: int, parts: set[Part]) -> list[str]:
     # The cut with the fewest missing shards is the intended one.
     shards, there = min(cuts.items(), key=lambda cut: cut[0] - len(cut[1]))
     return [
-        f"channel {channel}, shard {shard}/{shards}"
+        _part_in_words(Part(channel, shard, shards))
         for shard in range(shards)
         if shard not in there
     ]
+
+
+def _part_in_words(part: Part) -> str:
+    shard = f", shard {part.shard}/{part.shards}" if part.shards > 1 else ""
+    return f"channel {part.channel}{shard}"
 
 
 def process_of(service: str, identity: str) -> tuple[str, str]:
@@ -249,11 +263,10 @@ def _rate(before: _Report, stats: StatsMessage, now: float) -> float | None:
     return max(stats.sequence - old.sequence, 0) / elapsed if elapsed > 0 else None
 
 
-def _on_other_maps(reports: Mapping[tuple[str, str], _Report], digest: str | None) -> list[str]:
-    """Name the services that have another map than expected."""
+def _on_other_maps(reports: Mapping[tuple[str, str], _Report]) -> list[str]:
+    """Name the services that have another map than the fuser."""
     maps = {key: of.stats.map for key, of in reports.items() if of.stats.map is not None}
-    of_fusers = (found for (service, _), found in maps.items() if service == "fuser")
-    own = digest or next(of_fusers, None)
+    own = next((found for (service, _), found in maps.items() if service == "fuser"), None)
     return [
         f"{service} {process} on map {own}: it has {found}"
         for (service, process), found in maps.items()

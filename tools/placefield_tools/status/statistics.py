@@ -65,10 +65,10 @@ class RunListener:
         with self._lock:
             self._record.announce(received.header)
 
-    def status(self, digest: str | None = None) -> RunStatus:
-        """Return the status of the services; see ``RunRecord.status`` for the digest."""
+    def status(self) -> RunStatus:
+        """Return the status of the services."""
         with self._lock:
-            return self._record.status(tuple(self._tokens), time.monotonic(), digest)
+            return self._record.status(tuple(self._tokens), time.monotonic())
 
     @property
     def left_out(self) -> int:

@@ -1,23 +1,15 @@
 import pytest
 
-from placefield_tools.dashboard.missing_services import (
+from placefield_tools.dashboard.service_words import (
     can_answer,
-    missing_in_words,
     slowest_in_words,
+    state_in_words,
 )
 from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 
 def missing_only(*missing: str) -> RunStatus:
     return RunStatus(None, None, None, (), missing)
-
-
-def test_missing_and_silent_services_are_named() -> None:
-    assert missing_in_words(missing_only()) == ""
-    assert missing_in_words(missing_only("fuser", "channel 2")) == "missing: fuser; channel 2"
-    hanging = ServiceStatus("channel", "a", None, None, None, None, None, True, {"received": 1})
-    status = RunStatus(None, None, None, (hanging,), ("fuser",))
-    assert missing_in_words(status) == "missing: fuser · silent: channel"
 
 
 @pytest.mark.parametrize(
@@ -35,10 +27,29 @@ def test_a_run_answers_without_a_channel_but_not_without_the_others(
     assert can_answer(missing_only(*missing)) == answers
 
 
-def test_the_slowest_service_is_named() -> None:
-    def service(name: str, behind: int | None) -> ServiceStatus:
-        return ServiceStatus(name, "a", None, "s", 9, behind, 2.0, False, {})
+def service(
+    name: str = "fuser", behind: int | None = None, *, silent: bool = False, **counts: int
+) -> ServiceStatus:
+    return ServiceStatus(name, "a", None, "s", 9, behind, 2.0, silent, counts)
 
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (service(), "running"),
+        (service(behind=1, received=3), "running"),  # a frame under way
+        (service(behind=7), "7 frames (3.5 s) behind"),
+        (service(behind=7, gaps=1), "7 frames (3.5 s) behind, 1 frame missed"),
+        (service(behind=0, gaps=4), "running, 4 frames missed"),
+        (service(silent=True), "starting"),
+        (service(silent=True, received=3), "silent"),
+    ],
+)
+def test_the_state_of_a_service_is_said_in_words(given: ServiceStatus, words: str) -> None:
+    assert state_in_words(given) == words
+
+
+def test_the_slowest_service_is_named() -> None:
     services = (service("featurizer", 1), service("fuser", 7), service("channel", None))
     status = RunStatus("s", 9, 4, services, ())
     assert slowest_in_words(status) == "; the slowest is fuser, 7 frames (3.5 s) behind"
