@@ -104,14 +104,20 @@ def test_garbage_is_counted_and_holds_nothing_up(
 def test_the_status_is_what_the_services_report(bus: FakeBus, feed: Feed) -> None:
     bus.change(KEYS.alive("fuser", "ab"), True)
     bus.change(KEYS.alive("featurizer", "cd"), True)
-    bus.change(KEYS.alive("featurizer", "cd"), False)
+    bus.change(KEYS.alive("verifier", "ef"), True)
+    bus.change(KEYS.alive("verifier", "ef"), False)
+    bus.put(KEYS.frame, 20, b"")
     bus.put(KEYS.feature, 9, b"")
-    stats = StatsMessage(service="fuser", counts={"gaps": 2}, stream="s", sequence=7, channels=1)
-    bus.receive_raw[KEYS.all_stats](KEYS.stats("fuser", "ab"), stats.encode())
+    for service, process, sequence in (("fuser", "ab", 7), ("featurizer", "cd", 9)):
+        stats = StatsMessage(
+            service=service, counts={"gaps": 2}, stream="s", sequence=sequence, channels=1
+        )
+        bus.receive_raw[KEYS.all_stats](KEYS.stats(service, process), stats.encode())
     status = feed.status()
-    [fuser] = status.services
+    featurizer, fuser = status.services
     assert (fuser.behind, fuser.counts) == (2, {"gaps": 2})
-    assert status.missing == ("featurizer", "channel 0")
+    assert featurizer.behind == 11  # frames that were sent
+    assert status.missing == ("channel 0",)
 
 
 def received(sequence: int, size: int = 1) -> Received:

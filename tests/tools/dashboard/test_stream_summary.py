@@ -71,16 +71,20 @@ def test_a_stream_is_summed_up_in_words() -> None:
     summary = StreamSummary("s", tolerance=3)
     add(summary, 0, first(1, known=False))
     add(summary, 1, first(2, known=True))
-    assert summary.words() == "2 frames, 1 known at once, none corrected later, none missed"
+    assert summary.words() == (
+        "2 frames, 1 known at once, 1 not known, none corrected later, all received"
+    )
     add(summary, 5, first(6, known=True), missed=3)
     summary.compare(HEADER, first(9, known=True), later(40, known=True))
-    assert summary.words() == "3 frames, 2 known at once, 1 corrected later, 3 missed"
+    assert summary.words() == (
+        "3 frames, 2 known at once, 1 not known, 1 corrected later, 3 frames not received"
+    )
 
 
 def test_a_rule_that_does_not_say_known_is_not_summed_up_so() -> None:
     summary = StreamSummary("s", tolerance=3)
     add(summary, 0, first(1, known=None))
-    assert summary.words() == "1 frame, none missed"
+    assert summary.words() == "1 frame, all received"
 
 
 def test_a_live_stream_drops_frames_and_misses_none() -> None:

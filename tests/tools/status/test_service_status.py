@@ -62,6 +62,19 @@ def test_a_service_is_behind_by_what_had_been_announced_at_its_report(record: Ru
     assert not status.missing
 
 
+def test_a_featurizer_is_behind_by_what_was_sent_and_the_others_by_what_it_described(
+    record: RunRecord,
+) -> None:
+    record.announce_sent(announced(30))
+    record.announce(announced(12))
+    for service, process in (("featurizer", "f1"), ("channel", "c1"), ("fuser", "u1")):
+        record.update(service, process, stats(service, 12), 5.0)
+    status = record.status(tokens(*WHOLE), 6.0)
+    assert service_of(status, "f1").behind == 18
+    for identity in ("0-c1", "1-c1", "u1"):
+        assert service_of(status, identity).behind == 0
+
+
 def test_a_silent_service_is_behind_by_all_that_came_since(record: RunRecord) -> None:
     record.announce(announced(30))
     record.update("channel", "c1", stats("channel", 30), 5.0)

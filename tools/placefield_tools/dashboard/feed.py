@@ -75,8 +75,9 @@ class Feed:
             keys.feature: state.add_feature,
             keys.smoothed: state.add_smoothed,
         }
+        bus.subscribe(keys.frame, self._receive_frame, self.counts)
         bus.subscribe(keys.feature, self._receive_feature, self.counts)
-        for key in (keys.frame, keys.match, keys.smoothed):
+        for key in (keys.match, keys.smoothed):
             bus.subscribe(key, self._newest.offer, self.counts)
         bus.subscribe(keys.all_candidates, self._newest.offer, self.counts, ends_empty=False)
 
@@ -121,6 +122,10 @@ class Feed:
     def status(self) -> RunStatus:
         """Return the status of the run's services."""
         return self._listener.status()
+
+    def _receive_frame(self, received: Received) -> None:
+        self._listener.announce_sent(received)
+        self._newest.offer(received)
 
     def _receive_feature(self, received: Received) -> None:
         self._listener.announce(received)

@@ -125,7 +125,11 @@ class StreamSummary:
         """Say what the stream came to."""
         parts = [counted(self.frames, "frame")]
         if self.known is not None:
-            parts += [f"{self.known} known at once", f"{self.corrected or 'none'} corrected later"]
+            unknown = self.frames - self.known
+            parts.append(f"{self.known} known at once")
+            parts += [f"{unknown} not known"] if unknown else []
+            parts.append(f"{self.corrected or 'none'} corrected later")
         if self.missed or not self._is_live:
-            parts.append(f"{self.missed or 'none'} missed")
+            missed = f"{counted(self.missed, 'frame')} not received"
+            parts.append(missed if self.missed else "all received")
         return ", ".join(parts)

@@ -33,8 +33,9 @@ class ServiceStatus:
         stream: stream of the newest frame that the service has answered; None if it has answered
             none.
         sequence: number of that frame.
-        behind: how many newer frames had been announced when the service reported that frame; None
-            if it has answered no frame of the current stream.
+        behind: how many newer frames waited for the service when it reported that frame: sent ones
+            for a featurizer, if they are known, else described ones; None if it has answered no
+            frame of the current stream.
         rate: frames per second that the service answered between its last two reports.
         silent: whether the service has not reported for ``SILENT_S`` seconds.
         counts: the service's counts since it started.
@@ -80,11 +81,11 @@ class RunStatus:
 
 @dataclass(frozen=True)
 class _Report:
-    """A process's last report, its time, and the newest frame announced by then."""
+    """A process's last report, its time, and the newest frame that it could have had by then."""
 
     stats: StatsMessage
     at: float
-    announced: Header | None
+    given: Header | None
     rate: float | None
 
 
@@ -93,19 +94,27 @@ class RunRecord:
 
     def __init__(self) -> None:
         self._announced: Header | None = None
+        self._sent: Header | None = None
         self._reports: dict[tuple[str, str], _Report] = {}
 
     def announce(self, header: Header) -> None:
         """Add the header of a descriptor message, which announces its frame to all services."""
-        newest = self._announced
-        if newest is None or newest.stream != header.stream or newest.sequence < header.sequence:
-            self._announced = header
+        self._announced = _newer(header, self._announced)
+
+    def announce_sent(self, header: Header) -> None:
+        """Add the header of a frame message, which its source has sent to the featurizer."""
+        self._sent = _newer(header, self._sent)
+
+    def _given(self, service: str) -> Header | None:
+        """Return the newest frame that a service could have answered by now, as far as is known."""
+        is_first = service == "featurizer" and self._sent is not None
+        return self._sent if is_first else self._announced
 
     def update(self, service: str, process: str, stats: StatsMessage, now: float) -> None:
         """Add a process's report of its own counts."""
         before = self._reports.get((service, process))
         rate = None if before is None else _rate(before, stats, now)
-        self._reports[service, process] = _Report(stats, now, self._announced, rate)
+        self._reports[service, process] = _Report(stats, now, self._given(service), rate)
 
     def forget(self, service: str, process: str) -> None:
         """Remove the reports of a process that has ended."""
@@ -163,10 +172,10 @@ class RunRecord:
         stats, silent = report.stats, now - report.at > SILENT_S
         behind = None
         if newest is not None and stats.sequence is not None and stats.stream == stream:
-            then = report.announced
-            knew = not silent and then is not None and then.stream == stream
-            # Frames announced after the report are no delay, unless the service is silent.
-            behind = max((then.sequence if then and knew else newest) - stats.sequence, 0)
+            # Frames that came after the report are no delay, unless the service is silent.
+            given = self._given(service) if silent else report.given
+            is_known = given is not None and given.stream == stream
+            behind = max((given.sequence if given and is_known else newest) - stats.sequence, 0)
         return ServiceStatus(
             service,
             identity,
@@ -179,6 +188,13 @@ class RunRecord:
             stats.counts,
             stats.map,
         )
+
+
+def _newer(header: Header, newest: Header | None) -> Header:
+    """Return the header of the newer frame; a new stream is newer."""
+    if newest is None or newest.stream != header.stream or newest.sequence < header.sequence:
+        return header
+    return newest
 
 
 def counts_in_words(counts: Mapping[str, int]) -> str:

@@ -65,6 +65,11 @@ class RunListener:
         with self._lock:
             self._record.announce(received.header)
 
+    def announce_sent(self, received: Received) -> None:
+        """Add a frame message, which waits for the featurizer."""
+        with self._lock:
+            self._record.announce_sent(received.header)
+
     def status(self) -> RunStatus:
         """Return the status of the services."""
         with self._lock:
