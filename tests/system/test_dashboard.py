@@ -231,6 +231,7 @@ def test_a_replay_is_started_and_stopped_from_the_page(
     assert not shown.page.locator(".banner").is_visible()
     shown.press("stop")
     wait_until(lambda: "frames replayed" in shown.text("replay"), "it has ended")
+    assert shown.text("replay").startswith("stopped here")
 
 
 def replays(shown: Shown) -> bool:

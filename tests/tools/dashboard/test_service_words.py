@@ -41,6 +41,7 @@ def service(
         (service(behind=7), "7 frames (3.5 s) behind"),
         (service(behind=7, gaps=1), "7 frames (3.5 s) behind, 1 frame missed"),
         (service(behind=0, gaps=4), "running, 4 frames missed"),
+        (service("verifier", behind=20), "running"),  # as many as smoothing takes
         (service(silent=True), "starting"),
         (service(silent=True, received=3), "silent"),
     ],

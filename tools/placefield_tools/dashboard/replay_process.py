@@ -34,6 +34,7 @@ class ReplayChild:
         """Keep the flags that name the run and the bus."""
         self._flags = flags
         self._source = ""
+        self._was_stopped = False
         self._process: subprocess.Popen[str] | None = None
         self._said: deque[str] = deque(maxlen=_LINES)
         self._reader = threading.Thread()
@@ -71,6 +72,7 @@ class ReplayChild:
         )
         assert self._process.stdout is not None
         self._source, self._said = source, deque(maxlen=_LINES)
+        self._was_stopped = False
         self._reader = threading.Thread(
             target=_read_lines, args=(self._process.stdout, self._said), daemon=True
         )
@@ -79,6 +81,7 @@ class ReplayChild:
     def stop(self) -> None:
         """Ask a running replay to end."""
         if self._process is not None and self.runs:
+            self._was_stopped = True
             self._process.terminate()
 
     def close(self) -> None:
@@ -108,7 +111,8 @@ class ReplayChild:
         errors = [line.removeprefix(_OURS) for line in lines if line.startswith(_OURS)]
         if self._process.returncode and errors:
             return errors[-1]
-        return lines[-1] if lines else f"ended with code {self._process.returncode}"
+        ended = lines[-1] if lines else f"ended with code {self._process.returncode}"
+        return f"stopped here: {ended}" if self._was_stopped else ended
 
 
 def _read_lines(lines: Iterable[str], said: deque[str]) -> None:

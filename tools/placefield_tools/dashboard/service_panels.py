@@ -5,7 +5,11 @@ import math
 from nicegui import ui
 
 from placefield_tools.dashboard.run_state import RunState
-from placefield_tools.dashboard.service_words import slowest_in_words, state_in_words
+from placefield_tools.dashboard.service_words import (
+    frames_behind,
+    slowest_in_words,
+    state_in_words,
+)
 from placefield_tools.dashboard.site import Site, card
 from placefield_tools.status.service_status import RunStatus, ServiceStatus, counts_in_words
 
@@ -100,10 +104,10 @@ def _tile(words: str) -> ui.label:
 
 
 def _whole(status: RunStatus) -> dict[str, str]:
-    """Return the run's figures: those of the fuser, and the sums of the counts."""
+    """Return the run's figures: the fuser's rate, the most frames behind, sums of the counts."""
     fusers = [service for service in status.services if service.service == "fuser"]
     rate = max((fuser.rate or 0.0 for fuser in fusers), default=math.nan)
-    behind = max((fuser.behind or 0 for fuser in fusers), default=None)
+    behind = max(map(frames_behind, status.services), default=None)
     return {
         "rate": "–" if math.isnan(rate) else f"{rate:.1f}",
         "behind": "–" if behind is None else str(behind),

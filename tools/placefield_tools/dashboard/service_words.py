@@ -4,6 +4,7 @@ from placefield_tools.common.natural_sort import counted
 from placefield_tools.status.service_status import RunStatus, ServiceStatus
 
 _UNDER_WAY = 1  # frames that a service may be behind
+_WAITS = "verifier"  # for the frames that smoothing takes, so that it is behind on purpose
 _ANSWERING = ("featurizer", "fuser")  # a run without a channel still answers
 
 
@@ -16,6 +17,11 @@ def can_answer(status: RunStatus) -> bool:
 def silent(status: RunStatus) -> tuple[str, ...]:
     """Name the services that are there and have reported, but no longer do: they hang."""
     return tuple(sorted({each.name for each in status.services if _hangs(each)}))
+
+
+def frames_behind(service: ServiceStatus) -> int:
+    """Return how many frames a service is behind without need."""
+    return 0 if service.service == _WAITS else service.behind or 0
 
 
 def state_in_words(service: ServiceStatus) -> str:
@@ -39,7 +45,7 @@ def slowest_in_words(status: RunStatus) -> str:
     awaited = max(of_channels, default=0)
 
     def waiting(service: ServiceStatus) -> int:
-        return (service.behind or 0) - (awaited if service.service == "fuser" else 0)
+        return frames_behind(service) - (awaited if service.service == "fuser" else 0)
 
     slowest = max(status.services, key=waiting, default=None)
     if slowest is None or waiting(slowest) <= _UNDER_WAY:
@@ -52,7 +58,7 @@ def _hangs(service: ServiceStatus) -> bool:
 
 
 def _is_slow(service: ServiceStatus) -> bool:
-    return (service.behind or 0) > _UNDER_WAY
+    return frames_behind(service) > _UNDER_WAY
 
 
 def _behind_in_words(service: ServiceStatus) -> str:
