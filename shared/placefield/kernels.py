@@ -2,10 +2,12 @@
 
 import hashlib
 import inspect
+import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -101,6 +103,37 @@ def _digest(file: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
+def _uninterrupted(compile_for: Function) -> Function:
+    """Let Ctrl-C wait until a function is compiled.
+
+    The compiler calls Python back, where the exception would be lost, and with it the machine code.
+    """
+
+    @wraps(compile_for)
+    def compile_whole(*arguments: object) -> object:
+        with _interrupt_later():
+            return compile_for(*arguments)
+
+    return cast(Function, compile_whole)
+
+
+@contextmanager
+def _interrupt_later() -> Iterator[None]:
+    """Raise ``KeyboardInterrupt`` at the end of the block if Ctrl-C came meanwhile."""
+    raises = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not raises or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if came:
+        raise KeyboardInterrupt
+
+
 def kernel(function: Function) -> Function:
     """Compile a function of arrays and numbers; the machine code is cached for the next process.
 
@@ -108,6 +141,7 @@ def kernel(function: Function) -> Function:
     other code in the process. A division by zero gives infinity.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled.compile = _uninterrupted(compiled.compile)
     with suppress(RuntimeError):  # there is no folder for the machine code
         compiled._cache = _Cache(cast(FunctionType, function))
     return cast(Function, compiled)

@@ -15,6 +15,28 @@ from placefield.kernels import pairwise_sum
 PATIENCE_S = 240
 """For a process that compiles, on a machine that other work keeps busy."""
 
+INTERRUPTED = """
+import os, signal
+from numba.core import event
+from placefield.kernels import kernel
+
+class Interrupting(event.Listener):
+    def on_start(self, event):
+        os.kill(os.getpid(), signal.SIGINT)
+    def on_end(self, event):
+        pass
+
+@kernel
+def twice(x):
+    return 2 * x
+
+try:
+    with event.install_listener("numba:compile", Interrupting()):
+        twice(1)
+except KeyboardInterrupt:
+    print(len(twice.signatures), signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+"""
+
 SUM = "import numpy as np; from placefield.kernels import sum_of; print(sum_of(np.ones(3)))"
 
 
@@ -42,6 +64,17 @@ def test_machine_code_is_kept_for_the_next_process(tmp_path: Path) -> None:
     assert kept
     assert sum_in_another_process(tmp_path).stdout == "3.0\n"
     assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nbc")} == kept
+
+
+def test_ctrl_c_waits_until_a_function_is_compiled() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert ended.stdout == "1 True\n", ended.stderr  # compiled, and then interrupted
 
 
 @pytest.mark.parametrize("cache", ["there", "/proc/nowhere"])
