@@ -30,6 +30,7 @@ class Interrupting(event.Listener):
 def twice(x):
     return 2 * x
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
 try:
     with event.install_listener("numba:compile", Interrupting()):
         twice(1)
