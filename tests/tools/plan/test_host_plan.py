@@ -3,16 +3,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from placefield.errors import MapError
-from placefield.maps.manifest import read_manifest
 from placefield_tools.plan.host_plan import LEAST_SHARD, ROOM, Plan, plan, with_describers
-from placefield_tools.plan.process_cost import MetricLoad, Process, loads_of, services_of, worker_of
+from placefield_tools.plan.process_cost import MetricLoad, Process, worker_of
 
 SERVICES = [Process("featurizer", 5e-3), Process("fuser", 2e-3)]
 
@@ -268,23 +265,6 @@ def test_memory_follows_the_places_that_a_worker_has() -> None:
     assert whole.own_bytes - cut[0].own_bytes >= (1 - 1 / len(cut)) * places * 2 * 16 * 4
 
 
-def test_channels_of_one_metric_cost_no_more_than_one_of_them() -> None:
-    shared, one = made_loads(100_000, [4]), made_loads(100_000, [1])
-    assert replace(worker_of(shared, 1, 100_000), channels=(0,)) == worker_of(one, 1, 100_000)
-
-
-def test_loads_are_read_off_the_manifest_and_the_sizes_of_files(map_path: Path) -> None:
-    manifest = read_manifest(map_path)
-    sizes = {name: (map_path / name).stat().st_size for name in manifest.files}
-    [load] = loads_of(manifest, sizes)
-    assert load.channels == (0, 1, 2)
-    assert load.read_bytes == (map_path / "metrics/0/places.npy").stat().st_size
-    assert load.projected_bytes == 0  # nothing was learned
-    metric = sum(file.stat().st_size for file in (map_path / "metrics/0").rglob("*.npy"))
-    assert load.mapped_bytes == metric
-    assert [service.service for service in services_of(manifest)] == ["featurizer", "fuser"]
-
-
 @pytest.mark.parametrize(("rate", "describers"), [(20, 0), (30, 1), (60, 2), (1e6, 7)])
 def test_there_are_as_many_describers_as_the_rate_needs_and_no_more(
     rate: float, describers: int
@@ -317,40 +297,3 @@ def test_a_map_with_lists_is_not_cut_however_large_it_is() -> None:
             assert (len(workers) > 1) == is_cut
             assert (workers[0].own_bytes > SERVICES[0].own_bytes) == is_cut
         assert placed.has_time(25)
-
-
-def test_a_coarse_look_reads_a_fraction(map_path: Path) -> None:
-    manifest = read_manifest(map_path)
-    record = manifest.metrics[0].model_copy(update={"coarse_unit": 1.0, "learned": True})
-    coarse = manifest.model_copy(update={"metrics": (record,)})
-    sizes = {"places": 64_000, "squares": 400, "steps": 800, "projection": 5000}
-    named = {f"metrics/0/{name}.npy": size for name, size in sizes.items()}
-    looks = {"codes": 6400, "axes": 700, "spread": 90}
-    named |= {f"metrics/0/coarse/{name}.npy": size for name, size in looks.items()}
-    [load] = loads_of(coarse, named)
-    assert load.read_bytes == 6400 + 1000
-    assert load.projected_bytes == 5700
-    assert load.mapped_bytes == sum(named.values())
-    assert not load.has_lists
-    lists = ("centroids", "ends", "places", "codes", "squares")
-    listed = named | {f"metrics/0/coarse/lists/{name}.npy": 1000 for name in lists}
-    [load] = loads_of(coarse, listed)
-    assert load.has_lists
-    assert load.mapped_bytes == sum(listed.values())
-    with pytest.raises(MapError, match=r"metrics/0/coarse/axes\.npy: not in the manifest"):
-        loads_of(coarse, {name: size for name, size in named.items() if "axes" not in name})
-
-
-def test_looks_are_read_like_places(map_path: Path) -> None:
-    manifest = read_manifest(map_path)
-    sizes = {"places": 64_000, "squares": 400, "steps": 800, "projection": 5000}
-    coarse = {"codes": 6400, "axes": 700, "spread": 90}
-    looks = {"places": 40, "descriptors": 6400, "squares": 40, "biases": 400, "codes": 640}
-    named = {f"metrics/0/{name}.npy": size for name, size in sizes.items()}
-    named |= {f"metrics/0/coarse/{name}.npy": size for name, size in coarse.items()}
-    named |= {f"metrics/0/looks/{name}.npy": size for name, size in looks.items()}
-    for unit, read in ((None, 64_000 + 6400), (1.0, 6400 + 640 + 1100)):
-        record = manifest.metrics[0].model_copy(update={"coarse_unit": unit, "looks": 10})
-        [load] = loads_of(manifest.model_copy(update={"metrics": (record,)}), named)
-        assert load.read_bytes == read
-    assert load.mapped_bytes == sum(named.values())
