@@ -141,6 +141,8 @@ def kernel(function: Function) -> Function:
     other code in the process. A division by zero gives infinity.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    if compiled is function:  # numba was told by NUMBA_DISABLE_JIT to leave it interpreted
+        return function
     compiled.compile = _uninterrupted(compiled.compile)
     with suppress(RuntimeError):  # there is no folder for the machine code
         compiled._cache = _Cache(cast(FunctionType, function))

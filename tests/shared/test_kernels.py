@@ -78,6 +78,18 @@ def test_ctrl_c_waits_until_a_function_is_compiled() -> None:
     assert ended.stdout == "1 True\n", ended.stderr  # compiled, and then interrupted
 
 
+def test_kernels_also_run_interpreted_as_a_debugger_wants_them() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SUM],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("3.0\n", "")
+
+
 @pytest.mark.parametrize("cache", ["there", "/proc/nowhere"])
 def test_where_it_cannot_be_kept_it_is_compiled_all_the_same(tmp_path: Path, cache: str) -> None:
     ended = sum_in_another_process(tmp_path / cache, leave_no_room)
