@@ -139,6 +139,9 @@ def kernel(function: Function) -> Function:
 
     Arithmetic is as written, without unsafe optimisations: with those, the bits would depend on the
     other code in the process. A division by zero gives infinity.
+
+    Loops over numbers compile several times faster than array expressions, sorts, searches and
+    assignments of arrays to slices.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
     if compiled is function:  # numba was told by NUMBA_DISABLE_JIT to leave it interpreted

@@ -49,8 +49,37 @@ def likeliest(belief: Array, total: float) -> Places:
         places = pick(belief, float(belief.max()))
     if len(places) <= _MOST_PLACES:
         return places
-    first = np.argsort(-belief[places], kind="mergesort")[:_MOST_PLACES]
-    return np.sort(places[first])
+    return places[_greatest(belief[places], _MOST_PLACES)]
+
+
+@kernel
+def _greatest(values: Array, most: int) -> NDArray[np.intp]:
+    """Return the ascending rows of the greatest of values (n,), so many; of equals the first.
+
+    No value is negative, so their bits have their order. The least of the greatest is found bit by
+    bit: to compile a sort would take seconds.
+    """
+    bits, least = values.view(np.int32), 0
+    for bit in range(30, -1, -1):
+        if _count_from(bits, least | 1 << bit) >= most:
+            least |= 1 << bit
+    equal = most - _count_from(bits, least + 1)
+    rows, count = np.empty(most, np.intp), 0
+    for row in range(len(bits)):
+        if bits[row] > least or (bits[row] == least and equal > 0):
+            equal -= bits[row] == least
+            rows[count] = row
+            count += 1
+    return rows[:count]
+
+
+@kernel
+def _count_from(values: Places, least: int) -> int:
+    """Return how many of values (n,) are at least so great."""
+    count = 0
+    for i in range(len(values)):
+        count += values[i] >= least
+    return count
 
 
 @kernel

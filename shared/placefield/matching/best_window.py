@@ -75,8 +75,10 @@ def _best_of_laps(
     for row in rows:
         laps[order[row]] = True
     middle = _middle_of_best(places[laps], beliefs[laps], chains, tolerance)
-    near = _near(middle, places, chains, tolerance)
-    return middle, _sum_of(beliefs, near | _near(int(same[middle]), shared, chains, tolerance))
+    near = np.zeros(len(places), np.bool_)
+    _mark_near(near, middle, places, chains, tolerance)
+    _mark_near(near, int(np.intp(same[middle])), shared, chains, tolerance)  # compiled once
+    return middle, _sum_of(beliefs, near)
 
 
 @kernel
@@ -85,18 +87,21 @@ def _best_on_ways(
 ) -> tuple[int, float]:
     """Do as ``best_window`` does where all places differ."""
     middle = _middle_of_best(places, beliefs, chains, tolerance)
-    return middle, _sum_of(beliefs, _near(middle, places, chains, tolerance))
+    near = np.zeros(len(places), np.bool_)
+    _mark_near(near, middle, places, chains, tolerance)
+    return middle, _sum_of(beliefs, near)
 
 
 @kernel
 def _middle_of_best(places: Places, beliefs: Beliefs, chains: Chains, tolerance: int) -> int:
     """Return the middle of the window of highest belief, where all places differ."""
     rows, at = _best(places, beliefs, chains, tolerance)
-    middle = _middle(at, beliefs[rows])
-    begins = _apart(chains.edges[:-1], chains, tolerance)
-    chain = np.searchsorted(begins - 2 * tolerance, middle, side="right") - 1
-    if middle >= begins[chain]:
-        return int(chains.edges[chain] + middle - begins[chain])
+    middle, chain = _middle(at, beliefs[rows]), len(chains.edges) - 2
+    while chain > 0 and middle < _position(chains.edges[chain], chain, tolerance) - 2 * tolerance:
+        chain -= 1
+    begin = _position(chains.edges[chain], chain, tolerance)
+    if middle >= begin:
+        return int(chains.edges[chain] + middle - begin)
     nearest = 0  # the middle is before the chain, on one of the ways to it
     for i in range(1, len(at)):
         farther = abs(at[i] - middle) - abs(at[nearest] - middle)
@@ -116,15 +121,28 @@ def _best(
 
 
 @kernel
-def _chains_of(places: Places, chains: Chains) -> Rows:
-    """Return the number of the chain of each place."""
-    return np.searchsorted(chains.edges[1:-1], places, side="right")
+def _position(place: int, chain: int, tolerance: int) -> int:
+    """Return the position of a place: as in the map, but no window reaches two chains."""
+    return place + (4 * tolerance + 1) * chain
 
 
 @kernel
-def _apart(places: Places, chains: Chains, tolerance: int) -> Positions:
-    """Return the positions of places: as in the map, but no window reaches two chains."""
-    return places + (4 * tolerance + 1) * _chains_of(places, chains)
+def _chain_of(place: int, chains: Chains) -> int:
+    """Return the number of the chain of a place."""
+    return _count_up_to(place, chains.edges[1:-1])
+
+
+@kernel
+def _count_up_to(most: int, ascending: Places) -> int:
+    """Return how many of some ascending places are at most so great."""
+    first, end = 0, len(ascending)
+    while first < end:
+        middle = (first + end) // 2
+        if ascending[middle] <= most:
+            first = middle + 1
+        else:
+            end = middle
+    return first
 
 
 @kernel
@@ -134,33 +152,38 @@ def _unfold(places: Places, chains: Chains, tolerance: int) -> tuple[Rows, Posit
     A place from which a passage leads to a chain has a position before that chain, too.
     """
     edges, ahead = chains.edges, chains.ahead
-    begins = _apart(edges[:-1], chains, tolerance)
-    rows, at = list(range(len(places))), list(_apart(places, chains, tolerance))
+    rows = list(range(len(places)))
+    at = [_position(place, _chain_of(place, chains), tolerance) for place in places]
     for i in range(len(ahead.source)):
         source, target, shift = ahead.source[i], ahead.target[i], int(ahead.shift[i])
         first = max(edges[source], edges[target] + shift - 2 * tolerance)
-        end = np.searchsorted(places, edges[source + 1])
-        for row in range(np.searchsorted(places, first), end):
+        end = _count_up_to(edges[source + 1] - 1, places)
+        for row in range(_count_up_to(first - 1, places), end):
             rows.append(row)
-            at.append(places[row] - shift - edges[target] + begins[target])
+            at.append(_position(places[row] - shift, target, tolerance))
     positions = np.array(at)
     order = np.argsort(positions, kind="mergesort")
     return np.array(rows)[order], positions[order]
 
 
 @kernel
-def _near(middle: int, places: Places, chains: Chains, tolerance: int) -> NDArray[np.bool_]:
-    """Return which places are near a place by their steps."""
-    ahead, of = chains.ahead, _chains_of(places, chains)
-    own = np.searchsorted(chains.edges[1:-1], middle, side="right")
-    near: NDArray[np.bool_] = (of == own) & (np.abs(places - middle) <= tolerance)
+def _mark_near(
+    near: NDArray[np.bool_], middle: int, places: Places, chains: Chains, tolerance: int
+) -> None:
+    """Mark the places, (n,), that are near a place by their steps."""
+    own, ahead = _chain_of(middle, chains), chains.ahead
+    of = np.empty(len(places), np.intp)
+    for row in range(len(places)):
+        of[row] = _chain_of(places[row], chains)
+        near[row] |= of[row] == own and abs(places[row] - middle) <= tolerance
     for i in range(len(ahead.source)):
         source, target, shift = ahead.source[i], ahead.target[i], int(ahead.shift[i])
-        if source == own:
-            near |= (of == target) & (places + shift - middle <= tolerance)
-        if target == own:
-            near |= (of == source) & (middle + shift - places <= tolerance)
-    return near
+        if own not in (source, target):
+            continue
+        for row in range(len(places)):
+            farther = places[row] - middle
+            near[row] |= source == own and target == of[row] and farther + shift <= tolerance
+            near[row] |= source == of[row] and target == own and shift - farther <= tolerance
 
 
 @kernel

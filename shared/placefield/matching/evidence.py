@@ -143,5 +143,7 @@ def _add_normalised(sums: Sums, mean: float, scale: float, scores: NDArray[np.fl
 def _gather(columns: Sums, first: int, sums: Sums) -> None:
     """Copy sums in the order of the map, from a column on and around: sums need one order."""
     before_wrap = min(len(columns) - first, len(sums))
-    sums[:before_wrap] = columns[first : first + before_wrap]
-    sums[before_wrap:] = columns[: len(sums) - before_wrap]
+    for i in range(before_wrap):
+        sums[i] = columns[first + i]
+    for i in range(before_wrap, len(sums)):
+        sums[i] = columns[i - before_wrap]

@@ -127,6 +127,8 @@ def _step_chances() -> NDArray[np.float64]:
 
 def step_lengths(apart: Array, random_pairs: Array) -> StepLengths:
     """Return the lengths of steps; see ``StepLengths`` for the arguments."""
+    apart = apart.view()
+    apart.flags.writeable = False  # as in a map on disk: kernels are compiled for one or the other
     typical = float(np.median(apart[0])) or 1.0
     stationary = _NOISE * typical
     sample = evenly_spaced(apart.T, _STEPS).T.copy()

@@ -187,7 +187,7 @@ def _crossings(
                     if away > REACH:
                         break
                     if once == 1:
-                        steps[count] = away, j, i
+                        steps[count, 0], steps[count, 1], steps[count, 2] = away, j, i
                         chances[count] = passages.chance[passage]
                     count += 1
                     i += 1

@@ -124,8 +124,10 @@ def _enter(newest: Distances, distances: Distances, first: int, mean: int) -> No
     """Write distances into their columns, from ``first`` on and around; elsewhere their mean."""
     newest[:] = mean
     before_wrap = min(len(newest) - first, len(distances))
-    newest[first : first + before_wrap] = distances[:before_wrap]
-    newest[: len(distances) - before_wrap] = distances[before_wrap:]
+    for i in range(before_wrap):
+        newest[first + i] = distances[i]
+    for i in range(before_wrap, len(distances)):
+        newest[i - before_wrap] = distances[i]
 
 
 @kernel
