@@ -10,7 +10,6 @@ Georeferenced poses give the nearest place instead.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from placefield.config import MatchingConfig
 from placefield.fusion.fusion_stage import FusionStage
@@ -70,6 +69,8 @@ def align_by_poses(reference: NDArray[np.float64], frames: NDArray[np.float64]) 
     queries = np.flatnonzero(np.isfinite(frames).all(axis=1))
     places = np.full(len(frames), NO_PLACE, np.int32)
     if len(targets) and len(queries):
+        from scipy.spatial import KDTree  # takes a quarter of a second
+
         tree = KDTree(_with_heading(reference[targets]))
         distances, nearest = tree.query(_with_heading(frames[queries]))
         is_near = distances <= NEAR_M
