@@ -1,17 +1,23 @@
-"""A web server on this machine, that knows ranges and versions and misbehaves as it is reported."""
+"""A web server that misbehaves as it is told, and the command line in this process."""
 
 import hashlib
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from command_lines import Ended, Run
+
+from placefield.loading import ENV_PREFIX
+from placefield_tools.cli.main import main
 
 
 class WebServer(ThreadingHTTPServer):
-    """What it serves, how it misbehaves, and what it has done.
+    """A server on this machine: what it serves, how it misbehaves, and what it has done.
 
     Attributes:
         content: bodies by path.
@@ -96,3 +102,23 @@ def web() -> Iterator[WebServer]:
         yield server
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture
+def placefield(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> Run:
+    """Run a command line in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
+        monkeypatch.delenv(name)
+
+    def run(*arguments: str | Path) -> Ended:
+        monkeypatch.setattr("sys.argv", ["placefield", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        captured = capfd.readouterr()
+        code = ended.value.code
+        return Ended(code if isinstance(code, int) else 0, captured.out, captured.err)
+
+    return run

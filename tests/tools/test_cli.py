@@ -1,10 +1,7 @@
 """The command line in this process; commands that run until they are stopped are system tests."""
 
 import json
-import os
 import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from shutil import copytree
@@ -12,54 +9,12 @@ from typing import get_args
 
 import cv2
 import pytest
+from command_lines import Run
 from frame_folders import first_frames, uneven_drive
 
 from placefield.config import Config, Rule
-from placefield.loading import ENV_PREFIX
-from placefield_tools.cli.main import main
 
-
-@dataclass(frozen=True)
-class Ended:
-    """What a command left."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def refusal(self) -> str:
-        """The one line that says why the command could not go on."""
-        assert self.code == 1, self
-        assert not self.out
-        lines = [line for line in self.err.splitlines() if line.startswith("placefield: ")]
-        assert len(lines) == 1, self.err
-        assert self.err.rstrip().endswith(lines[0]), self.err
-        return lines[0]
-
-
-Run = Callable[..., Ended]
 RULES = get_args(Rule)
-
-
-@pytest.fixture
-def placefield(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
-) -> Run:
-    """Run a command line in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
-        monkeypatch.delenv(name)
-
-    def run(*arguments: str | Path) -> Ended:
-        monkeypatch.setattr("sys.argv", ["placefield", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        captured = capfd.readouterr()
-        code = ended.value.code
-        return Ended(code if isinstance(code, int) else 0, captured.out, captured.err)
-
-    return run
 
 
 def is_picture(path: Path) -> bool:

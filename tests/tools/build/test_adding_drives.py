@@ -1,4 +1,4 @@
-"""``placefield add`` and ``placefield drop`` on maps on disk, by real processes."""
+"""``placefield add`` and ``placefield drop`` on maps on disk."""
 
 import os
 import resource
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from command_lines import Run
 
 from placefield.maps.manifest import read_identified, read_manifest
 
@@ -26,11 +27,6 @@ main()
 ADD = ["add", "{route}", "{drive}"]
 DROP = ["drop", "{route}", "1"]
 BUILD = ["build", "{drive}", "-o", "{route}", "--overwrite", "--channels", "1"]
-
-
-def run(*arguments: str | Path, **options: Callable[[], None]) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "placefield_tools", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -67,40 +63,42 @@ def writing(
             process.kill()
 
 
-def test_a_drive_is_added_and_dropped(route: Path, query_dir: Path, tmp_path: Path) -> None:
+def test_a_drive_is_added_and_dropped(
+    placefield: Run, route: Path, query_dir: Path, tmp_path: Path
+) -> None:
     before, (_, digest) = files_of(route), read_identified(route)
     other = tmp_path / "dusk.pfmap"
-    added = run("add", route, query_dir, "--name", "dusk", "-o", other)
-    assert added.returncode == 0, added.stderr
-    assert f"{other}: 60 places, of which 0 are new; " in added.stdout
+    added = placefield("add", route, query_dir, "--name", "dusk", "-o", other)
+    assert added.code == 0, added.err
+    assert f"{other}: 60 places, of which 0 are new; " in added.out
     assert files_of(route) == before
     manifest = read_manifest(other)
     assert [record.name for record in manifest.traverses][1:] == ["dusk"]
     assert [(one.change, one.drive, one.before) for one in manifest.history] == [
         ("added", "dusk", digest)
     ]
-    printed = run("inspect", other, "-o", tmp_path / "segments.png").stdout
+    printed = placefield("inspect", other, "-o", tmp_path / "segments.png").out
     assert f"history  dusk added (before: {digest})" in printed
     assert " by dusk)" in printed
-    in_place = run("add", route, query_dir, "--name", "dusk")
-    assert in_place.returncode == 0, in_place.stderr
+    in_place = placefield("add", route, query_dir, "--name", "dusk")
+    assert in_place.code == 0, in_place.err
     assert files_of(route) == files_of(other)
-    dropped = run("drop", route, "dusk")
-    assert dropped.returncode == 0, dropped.stderr
+    dropped = placefield("drop", route, "dusk")
+    assert dropped.code == 0, dropped.err
     assert arrays_of(route) == {name: held for name, held in before.items() if name[-4:] == ".npy"}
     assert [one.change for one in read_manifest(route).history] == ["added", "dropped"]
 
 
 def test_a_killed_command_leaves_the_map_and_nothing_that_blocks_the_next(
-    route: Path, query_dir: Path, writing: subprocess.Popen[bytes]
+    placefield: Run, route: Path, query_dir: Path, writing: subprocess.Popen[bytes]
 ) -> None:
     before = files_of(route)
     writing.kill()
     writing.wait()
     assert files_of(route) == before
     assert list(route.parent.glob(".route.pfmap.*"))
-    added = run("add", route, query_dir)
-    assert added.returncode == 0, added.stderr
+    added = placefield("add", route, query_dir)
+    assert added.code == 0, added.err
     assert os.listdir(route.parent) == [route.name]
 
 
@@ -108,26 +106,30 @@ def test_a_killed_command_leaves_the_map_and_nothing_that_blocks_the_next(
     ("writing", "others"), [(ADD, [BUILD, DROP]), (BUILD, [ADD, BUILD])], indirect=["writing"]
 )
 def test_of_two_at_once_the_second_is_refused_in_one_line(
-    route: Path, query_dir: Path, writing: subprocess.Popen[bytes], others: list[list[str]]
+    placefield: Run,
+    route: Path,
+    query_dir: Path,
+    writing: subprocess.Popen[bytes],
+    others: list[list[str]],
 ) -> None:
     before = files_of(route)
     for command in others:
-        refused = run(*(word.format(route=route, drive=query_dir) for word in command))
-        assert refused.returncode == 1
+        refused = placefield(*(word.format(route=route, drive=query_dir) for word in command))
+        assert refused.code == 1
         line = f"placefield: {route}: another process is changing it; try again when it is done"
-        assert refused.stderr.splitlines() == [line]
+        assert refused.err.splitlines() == [line]
     assert writing.poll() is None
     assert files_of(route) == before
 
 
 def test_a_full_disk_leaves_the_map_as_it_was(route: Path, query_dir: Path) -> None:
     before = files_of(route)
-    limit = (2000, 2000)
-    full = run(
-        "add",
-        route,
-        query_dir,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+    full = subprocess.run(
+        [sys.executable, "-m", "placefield_tools", "add", route, query_dir],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)),
     )
     assert full.returncode == 1
     assert full.stderr.splitlines()[-1] == (
@@ -161,23 +163,29 @@ def missing(folder: Path, query: Path) -> Path:
 
 @pytest.mark.parametrize("make", [empty, broken, in_reverse, missing])
 def test_a_bad_drive_is_one_line_and_leaves_the_map_as_it_was(
-    route: Path, query_dir: Path, tmp_path: Path, make: Callable[[Path, Path], Path]
+    placefield: Run,
+    route: Path,
+    query_dir: Path,
+    tmp_path: Path,
+    make: Callable[[Path, Path], Path],
 ) -> None:
     before, drive = files_of(route), make(tmp_path / "drive", query_dir)
-    refused = run("add", route, drive)
-    assert refused.returncode == 1
-    assert drive.name in refused.stderr.splitlines()[-1]
-    assert "Traceback" not in refused.stderr
+    refused = placefield("add", route, drive)
+    assert refused.code == 1
+    assert drive.name in refused.err.splitlines()[-1]
+    assert "Traceback" not in refused.err
     assert files_of(route) == before
 
 
 def test_a_damaged_map_and_a_taken_output_are_named(
-    route: Path, query_dir: Path, tmp_path: Path
+    placefield: Run, route: Path, query_dir: Path, tmp_path: Path
 ) -> None:
-    taken = run("add", route, query_dir, "-o", shutil.copytree(route, tmp_path / "other.pfmap"))
-    assert "other.pfmap: is there already; choose another name" in taken.stderr
+    taken = placefield(
+        "add", route, query_dir, "-o", shutil.copytree(route, tmp_path / "other.pfmap")
+    )
+    assert "other.pfmap: is there already; choose another name" in taken.err
     file = route / "places" / "stamps.npy"
     file.write_bytes(file.read_bytes()[:-1] + b"x")
-    damaged = run("add", route, query_dir)
-    assert damaged.returncode == 1
-    assert f"{file}: damaged: its checksum is wrong" in damaged.stderr
+    damaged = placefield("add", route, query_dir)
+    assert damaged.code == 1
+    assert f"{file}: damaged: its checksum is wrong" in damaged.err
