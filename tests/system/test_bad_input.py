@@ -1,7 +1,7 @@
 import os
 import re
 import resource
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import copytree
@@ -43,6 +43,34 @@ def test_a_port_in_use_is_refused_and_its_router_continues(
     assert len(listener.answers()) == 10
 
 
+@pytest.fixture
+def refused_here(
+    tmp_path: Path,
+    map_path: Path,
+    query_dir: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> Callable[..., str]:
+    """Run a command that cannot begin in this process, and return the line that says why.
+
+    Other tests start these commands as processes.
+    """
+    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
+        monkeypatch.delenv(name)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+
+    def refused(*command: str) -> str:
+        arguments = [word.format(map=map_path, query=query_dir) for word in command]
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        code = ended.value.code
+        assert isinstance(code, int)
+        return refusal(CompletedProcess(arguments, code, *capfd.readouterr()))
+
+    return refused
+
+
 @pytest.mark.parametrize(
     "command",
     [
@@ -58,11 +86,9 @@ def test_a_port_in_use_is_refused_and_its_router_continues(
     ids=lambda command: command[0],
 )
 def test_without_a_router_a_command_says_where_it_looked(
-    map_path: Path, query_dir: Path, command: tuple[str, ...]
+    refused_here: Callable[..., str], endpoint: str, command: tuple[str, ...]
 ) -> None:
-    endpoint = free_endpoint()
-    arguments = [part.format(map=map_path, query=query_dir) for part in command]
-    line = refusal(placefield(*arguments, "--endpoint", endpoint, *HURRIED))
+    line = refused_here(*command, "--endpoint", endpoint, *HURRIED)
     assert f"no router at {endpoint}" in line
     assert "placefield up MAP" in line
 
@@ -77,7 +103,7 @@ def test_without_a_router_a_command_says_where_it_looked(
         (("up", "{map}", "--run", "two words"), "setting runs"),
         (("listen", "--run", "day,night"), "runs day, night: give one of them with --run"),
         (("replay", "{query}", "--run", "day,night"), "runs day, night: give one of them"),
-        (("replay", "{empty}"), "{empty}: no image files"),
+        (("replay", "empty"), "empty: no image files"),
         (("serve", "no.pfmap"), "no.pfmap: no map there"),
         (("serve", "{map}", "{map}"), "two maps of one name; give each name once"),
         (
@@ -96,27 +122,9 @@ def test_without_a_router_a_command_says_where_it_looked(
     ],
 )
 def test_a_command_that_cannot_begin_says_why_in_one_line(
-    map_path: Path,
-    query_dir: Path,
-    tmp_path: Path,
-    command: tuple[str, ...],
-    reason: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    refused_here: Callable[..., str], command: tuple[str, ...], reason: str
 ) -> None:
-    """Run here; other tests of this file start these commands as processes."""
-    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
-        monkeypatch.delenv(name)
-    monkeypatch.chdir(tmp_path)
-    names = {"map": map_path, "query": query_dir, "empty": tmp_path / "empty"}
-    (tmp_path / "empty").mkdir()
-    arguments = [part.format(**names) for part in command]
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    code = ended.value.code
-    assert isinstance(code, int)
-    line = refusal(CompletedProcess(arguments, code, *capfd.readouterr()))
-    assert reason.format(**names) in line
+    assert reason in refused_here(*command)
 
 
 def test_a_host_with_a_damaged_map_says_so_in_one_line(map_path: Path, tmp_path: Path) -> None:
