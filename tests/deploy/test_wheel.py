@@ -45,7 +45,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (site,) = folder.glob("lib/python*/site-packages")
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
     pip = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python", "install"]
-    offline = ["--no-deps", "--no-index", "--quiet", wheel]
+    offline = ["--no-deps", "--no-index", "--no-compile", "--quiet", wheel]
     subprocess.run([*pip, *offline], check=True, capture_output=True)
     return folder / "bin"
 
