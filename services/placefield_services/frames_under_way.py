@@ -35,6 +35,7 @@ class FramesUnderWay:
         self._patience_s, self._release = patience_s, release
         self._stream = ""
         self._since: dict[int, float] = {}
+        self._answered = "", -1
         self._lock = threading.Lock()
 
     def check(self, header: Header) -> None:
@@ -53,18 +54,21 @@ class FramesUnderWay:
                 raise NotYet(min(self._since.values()) - due)
 
     def add(self, header: Header) -> None:
-        """Count a frame that was described."""
+        """Count a frame that was described; its answer may have come already."""
         if not header.live or header.end:
             return
         with self._lock:
             if header.stream != self._stream:
                 self._stream, self._since = header.stream, {}
-            self._since[header.sequence] = time.monotonic()
+            stream, answered = self._answered
+            if header.stream != stream or header.sequence > answered:
+                self._since[header.sequence] = time.monotonic()
 
     def receive(self, received: Received) -> None:
         """Receive the answer of a frame, which stands for those of all frames before it."""
         header = received.header
         with self._lock:
+            self._answered = header.stream, header.sequence
             if header.stream != self._stream:
                 return
             self._since = {

@@ -19,9 +19,7 @@ _PLACES = 100  # compiled code is the same for any number of them
 Part = TypeVar("Part", bound=Any)
 
 
-def warm_up(
-    channels: Iterable[MapChannel], matching: MatchingConfig, topology: Topology
-) -> None:
+def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig, topology: Topology) -> None:
     """Match frames of no stream along the first places of each channel.
 
     This compiles all that whole channels use, and their shards.
