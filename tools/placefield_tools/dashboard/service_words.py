@@ -50,7 +50,7 @@ def slowest_in_words(status: RunStatus) -> str:
     slowest = max(status.services, key=waiting, default=None)
     if slowest is None or waiting(slowest) <= _UNDER_WAY:
         return ""
-    return f"; the slowest is {slowest.name}, {_behind_in_words(slowest)} behind"
+    return f"{slowest.name}, {_behind_in_words(slowest)} behind"
 
 
 def _hangs(service: ServiceStatus) -> bool:
