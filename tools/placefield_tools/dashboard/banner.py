@@ -35,7 +35,8 @@ class Banner:
 def _show_step(step: Step) -> None:
     with ui.element("div"):
         ui.label(step.words)
-        ui.html(escape(step.command), sanitize=False, tag="code")
+        words = (f"<span>{escape(word)}</span>" for word in step.command.split(" "))
+        ui.html(" ".join(words), sanitize=False, tag="code")
         button = ui.button(icon="content_copy", color=None).props("flat dense data-shown=copy")
         button.props["aria-label"] = button.props["title"] = f"Copy: {step.command}"
         copy = f"Quasar.copyToClipboard({json.dumps(step.command)})"  # also without HTTPS

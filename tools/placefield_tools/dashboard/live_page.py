@@ -79,8 +79,8 @@ class LivePage:
     def _lay_out_controls(self) -> None:
         section = ui.element("section").classes("card").props('aria-label="Time"')
         with section, ui.element("div").classes("controls"):
-            self._pause = ui.button("Pause", on_click=self._pause_or_follow)
-            self._pause.props("unelevated no-caps data-shown=pause")
+            self._pause = ui.button("Pause", on_click=self._pause_or_follow, color=None)
+            self._pause.classes("pause").props("unelevated no-caps data-shown=pause")
             self._pause.props('title="Space"').disable()
             ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
                 'flat round aria-label="One frame back" title="Left arrow; with shift: ten frames"'
@@ -192,7 +192,7 @@ class LivePage:
         self._slider.enable()
         ending = self._state.ending
         self._pause.text = "Last frame" if ending else "Back to live" if paused else "Pause"
-        self._pause.set_enabled(paused or not ending)
+        self._pause.set_enabled(paused or (self._is_current and not ending))
         self._moment.text = self._moment_of(answer)
         self._verdict.show_time(answer, is_newest=not paused, is_current=self._is_current)
 
