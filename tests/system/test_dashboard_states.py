@@ -135,7 +135,7 @@ def test_the_first_row_is_seen_without_scrolling(
     page.await_state("ended")
     wait_until(lambda: page.page.locator("img[data-shown=query][src]").count(), "there is a frame")
     page.page.evaluate("window.scrollTo(0, 0)")
-    assert not page.page.locator("[data-shown=source]").is_visible()
+    page.page.locator("[data-shown=source]").wait_for(state="hidden")
     assert_in_sight(page, *_FIRST_ROW, "replay-button")
     assert page.width() <= size["width"], "nothing is wider than the page"
 

@@ -5,10 +5,10 @@ from collections.abc import Collection
 MEANINGS = {
     "received": "messages that the service has read",
     "matches": "frames answered",
-    "smoothed": "frames whose match was decided again with later frames",
+    "smoothed": "frames that were matched again with later frames",
     "partial": "frames answered without the answers of all channels",
     "too_fast": "frames between which the vehicle passes more places than the map resolves",
-    "streams": "runs of frames that the service has followed, such as replays",
+    "streams": "sequences of frames that the service has followed, such as replays",
     "gaps": "frames that the service skipped, or that did not reach it",
     "repeated": "frames that were sent again",
     "fetched": "answers fetched from other services after a restart",

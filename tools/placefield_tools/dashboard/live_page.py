@@ -177,7 +177,7 @@ class LivePage:
         self._health.show(status, state)
         self._banner.show(state)
         self._verdict.show_services(status, state)
-        self._replay.show(state.name)
+        self._replay.show(is_idle=state.name == "idle")
         over = " over" if self._state.ending else ""
         self._is_current = state.is_current
         stale = "" if state.is_current else " stale"

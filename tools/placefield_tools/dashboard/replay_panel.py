@@ -2,7 +2,6 @@
 
 from nicegui import ui
 
-from placefield_tools.dashboard.run_state import Name
 from placefield_tools.dashboard.site import Site, card
 
 _DRAW_EVERY_S = 0.5
@@ -17,8 +16,9 @@ class ReplayPanel:
     def __init__(self, site: Site, button: ui.button) -> None:
         """Add the closed form; the button is elsewhere on the page."""
         self._replay, self._state, self._button = site.replay, site.state, button
-        self._shown: Name | None = None
-        self._has_failed = False
+        self._was_idle = False
+        self._stream: str | None = None  # whose answers are shown
+        self._has_failed = self._replay.has_failed  # before this page was opened
         button.props("outline no-caps data-shown=replay-button").classes("replay-button")
         button.on_click(self._press)
         with ui.element("div") as self._form, card("Replay", "replay"):
@@ -45,11 +45,15 @@ class ReplayPanel:
         self._status = ui.label("").props("role=status data-shown=replay")
         self._source.on("keydown.enter", self._start_replay)
 
-    def show(self, state: Name) -> None:
-        """Open the form when the run becomes idle, and close it when frames are answered."""
-        if state != self._shown and state in ("idle", "live"):
-            self._open(is_open=state == "idle")
-        self._shown = state
+    def show(self, *, is_idle: bool) -> None:
+        """Open the form when the run becomes idle, and close it when a stream begins."""
+        answers = self._state.answers
+        stream = answers[-1].header.stream if answers else None
+        if is_idle and not self._was_idle:
+            self._open(is_open=True)
+        elif stream != self._stream:
+            self._open(is_open=False)
+        self._was_idle, self._stream = is_idle, stream
 
     def _open(self, *, is_open: bool) -> None:
         self._form.set_visibility(is_open)
