@@ -242,6 +242,8 @@ def test_a_page_whose_router_is_gone_is_grey_and_says_so(
 ) -> None:
     page, _ = shown
     page.page.emulate_media(color_scheme="light")
+    own_host.replay(query_dir)
+    page.await_state("ended")  # and so is the stream of an earlier test
     with live(logs, own_host, query_dir):
         page.await_state("live")
         wait_until(lambda: colour(page, "verdict") == _BLUE, "the newest frame is known")
