@@ -85,8 +85,12 @@ def serve_featurizer(
             run, header = received.run, received.header
             if not raws[run].is_awaited(header):  # else a describer has done the work already
                 under_way[run].check(header)
-            featurizer.handle(received)
             under_way[run].add(header)
+            try:
+                featurizer.handle(received)
+            except MessageError:
+                under_way[run].discard(header)
+                raise
 
         with process.sole():
             # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame

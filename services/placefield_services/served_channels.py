@@ -43,12 +43,12 @@ class ServedChannels:
         """
         self._channels = {number: placemap.channels[number] for number in channels}
         self._matching = matching
-        self._travelled = placemap.places.travelled
+        self._topology = placemap.topology
         self.digest = placemap.digest
         """Digest of the map."""
         self.model = placemap.model
         """The descriptor model of the map."""
-        self._stage = ChannelStage(self._channels, matching, shard, shards, placemap.topology)
+        self._stage = ChannelStage(self._channels, matching, shard, shards, self._topology)
         # Called before reading, because reading a truncated file kills the process, and after.
         self._check_unchanged = placemap.check_unchanged
         self.needs_all = shards > 1
@@ -56,7 +56,7 @@ class ServedChannels:
 
     def warm_up(self) -> None:
         """Match frames of no stream, so that everything is loaded and compiled before serving."""
-        warm_up(self._channels.values(), self._matching, self._travelled)
+        warm_up(self._channels.values(), self._matching, self._topology)
 
     def new_stream(self, outputs: ChannelOutputs, first: int) -> ChannelStream:
         """Begin a stream with the frame of this number.

@@ -1,98 +1,35 @@
 """Reference traverses to a map."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.config import Config, FeatureConfig, MetricConfig
-from placefield.errors import MapError
+from placefield.config import Config, FeatureConfig
 from placefield.features.extract import default_dimensions
 from placefield.features.joined_model import AnyModel, FeaturePart, fit_parts
 from placefield.features.kinds import kinds_of
-from placefield.maps.build_steps import ONE_BY_ONE, Arrays, Share, Steps
+from placefield.maps.build_steps import ONE_BY_ONE, Share, Steps
+from placefield.maps.cutting import Cut, adaptive_channels, lower_limit
 from placefield.maps.gathering import (
     alignment_of,
-    centred,
     chosen_rows,
     local_features_of,
     looks_of_others,
-    probes_of,
     records_of,
-    trained_first,
 )
+from placefield.maps.learning import Training, learn_metric, with_push
 from placefield.maps.linking import linked, same_by_poses
 from placefield.maps.map import Map, MapAlignment, MapChannel, MapMetric, Places
 from placefield.maps.map_metrics import identity_metric, learned_metric, with_graph, with_looks
-from placefield.maps.route_graph import Firsts
-from placefield.maps.trajectory import travelled
+from placefield.maps.route_graph import RouteGraph
 from placefield.maps.traverse import Traverse
 from placefield.matching.revisits import same_places
-from placefield.metric.cross_validation import choose_push
-from placefield.metric.learn import LearnedMetric, Probes, held_back_frames, learn_projection
-from placefield.scales.channels import Channel, make_channels
+from placefield.metric.learn import LearnedMetric
+from placefield.scales.channels import Channel
 from placefield.scales.encoding import smallest_scale
 
-HELD_BACK = 0.2  # of the reference, as in the paper
-
 Array = NDArray[np.float32]
-Cut = Callable[[Array, Traverse, Config, Steps], tuple[Channel, ...]]
-"""Called with the reference traverse's descriptors (K, N), the traverse itself, the settings and
-how to carry out the steps."""
-
-
-def held_back_places(count: int, seed: int) -> NDArray[np.bool_]:
-    """Return which places are held back from learning a metric, (count,) bool."""
-    return held_back_frames(count, HELD_BACK, seed)
-
-
-def adaptive_channels(
-    descriptors: Array, traverse: Traverse, config: Config, steps: Steps = ONE_BY_ONE
-) -> tuple[Channel, ...]:
-    """Cut the reference traverse as AMS does, by fuzzy clustering.
-
-    Args:
-        descriptors: (K, N) float32, of the reference traverse.
-        traverse: the reference traverse.
-        config: its scales and seed are used.
-        steps: how they are carried out.
-
-    Raises:
-        MapError: the reference is too short for this many channels, or the smallest scale is in
-            metres and the reference has no poses.
-    """
-    scales = config.scales
-    min_scale, metres = _lower_limit(traverse, config)
-    return make_channels(
-        descriptors,
-        channels=scales.channels,
-        clusters=scales.clusters,
-        fuzzifiers=scales.fuzzifiers,
-        same_start=scales.same_start,
-        position_weight=scales.position_weight,
-        min_scale=min_scale,
-        travelled=metres,
-        first=traverse.routes.first,
-        seed=config.seed,
-        steps=steps,
-    )
-
-
-def _lower_limit(traverse: Traverse, config: Config) -> tuple[float, NDArray[np.floating] | None]:
-    """Return the shortest active segment, and, if it is in metres, the metres up to each place.
-
-    Raises:
-        MapError: it is in metres, and the traverse has no poses.
-    """
-    scales = config.scales
-    if not scales.min_scale_metres:
-        return scales.min_scale, None
-    if not len(traverse.poses):
-        raise MapError(
-            f"--min-scale {scales.min_scale_metres:g}m: {traverse.name} has no poses; give the "
-            "smallest scale in frames, or poses in its frames.csv"
-        )
-    return scales.min_scale_metres, travelled(traverse.poses)
 
 
 def build_map(
@@ -132,47 +69,24 @@ def build_map(
         traverses, shown, config.features, parts, steps.share(None, "fitting descriptors")
     )
     places = descriptors[0]
-    held_back = held_back_places(len(places), config.seed)
     steps = steps.of([*descriptors, *place_of], config.model_dump_json())
-    probes = probes_of(descriptors, place_of, held_back)
-    order, places_of = trained_first(held_back, place_of)
-    # Without a gate's probes nothing is learned, and of many places a copy is large.
-    reference = (
-        places[:0] if _learns_nothing(config.metric, probes) else centred(descriptors, order)
-    )
-    looks = (
-        looks_of_others(descriptors, place_of, first.routes.first) if config.build.looks else None
-    )
-    del descriptors  # the reference has them all
+    training = Training.of(descriptors, place_of, config)
     identity = identity_metric(places, coarse=len(places) >= config.build.coarse_from)
-    if looks is not None and len(looks.places):
-        identity = with_looks(identity, *looks)
-    encoded = cut(places, first, config, steps)
-    smallest = smallest_scale(*_lower_limit(first, config))
-    labels = [channel.encoding.labels[places_of] for channel in encoded]
-    metric_config = _with_push(config, probes, labels[0], reference, places_of)
-    trained = len(places_of) - int(held_back[places_of].sum())
+    if config.build.looks:
+        looks = looks_of_others(descriptors, place_of, first.routes.first)
+        identity = with_looks(identity, *looks) if len(looks.places) else identity
+    del descriptors  # the training has them all
+    cuts = cut(places, first, config, steps)
+    config = with_push(config, training, cuts[0].encoding.labels)
+    smallest = smallest_scale(*lower_limit(first, config))
 
-    def learn(number: int) -> MapChannel:
-        share = steps.share(number, "learning")
-        share(0)
+    def channel(number: int) -> MapChannel:
+        labels = cuts[number].encoding.labels
+        learned = learn_metric(number, labels, training, config, steps)
+        return _map_channel(cuts[number], smallest, learned, identity, places)
 
-        def learned() -> Arrays:
-            return _metric(
-                labels[number], reference, trained, probes, metric_config, config.seed, share
-            ).arrays()
-
-        metric = LearnedMetric.of(*steps.finish(f"channel-{number}-metric", learned))
-        channel = _map_channel(encoded[number], smallest, metric, identity, places)
-        share(1)
-        return channel
-
-    # Found by the rule filter, and followed by it alone; it does not serve plain descriptors.
-    graph, same = first.routes, np.arange(len(places), dtype=np.int32)
-    if not model.plain:
-        same = same_by_poses(_same_places(places, graph.first, steps), first.poses, graph.first)
-        graph = linked(graph, same, first.poses)
-    channels = tuple(steps.run(learn, range(len(encoded))))
+    graph, same = _roads(model, places, first, steps)
+    channels = tuple(steps.run(channel, range(len(cuts))))
     built = Map(
         preset=config.preset,
         seed=config.seed,
@@ -180,7 +94,7 @@ def build_map(
             update={"dimensions": _most_dimensions(config.features)}
         ),
         scales=config.scales,
-        metric=metric_config,
+        metric=config.metric,
         traverses=records_of(traverses, alignments),
         pose_frame=first.pose_frame if len(first.poses) else None,
         model=model,
@@ -252,59 +166,22 @@ def _map_channel(
     )
 
 
-def _same_places(places: Array, first: Firsts, steps: Steps) -> NDArray[np.int32]:
-    share = steps.share(None, "finding revisited places")
-    (same,) = steps.finish("same-places", lambda: (same_places(places, first, share),))
-    share(1)
-    return same
+def _roads(
+    model: AnyModel, places: Array, first: Traverse, steps: Steps
+) -> tuple[RouteGraph, NDArray[np.int32]]:
+    """Return the graph of the first traverse with the links found, and which places are the same.
 
-
-def _learns_nothing(config: MetricConfig, probes: Probes | None) -> bool:
-    """Whether no metric can be learned, whatever the frames are."""
-    return config.kind == "identity" or (config.gate and probes is None)
-
-
-def _metric(
-    labels: NDArray[np.int32],
-    reference: Array,
-    trained: int,
-    probes: Probes | None,
-    config: MetricConfig,
-    seed: int,
-    progress: Share,
-) -> LearnedMetric:
-    if config.kind == "identity":
-        identity = np.eye(reference.shape[1], dtype=np.float32)
-        return LearnedMetric(identity, "none was asked for", np.empty((0, 2)))
-    return learn_projection(
-        reference,
-        labels,
-        trained,
-        probes,
-        config,
-        seed,
-        on_step=lambda step, *_: progress(step / config.steps),
-    )
-
-
-def _with_push(
-    config: Config,
-    probes: Probes | None,
-    labels: NDArray[np.int32],
-    reference: Array,
-    places: NDArray[np.integer],
-) -> MetricConfig:
-    """Return the metric's settings with push as a number, the same for all channels.
-
-    Where push is to be chosen, cross-validation on the labels of the first channel chooses it.
+    They are found by the rule ``filter``, which does not serve plain descriptors, and followed by
+    it alone.
     """
-    metric = config.metric
-    if not isinstance(metric.push, str):
-        return metric
-    if metric.kind != "lmnn" or (metric.gate and probes is None):
-        return metric.model_copy(update={"push": MetricConfig().push})
-    push = choose_push(reference, labels, places, metric, config.seed)
-    return metric.model_copy(update={"push": push})
+    graph = first.routes
+    if model.plain:
+        return graph, np.arange(len(places), dtype=np.int32)
+    share = steps.share(None, "finding revisited places")
+    (found,) = steps.finish("same-places", lambda: (same_places(places, graph.first, share),))
+    share(1)
+    same = same_by_poses(found, first.poses, graph.first)
+    return linked(graph, same, first.poses), same
 
 
 def _places(traverse: Traverse, same: NDArray[np.int32]) -> Places:

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from placefield.maps.map import MapMetric
-from placefield.maps.map_metrics import steps_along
-from placefield.maps.topology import Topology
 from placefield.matching.belief_kernels import pick
 from placefield.matching.best_window import Vicinity
 from placefield.matching.candidate import NO_CANDIDATE, NO_PLACES, Candidate
@@ -23,8 +20,6 @@ from placefield.matching.motion import (
     UNKNOWN,
     Array,
     StepLengths,
-    evenly_spaced,
-    step_lengths,
 )
 from placefield.matching.observation import Observation
 from placefield.matching.odometry import Displacement, Odometer, measures_length
@@ -50,7 +45,6 @@ UNMAPPED = 0.02
 
 _NOTHING = np.empty(0)
 _TEMPERATURE = 0.8  # temperature: deviations of a frame's distances, per nat
-_RANDOM_PAIRS = 250  # how many random pairs are sampled
 _REPEATED = 1e-3  # distance in descriptor space up to which two frames are the same image
 
 
@@ -267,39 +261,6 @@ class FilterMatcher(Matcher):
         return SmoothedCandidate(candidate, smoothed.lag)
 
 
-def step_lengths_of(
-    metric: MapMetric, topology: Topology, *, reverse: bool, mapped: bool = False
-) -> StepLengths:
-    """Return how long steps are on a map, in the order of travel.
-
-    Args:
-        metric: of the whole map.
-        topology: of the map, in the order of travel.
-        reverse: whether this is the reverse of the map's order.
-        mapped: whether they stay where they are mapped, read-only, if the order is the map's.
-    """
-    steps = metric.steps
-    if reverse and topology.graph.is_line:
-        steps = _reversed_steps(metric.steps)
-    elif reverse:
-        steps = steps_along(metric.places[::-1], metric.unit, topology.graph)
-    if mapped:
-        steps = np.ascontiguousarray(steps).view()
-        steps.setflags(write=False)  # as what is mapped, so that the same compiled code is used
-    else:
-        steps = np.array(steps)
-    return step_lengths(steps, random_pairs_of(metric))
-
-
-def random_pairs_of(metric: MapMetric) -> Array:
-    """Return the distances of places from those half a map away, (J,) float32."""
-    count = len(metric.places)
-    first = evenly_spaced(np.arange(count), _RANDOM_PAIRS)
-    here, there = metric.places[first], metric.places[first - count // 2]
-    difference = here.astype(np.float32) - there
-    return np.asarray(metric.unit * np.linalg.norm(difference, axis=1), np.float32)
-
-
 def within_reach(places: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     """Return where a step from any of these places may lead among the first so many, ascending.
 
@@ -307,12 +268,3 @@ def within_reach(places: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     """
     reached = np.unique(np.add.outer(places, np.arange(REACH + 1, dtype=np.int32)))
     return reached[(reached >= 0) & (reached < count)]
-
-
-def _reversed_steps(steps: Array) -> Array:
-    """Return the distance of each place from those behind it, in reverse order."""
-    backward = steps[:, ::-1].copy()
-    for step, row in enumerate(backward, 1):
-        first = min(step, len(row))
-        row[first:], row[:first] = row[: len(row) - first].copy(), row[len(row) - first :].copy()
-    return backward

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from placefield.maps.map import STEPS, MapMetric
 from placefield.maps.map_metrics import fill_steps
 from placefield.matching.comparing import Comparison, MetricPlaces
-from placefield.matching.filter_matcher import random_pairs_of
+from placefield.matching.map_steps import random_pairs_of
 from placefield.matching.motion import Array, StepLengths, step_lengths
 from placefield.search.quantized import DESCRIPTOR_UNIT, quantize
 

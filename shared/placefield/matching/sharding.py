@@ -20,8 +20,8 @@ from placefield.matching.filter_matcher import (
     SAMPLED,
     FilterMatcher,
     WholeMap,
-    step_lengths_of,
 )
+from placefield.matching.map_steps import step_lengths_of
 from placefield.matching.matcher import Matcher, ReverseMatcher
 from placefield.matching.motion import evenly_spaced
 from placefield.matching.roads import roads_of

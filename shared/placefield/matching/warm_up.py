@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from placefield.config import MatchingConfig
 from placefield.maps.array_layout import CHANNEL_FILES, COARSE_FILES, METRIC_FILES, Layout
@@ -20,11 +19,7 @@ _PLACES = 100  # compiled code is the same for any number of them
 Part = TypeVar("Part", bound=Any)
 
 
-def warm_up(
-    channels: Iterable[MapChannel],
-    matching: MatchingConfig,
-    travelled: NDArray[np.float64] | None = None,
-) -> None:
+def warm_up(channels: Iterable[MapChannel], matching: MatchingConfig, topology: Topology) -> None:
     """Match frames of no stream along the first places of each channel.
 
     This compiles all that whole channels use, and their shards.
@@ -32,12 +27,10 @@ def warm_up(
     Args:
         channels: of one map.
         matching: how candidates are made.
-        travelled: (K,) metres up to each place of the map; None or empty: unknown.
+        topology: of the map.
     """
     short = dict(enumerate(map(beginning_of, channels)))
-    topology = Topology.line(len(short[0].metric.places))
-    if travelled is not None:
-        topology = replace(topology, travelled=travelled[:_PLACES])
+    topology = _topology_like(topology, len(short[0].metric.places))
     used = [short]
     if any(has_lists(channel.metric) for channel in short.values()):
         used.append({number: _without_lists(channel) for number, channel in short.items()})
@@ -46,6 +39,14 @@ def warm_up(
         _match(stage, measured=False)
         if len(topology.travelled):
             _match(stage, measured=True)
+
+
+def _topology_like(topology: Topology, count: int) -> Topology:
+    """Return a topology of ``count`` places that needs the same compiled code: line or circuit."""
+    like = replace(Topology.line(count), travelled=topology.travelled[:count])
+    if not len(topology.graph.links):
+        return like
+    return replace(like, graph=like.graph.with_links([(count - 1, 0)]))
 
 
 def _match(stage: ChannelStage, *, measured: bool) -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.topology import Topology
-from placefield.matching.filter_matcher import step_lengths_of
 from placefield.matching.growing_places import GrowingPlaces, compare, lengths_of
+from placefield.matching.map_steps import step_lengths_of
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 7, 255, 256, 257, 700])

@@ -40,7 +40,7 @@ matching = MatchingConfig(rule=rule, reverse=bool(reverse))
 opened = open_map(Path(path))
 travelled = np.arange(float(opened.places.count)) if measured else None
 topology = opened.topology if travelled is None else replace(opened.topology, travelled=travelled)
-warm_up(opened.channels, matching, travelled)
+warm_up(opened.channels, matching, topology)
 before = compiled()
 frames = np.random.default_rng(0).normal(size=(6, len(opened.model.components)))
 frames = (frames / np.linalg.norm(frames, axis=1, keepdims=True)).astype(np.float32)
@@ -71,7 +71,7 @@ def traverse() -> Traverse:
     )
 
 
-@pytest.fixture(scope="module", params=["one look", "looks"])
+@pytest.fixture(scope="module", params=["one look", "looks", "a circuit"])
 def map_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a channel under a learned metric, and of one with a coarse index."""
     built = build_map(
@@ -89,6 +89,8 @@ def map_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         shown = np.arange(150, 220, dtype=np.int32)
         metrics = [with_looks(each, shown, first.metric.places[shown]) for each in metrics]
     channels = [replace(c, metric=m) for c, m in zip((first, other), metrics, strict=True)]
+    if request.param == "a circuit":
+        built = replace(built, graph=built.graph.with_links([(PLACES - 1, 0)]))
     path = tmp_path_factory.mktemp("warm-up") / "walk.pfmap"
     save_map(replace(built, channels=tuple(channels)), path)
     return path

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from placefield.loading import load_config
-from placefield.maps.build import build_map, held_back_places
+from placefield.maps.build import build_map
+from placefield.maps.learning import held_back_places
 from placefield.maps.map import Map
 from placefield.maps.traverse import Traverse
 from placefield.matching.candidate import UNANSWERED

@@ -30,7 +30,7 @@ def test_latencies_are_compared_within_a_round() -> None:
 
 def test_computing_time_is_reported_by_answered_frame() -> None:
     together, separate = Load(answers(4, 5, 6, 7, 8), 0.02), Load(answers(4, 9, 9), 0.03)
-    found = as_object(load_figures([(together, separate)]))
+    found = as_object(load_figures([together], [(together, separate)]))
     assert found["cameras_lost_frames"] == 0
     assert found["cameras_separate_lost_frames"] == 2
     assert found["cameras_cpu_ms"] == pytest.approx(5)
@@ -40,7 +40,8 @@ def test_computing_time_is_reported_by_answered_frame() -> None:
 def test_layouts_of_cameras_are_compared_within_a_turn() -> None:
     quiet = Load(answers(2, 5, 5), 0.02), Load(answers(2, 5, 5), 0.04)
     busy = Load(answers(2, 9), 0.1), Load(answers(2, 9, 9), 0.8)
-    found = as_object(load_figures([quiet, busy]))
+    alone = [Load(answers(2, 5, 5), 0.02), Load(answers(2, 9), 0.1)]
+    found = as_object(load_figures(alone, [quiet, busy]))
     assert found["cameras_cpu_ratio"] == pytest.approx((2 + 4) / 2)
     assert found["cameras_cpu_ms"] == pytest.approx(120 / 3)
     assert found["cameras_lost_frames"] == 1
@@ -58,4 +59,4 @@ def test_no_two_figures_of_the_chain_have_the_same_key() -> None:
     some = answers(1, 5.0)
     load = Load(some, 1.0)
     stream = [*rate_figures([(1, 1)]), *latency_figures([(some, some)])]
-    assert len(as_object([*stream, *load_figures([(load, load)])])) == 18
+    assert len(as_object([*stream, *load_figures([load], [(load, load)])])) == 18

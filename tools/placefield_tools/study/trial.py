@@ -12,7 +12,8 @@ from placefield.config import Config, MatchingConfig, Rule
 from placefield.errors import MapError
 from placefield.evaluation.truth import Truth
 from placefield.features.joined_model import FeaturePart
-from placefield.maps.build import Cut, adaptive_channels, build_map
+from placefield.maps.build import build_map
+from placefield.maps.cutting import Cut, adaptive_channels
 from placefield.maps.map import Map, MapChannel
 from placefield.maps.map_metrics import identity_metric
 from placefield.maps.traverse import Traverse

@@ -1,6 +1,6 @@
 import pytest
 
-from placefield.maps.build import held_back_places
+from placefield.maps.learning import held_back_places
 
 
 @pytest.mark.parametrize("count", [15, 300])
