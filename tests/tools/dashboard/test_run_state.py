@@ -55,6 +55,13 @@ def test_a_stream_that_was_stopped_by_hand_is_said_to_be(state: LiveState) -> No
     assert found(state).words.startswith("Stopped by hand: 1 frame, ")
 
 
+def test_a_stream_that_is_over_was_not_stopped_by_who_stops_the_next_one(state: LiveState) -> None:
+    add(state)
+    state.add_match(Header(stream="s", sequence=1, stamp_ns=0, end=True), b"")
+    state.note_stop()  # before a frame of the next stream is answered
+    assert found(state).words.startswith("The stream is over: ")
+
+
 def test_what_is_wrong_comes_before_what_is_going_on(state: LiveState) -> None:
     add(state)
     gone = found(state, "fuser", connected=False)

@@ -115,8 +115,10 @@ class LivePage:
 
     def _pause_or_follow(self) -> None:
         """Pause, or follow again; a stream that is over cannot be paused."""
-        can_pause = self._shown and self._paused_at is None and not self._state.ending
-        self._paused_at = self._shown[0] if self._shown and can_pause else None
+        if self._shown and self._paused_at is None and not self._state.ending:
+            self._paused_at = self._shown[0]
+        else:
+            self._paused_at = None
         self._draw()
 
     def _look_back(self, moved: GenericEventArguments) -> None:
