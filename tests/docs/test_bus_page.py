@@ -23,6 +23,7 @@ from placefield.bus.credits import WINDOW
 from placefield.bus.keys import Keys
 from placefield.bus.maps import MapKeys
 from placefield.bus.message import Message, OfMap
+from placefield_tools.dashboard.count_words import MEANINGS
 
 SOURCES = Path(__file__).resolve().parents[2]
 NAMES = {
@@ -134,12 +135,12 @@ def test_the_page_has_all_fields_of_all_messages(bus_page: str) -> None:
         assert missing == [], model.__name__
 
 
-def test_the_page_has_all_counts_and_no_others(
+def test_the_page_has_all_counts_and_no_others_and_the_dashboard_a_meaning_of_each(
     bus_page: str, rows: Callable[[str], list[list[str]]]
 ) -> None:
     table = bus_page.partition("## What is counted")[2]
     on_page = {name for row in rows(table) for name in re.findall(r"`(\w+)`", row[0])}
-    assert on_page == counted()
+    assert on_page == counted() == set(MEANINGS)
 
 
 def test_the_page_has_the_limits_in_force(bus_page: str) -> None:

@@ -77,30 +77,38 @@ def test_the_page_shows_the_last_match_of_the_bus(shown: Shown, replayed: list[A
 def test_the_page_reports_how_the_services_are(shown: Shown) -> None:
     rows = shown.page.get_by_role("region", name="Services").get_by_role("row")
     wait_until(lambda: rows.count() >= 1 + 5, "all services are shown")
-    shown.await_text("whole missed so far", "0")
-    shown.await_text("whole answered in part so far", "0")
+    shown.await_text("whole frames missed so far", "0")
+    shown.await_text("whole incomplete answers so far", "0")
     shown.await_text("whole frames behind", "0")
     shown.await_text("services", "all services are running")
+    shown.await_text("slowest service", "none is behind")
+    shown.press("glossary")
+    words = shown.page.locator("[data-shown=glossary] dt")
+    wait_until(
+        lambda: {"incomplete", "received", "streams", "matches"} <= {*words.all_inner_texts()},
+        "all that is counted is explained",
+    )
 
 
-def test_a_paused_page_stays_and_looks_back(
+def test_a_page_that_looks_back_stays_there(
     shown: Shown, host: Host, listener: Listener, query_dir: Path, replayed: list[Answer]
 ) -> None:
     assert_shows(shown, replayed[-1])
-    shown.page.keyboard.press("Space")
-    shown.await_text("pause", "Back to live")
+    shown.page.keyboard.press("ArrowLeft")
+    shown.await_text("moment", "frame 58 · 1 before the last")
+    assert shown.text("verdict-heading") == "Where the vehicle was at frame 58"
     host.replay(query_dir)
     again = listener.answers()
-    shown.await_text("moment", "frame 59 · paused, 60 newer")
-    for back in (2, 3):
+    shown.await_text("moment", "frame 58 · 61 before the last")
+    for back in (3, 4):
         shown.page.get_by_role("button", name="One frame back").click()
         assert_shows(shown, replayed[-back])
     slider = shown.page.get_by_role("slider")
     slider.focus()
     slider.press("ArrowRight")
-    assert_shows(shown, replayed[-2])
+    assert_shows(shown, replayed[-3])
     slider.press("Home")
-    wait_until(lambda: " newer" in shown.text("moment"), "it looks far back")
+    wait_until(lambda: " before" in shown.text("moment"), "it looks far back")
     shown.press("pause")
     assert_shows(shown, again[-1])
     shown.await_text("moment", "frame 59 · the stream is over")
@@ -150,7 +158,7 @@ def test_a_click_looks_back_to_the_frame_at_that_place_and_time(
         box = picture.bounding_box()
         assert box is not None
         picture.click(position={"x": across * box["width"], "y": box["height"] / 2}, force=True)
-        wait_until(lambda: "paused" in shown.text("moment"), f"{what} looks back")
+        wait_until(lambda: "before the last" in shown.text("moment"), f"{what} looks back")
         frame = int(shown.text("moment").split()[1])
         assert abs(frame - 30) <= 5, f"the middle of the route is in the middle of {what}"
         assert int(shown.text("place").split()[0]) == replayed[frame][1].place
@@ -175,7 +183,7 @@ def test_a_click_is_not_lost_if_the_picture_changes_under_it(
             "    svg => svg.replaceWith(svg.cloneNode(true)))"
         )
         shown.page.mouse.up()
-        wait_until(lambda: "paused" in shown.text("moment"), "it looks back")
+        wait_until(lambda: "before the last" in shown.text("moment"), "it looks back")
     follow(shown)
 
 
@@ -218,10 +226,11 @@ def test_the_keys_do_not_scroll_the_page(shown: Shown) -> None:
 def test_a_replay_is_started_and_stopped_from_the_page(
     shown: Shown, listener: Listener, query_dir: Path, tmp_path: Path
 ) -> None:
-    shown.page.get_by_label("Source").fill(str(tmp_path / "nothing"))
+    shown.press("replay-button")
+    shown.page.get_by_label("Source: ").fill(str(tmp_path / "nothing"))
     shown.press("start")
     wait_until(lambda: "nothing" in shown.text("replay") and not replays(shown), "it has failed")
-    shown.page.get_by_label("Source").fill(str(query_dir))
+    shown.page.get_by_label("Source: ").fill(str(query_dir))
     shown.page.get_by_label("Frames per second").fill("40")
     shown.page.get_by_role("checkbox", name="repeat from").click()
     shown.press("start")
@@ -229,9 +238,24 @@ def test_a_replay_is_started_and_stopped_from_the_page(
     assert not any(match.missing for _, match in answers)
     shown.await_state("live")
     assert not shown.page.locator(".banner").is_visible()
-    shown.press("stop")
+    wait_until(lambda: not shown.page.get_by_label("Source: ").is_visible(), "the form is closed")
+    shown.page.keyboard.press("Space")
+    shown.await_text("pause", "Back to live")
+    wait_until(lambda: re.search(r" · paused, \d\d newer", shown.text("moment")), "it stays")
+    shown.press("pause")
+    wait_until(lambda: "paused" not in shown.text("moment"), "it follows again")
+    shown.press("replay-button")
+
+
+def test_a_stream_that_was_stopped_by_hand_is_said_to_be_everywhere(shown: Shown) -> None:
+    shown.await_state("ended")
+    assert shown.text("state").startswith("Stopped by hand: ")
+    wait_until(lambda: shown.text("moment").endswith(" · stopped by hand"), "the slider says so")
+    assert shown.text("verdict-heading") == "Last match: stopped by hand"
     wait_until(lambda: "frames replayed" in shown.text("replay"), "it has ended")
-    assert shown.text("replay").startswith("stopped here")
+    assert shown.text("replay").startswith("stopped by hand: ")
+    shown.open("/")  # it is the same for who comes later
+    shown.await_text("verdict-heading", "Last match: stopped by hand")
 
 
 def replays(shown: Shown) -> bool:

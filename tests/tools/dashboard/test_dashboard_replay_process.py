@@ -10,11 +10,13 @@ from placefield_tools.dashboard.replay_process import ReplayChild, replay_flags
 def test_a_replay_that_fails_says_why_in_one_line(endpoint: str, tmp_path: Path) -> None:
     replay = ReplayChild(replay_flags("default", BusConfig(endpoint=endpoint)))
     assert replay.status == "no replay was started here"
+    assert not replay.has_failed
     source = tmp_path / "--help"  # no flag, whatever it is called
     replay.start(str(source), None, "", loop=False)
     assert replay.status == f"replaying {source}"
     wait_until(lambda: not replay.status.startswith("replaying"), "the replay has failed")
     assert str(source) in replay.status
+    assert replay.has_failed
     assert "\n" not in replay.status
     replay.close()
     assert replay.status == "no replay was started here"

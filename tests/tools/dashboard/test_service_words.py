@@ -53,9 +53,6 @@ def test_the_state_of_a_service_is_said_in_words(given: ServiceStatus, words: st
 def test_the_slowest_service_is_named() -> None:
     services = (service("featurizer", 1), service("fuser", 7), service("channel", None))
     status = RunStatus("s", 9, 4, services, ())
-    assert slowest_in_words(status) == "; the slowest is fuser, 7 frames (3.5 s) behind"
-    slow_channel = (service("fuser", 9), service("featurizer", 2), service("channel", 8))
-    named = slowest_in_words(RunStatus("s", 9, 4, slow_channel, ()))
-    assert named.startswith("; the slowest is channel")  # for which the fuser waits
+    assert slowest_in_words(status) == "fuser, 7 frames (3.5 s) behind"
     for behind in (0, 1):  # a frame under way
         assert slowest_in_words(RunStatus("s", 9, 4, (service("fuser", behind),), ())) == ""

@@ -75,6 +75,20 @@ def test_a_featurizer_is_behind_by_what_was_sent_and_the_others_by_what_it_descr
         assert service_of(status, identity).behind == 0
 
 
+def test_a_fuser_is_behind_by_what_all_channels_had_reported_not_by_what_it_waits_for(
+    record: RunRecord,
+) -> None:
+    record.announce(announced(30))
+    record.update("channel", "c1", stats("channel", 30), 5.0)
+    record.update("channel", "c2", stats("channel", 14), 5.1)
+    record.update("fuser", "u1", stats("fuser", 12), 5.2)
+    record.update("channel", "c2", stats("channel", 30), 5.3)  # until the fuser's next report
+    status = record.status(tokens(*WHOLE, "channel/2-c2"), 6.0)
+    assert service_of(status, "u1").behind == 2
+    record.update("fuser", "u1", stats("fuser", 12), 6.2)
+    assert service_of(record.status(tokens(*WHOLE), 6.3), "u1").behind == 18
+
+
 def test_a_silent_service_is_behind_by_all_that_came_since(record: RunRecord) -> None:
     record.announce(announced(30))
     record.update("channel", "c1", stats("channel", 30), 5.0)

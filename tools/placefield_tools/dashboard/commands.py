@@ -36,6 +36,11 @@ class Commands:
         """Starts the page with another map."""
         return self._of("dashboard", "MAP")
 
+    @property
+    def inspect(self) -> str:
+        """Prints the facts of a map, with its digest."""
+        return "placefield inspect MAP"
+
     def _of(self, *command: str) -> str:
         usual, flags = Config(), []
         if self.run != usual.run:

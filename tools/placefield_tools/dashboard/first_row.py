@@ -13,12 +13,16 @@ from placefield_tools.common.place_words import place_words
 from placefield_tools.dashboard import drawings
 from placefield_tools.dashboard.answer import Answer
 from placefield_tools.dashboard.marks import KEY
+from placefield_tools.dashboard.run_state import RunState
+from placefield_tools.dashboard.service_words import slowest_in_words
 from placefield_tools.dashboard.site import Site, card, svg
 from placefield_tools.dashboard.verdict import belief_of, kind_of, verdict_of
+from placefield_tools.status.service_status import RunStatus
 
 STARTED = f"{time.time_ns():x}"
 """Keeps browsers from showing a cached picture of an earlier dashboard."""
 
+_HERE = "Where the vehicle is"
 _PATH_S = 60.0  # seconds of the path that is drawn
 _POINT = """(event) => {
     const drawing = event.currentTarget.querySelector("svg");
@@ -34,14 +38,31 @@ class VerdictPanel:
     def __init__(self, site: Site) -> None:
         self._site = site
         self._origin, self._graph = Origin.of_frame(site.placemap.pose_frame), site.placemap.graph
-        with card("Where the vehicle is", "verdict-card"):
+        with card(_HERE, "verdict-card") as self._heading:
+            self._heading.props("data-shown=verdict-heading")
             self._verdict = ui.label("no frame yet").classes("verdict")
             self._verdict.props("role=status data-shown=verdict")
             with ui.element("dl"):
                 self._place = _fact("place")
                 self._pose = _fact("position")
                 self._smoothed = _fact("later frames say")
+                self._services = _fact("slowest service")
             self._note = ui.label("").classes("warning").props("role=status data-shown=note")
+
+    def show_services(self, status: RunStatus, state: RunState) -> None:
+        """Name the service that frames wait for."""
+        running = slowest_in_words(status) or "none is behind"
+        self._services.text = "see above" if state.is_fault else running
+
+    def show_time(self, answer: Answer, *, is_newest: bool, is_current: bool) -> None:
+        """Say whether the answer is an earlier one, the last one, or of where the vehicle is."""
+        if not is_newest:
+            words = f"Where the vehicle was at frame {answer.header.sequence}"
+        elif ending := self._site.state.ending:
+            words = f"Last match: {ending}"
+        else:
+            words = _HERE if is_current else "Last match: no newer one can come"
+        self._heading.content = words
 
     def show(self, answer: Answer) -> None:
         """Show an answer."""

@@ -12,10 +12,11 @@ from placefield_tools.dashboard.banner import Banner
 from placefield_tools.dashboard.columns import Columns
 from placefield_tools.dashboard.field_panel import FieldsPanel
 from placefield_tools.dashboard.first_row import FramesPanel, RoutePanel, VerdictPanel
+from placefield_tools.dashboard.page import Page, page
 from placefield_tools.dashboard.panels import CertaintyPanel, LostPanel, MatrixPanel
 from placefield_tools.dashboard.run_state import run_state
-from placefield_tools.dashboard.service_panels import HealthPanel, ReplayPanel
-from placefield_tools.dashboard.site import Site, page
+from placefield_tools.dashboard.service_panels import HealthPanel
+from placefield_tools.dashboard.site import Site
 
 _DRAW_EVERY_S = 0.1
 _STATUS_EVERY_S = 1.0  # services report as often
@@ -31,8 +32,8 @@ _FAR = 10  # frames that a step takes with the shift key
 
 def live_page(site: Site) -> None:
     """Lay out the page for one viewer."""
-    with page(site, "Live") as board:
-        LivePage(site, board)
+    with page(site, "Live") as parts:
+        LivePage(site, parts)
 
 
 class AnswerPanel(Protocol):
@@ -45,16 +46,19 @@ class AnswerPanel(Protocol):
 class LivePage:
     """One browser's view of the run: it follows, or is paused at an answer."""
 
-    def __init__(self, site: Site, board: ui.element) -> None:
-        """Fill the page's main part; it is ``stale`` while no match can come."""
-        self._site, self._state, self._board = site, site.state, board
+    def __init__(self, site: Site, parts: Page) -> None:
+        """Fill the page's main part."""
+        self._site, self._state = site, site.state
+        self._board, self._replay = parts
         self._placemap = site.placemap
+        self._is_current = True
         self._paused_at: Answer | None = None
         self._shown: tuple[Answer, object] | None = None
-        self._banner = Banner(site)
+        self._banner = Banner()
         with ui.element("div").classes("first"):
+            self._verdict = VerdictPanel(site)
             first = (
-                VerdictPanel(site),
+                self._verdict,
                 RoutePanel(site, self._look_back_to_place),
                 FramesPanel(site),
             )
@@ -68,7 +72,6 @@ class LivePage:
             MatrixPanel(site, columns),
         ]
         self._health = HealthPanel(site)
-        self._replay = ReplayPanel(site, self._stop)
         self._draw_status()
         ui.timer(_DRAW_EVERY_S, self._draw_in_turn)
         ui.timer(_STATUS_EVERY_S, self._draw_status)
@@ -76,9 +79,9 @@ class LivePage:
     def _lay_out_controls(self) -> None:
         section = ui.element("section").classes("card").props('aria-label="Time"')
         with section, ui.element("div").classes("controls"):
-            self._pause = ui.button("Pause", on_click=self._pause_or_follow)
-            self._pause.props("unelevated no-caps data-shown=pause")
-            self._pause.props('title="Space"')
+            self._pause = ui.button("Pause", on_click=self._pause_or_follow, color=None)
+            self._pause.classes("pause").props("unelevated no-caps data-shown=pause")
+            self._pause.props('title="Space"').disable()
             ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
                 'flat round aria-label="One frame back" title="Left arrow; with shift: ten frames"'
             )
@@ -88,10 +91,10 @@ class LivePage:
             self._slider = ui.slider(min=0, max=1, value=1).props(
                 'aria-label="Look back over the last answers" data-shown=slider'
             )
+            self._slider.disable()
             self._slider.on("update:model-value", self._look_back, throttle=0.05)
             self._moment = ui.label("no answer yet").classes("moment")
             self._moment.props("data-shown=moment")
-            self._stop = ui.button("Stop the replay").props("outline no-caps data-shown=stop")
         ui.keyboard(self._press).on("key", js_handler=_KEEP_STILL)
 
     def _press(self, pressed: KeyEventArguments) -> None:
@@ -111,7 +114,11 @@ class LivePage:
             self._draw()
 
     def _pause_or_follow(self) -> None:
-        self._paused_at = self._shown[0] if self._shown and self._paused_at is None else None
+        """Pause, or follow again; a stream that is over cannot be paused."""
+        if self._shown and self._paused_at is None and not self._state.ending:
+            self._paused_at = self._shown[0]
+        else:
+            self._paused_at = None
         self._draw()
 
     def _look_back(self, moved: GenericEventArguments) -> None:
@@ -158,7 +165,10 @@ class LivePage:
         self._draw_controls(answer)
 
     def _draw_status(self) -> None:
-        """Show the state of the run and its services; grey the match when no newer can come."""
+        """Show the state of the run and its services.
+
+        The page is ``over`` after the end of a stream, and ``stale`` while no match can come.
+        """
         status = self._site.feed.status()
         state = run_state(
             self._state,
@@ -168,9 +178,12 @@ class LivePage:
         )
         self._health.show(status, state)
         self._banner.show(state)
-        self._replay.show(is_first=state.name == "idle")
-        stale = not state.is_current
-        self._board.classes(**({"add": "stale"} if stale else {"remove": "stale"}))
+        self._verdict.show_services(status, state)
+        self._replay.show(is_idle=state.name == "idle")
+        over = " over" if self._state.ending else ""
+        self._is_current = state.is_current
+        stale = "" if state.is_current else " stale"
+        self._board.classes(replace=f"board{over}{stale}")
 
     def _draw_controls(self, answer: Answer) -> None:
         answers, paused = self._state.answers, self._paused_at is not None
@@ -178,8 +191,19 @@ class LivePage:
             if self._slider.props[end] != number:  # setting it sends it, whatever it was
                 self._slider.props[end] = number
         self._slider.value = max(answer.number, answers[0].number)
-        self._pause.text = "Back to live" if paused else "Pause"
-        newer = answers[-1].number - answer.number
-        frame = f"frame {answer.header.sequence}"
-        ended = " · the stream is over" if self._state.ended else ""
-        self._moment.text = f"{frame} · paused, {newer} newer" if paused else f"{frame}{ended}"
+        self._slider.enable()
+        ending = self._state.ending
+        self._pause.text = "Last frame" if ending else "Back to live" if paused else "Pause"
+        self._pause.set_enabled(paused or (self._is_current and not ending))
+        self._moment.text = self._moment_of(answer)
+        self._verdict.show_time(answer, is_newest=not paused, is_current=self._is_current)
+
+    def _moment_of(self, answer: Answer) -> str:
+        """Say which frame is shown, and how it lies to the newest one."""
+        frame, ending = f"frame {answer.header.sequence}", self._state.ending
+        if self._paused_at is None:
+            return f"{frame} · {ending}" if ending else frame
+        newer = self._state.answers[-1].number - answer.number
+        return (
+            f"{frame} · {newer} before the last" if ending else f"{frame} · paused, {newer} newer"
+        )

@@ -9,7 +9,8 @@ from placefield.maps.map import MapChannel
 from placefield_tools.dashboard.charts import curves_chart, scales_chart
 from placefield_tools.dashboard.drawings import FIELD_HEIGHT, segments_drawing
 from placefield_tools.dashboard.fields import Window, window_around
-from placefield_tools.dashboard.site import Site, card, chart, page, svg
+from placefield_tools.dashboard.page import page
+from placefield_tools.dashboard.site import Site, card, chart, svg
 from placefield_tools.inspect.map_facts import map_facts
 
 _PER_PAGE = 48

@@ -44,6 +44,11 @@ class ReplayChild:
         """Whether a replay is running."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def has_failed(self) -> bool:
+        """Whether the last replay has ended with an error."""
+        return bool(self._process and self._process.poll() and not self._was_stopped)
+
     def start(self, source: str, rate: float | None, camera: str, *, loop: bool) -> None:
         """Start to replay a source; does nothing if a replay is running.
 
@@ -112,7 +117,7 @@ class ReplayChild:
         if self._process.returncode and errors:
             return errors[-1]
         ended = lines[-1] if lines else f"ended with code {self._process.returncode}"
-        return f"stopped here: {ended}" if self._was_stopped else ended
+        return f"stopped by hand: {ended}" if self._was_stopped else ended
 
 
 def _read_lines(lines: Iterable[str], said: deque[str]) -> None:

@@ -1,9 +1,11 @@
-"""The panels of the live page for the run's services, and for starting a replay."""
+"""The panel of the live page for the run's services."""
 
 import math
+from collections.abc import Mapping
 
 from nicegui import ui
 
+from placefield_tools.dashboard.count_words import MEANINGS, glossary
 from placefield_tools.dashboard.run_state import RunState
 from placefield_tools.dashboard.service_words import (
     frames_behind,
@@ -21,14 +23,14 @@ _COLUMNS = {
     "behind": "frames behind",
     "rate": "frames/s",
     "gaps": "missed",
-    "partial": "in part",
+    "partial": "incomplete",
     "counts": "other counts",
 }
 _TILES = {
     "rate": "frames per second",
     "behind": "frames behind",
-    "gaps": "missed so far",
-    "partial": "answered in part so far",
+    "gaps": "frames missed so far",
+    "partial": "incomplete answers so far",
 }
 _ITEM = """
     <details class="service" :key="props.key">
@@ -53,8 +55,14 @@ _WHY = {
 }
 """Why messages are not shown, by the name of their count."""
 
-_DRAW_EVERY_S = 0.5
 _APART = ("gaps", "partial")  # counts that have a column of their own
+
+
+_WORDS = {
+    "frames behind": "newer frames that wait for the service",
+    "missed": MEANINGS["gaps"],
+    "incomplete": MEANINGS["partial"],
+}
 
 
 class HealthPanel:
@@ -62,7 +70,7 @@ class HealthPanel:
 
     def __init__(self, site: Site) -> None:
         self._site = site
-        with card("Services", "two-thirds services"):
+        with card("Services", ""):
             self._verdict = ui.label("").props("role=status data-shown=services")
             with ui.element("div").classes("tiles"):
                 self._tiles = {name: _tile(words) for name, words in _TILES.items()}
@@ -75,18 +83,24 @@ class HealthPanel:
                 ],
             ).props('dense flat wrap-cells :grid="Quasar.Screen.lt.md"')
             self._table.add_slot("item", _ITEM)
+            with ui.element("details").classes("service glossary").props("data-shown=glossary"):
+                ui.html("What these words mean", sanitize=False, tag="summary")
+                self._glossary = ui.html("", sanitize=False, tag="dl")
             self._not_shown_label = ui.label("").classes("quiet").props("data-shown=not-shown")
 
     def show(self, status: RunStatus, state: RunState) -> None:
         """Show the current status of the services, and what is the matter with the run."""
-        all_well = f"all services are running{slowest_in_words(status)}"
-        self._verdict.text = state.words if state.is_fault else all_well
+        slowest = slowest_in_words(status)
+        running = "all services are running" + (slowest and f"; the slowest is {slowest}")
+        self._verdict.text = state.words if state.is_fault else running
         self._verdict.classes(**({"add": "warning"} if state.is_fault else {"remove": "warning"}))
         for name, value in _whole(status).items():
             self._tiles[name].text = value
         rows = [_row(service) for service in status.services]
         if rows != self._table.rows:
             self._table.rows = rows
+        counted = {name for service in status.services for name in service.counts}
+        self._glossary.content = _in_html({**_WORDS, **glossary(counted - {*_APART})})
         self._not_shown_label.text = self._not_shown()
 
     def _not_shown(self) -> str:
@@ -95,6 +109,12 @@ class HealthPanel:
         counts = {"dropped": feed.dropped, **feed.counts, **state.counts}
         named = ", ".join(f"{count} {_WHY[name]}" for name, count in counts.items() if count)
         return f"messages not shown: {named}" if named else ""
+
+
+def _in_html(words: Mapping[str, str]) -> str:
+    return "".join(
+        f"<div><dt>{word}</dt><dd>{meaning}</dd></div>" for word, meaning in words.items()
+    )
 
 
 def _tile(words: str) -> ui.label:
@@ -136,54 +156,3 @@ def _row(service: ServiceStatus) -> dict[str, str]:
         **{name: str(service.counts.get(name, 0)) for name in _APART},
         "counts": counts_in_words(others),
     }
-
-
-class ReplayPanel:
-    """Starts a replay, and shows a button that stops it while it runs."""
-
-    def __init__(self, site: Site, stop: ui.button) -> None:
-        """Show the button ``stop``, which is elsewhere on the page, while a replay runs."""
-        self._replay, self._stop = site.replay, stop
-        self._is_first = False
-        with card("Replay", "third replay") as self._card, ui.element("div").classes("form"):
-            self._source = ui.input("Source: a folder, a video, camera:0").props(
-                "dense outlined data-shown=source"
-            )
-            self._rate = ui.number("Frames per second; blank: as fast as answered", min=0.01).props(
-                "dense outlined clearable data-shown=rate"
-            )
-            self._camera = ui.input("Calibration of the camera, a file; blank: none").props(
-                "dense outlined data-shown=camera"
-            )
-            with ui.element("div").classes("controls"):
-                self._loop = ui.checkbox("repeat from the start")
-                self._start = ui.button("Start", on_click=self._start_replay)
-                self._start.props("unelevated no-caps data-shown=start")
-            self._status = ui.label("").classes("quiet").props("role=status data-shown=replay")
-        self._source.on("keydown.enter", self._start_replay)
-        stop.on_click(self._stop_replay)
-        ui.timer(_DRAW_EVERY_S, self._draw)
-
-    def show(self, *, is_first: bool) -> None:
-        """Show the panel first, where no frame has come yet, or last."""
-        if is_first != self._is_first:
-            self._is_first = is_first
-            self._card.move(target_index=1 if is_first else -1)
-            self._card.classes(**({"add": "wide"} if is_first else {"remove": "wide"}))
-
-    def _start_replay(self) -> None:
-        if self._source.value:
-            self._replay.start(
-                self._source.value, self._rate.value, self._camera.value, loop=self._loop.value
-            )
-        self._draw()
-
-    def _stop_replay(self) -> None:
-        self._replay.stop()
-        self._draw()
-
-    def _draw(self) -> None:
-        self._status.text = self._replay.status
-        runs = self._replay.runs
-        self._start.set_enabled(not runs)
-        self._stop.set_visibility(runs)

@@ -37,20 +37,11 @@ def state_in_words(service: ServiceStatus) -> str:
 
 
 def slowest_in_words(status: RunStatus) -> str:
-    """Name the service that most frames wait for; the text is empty if it is one frame.
-
-    A fuser waits for the channels, so their frames do not count as its own.
-    """
-    of_channels = [each.behind or 0 for each in status.services if each.service == "channel"]
-    awaited = max(of_channels, default=0)
-
-    def waiting(service: ServiceStatus) -> int:
-        return frames_behind(service) - (awaited if service.service == "fuser" else 0)
-
-    slowest = max(status.services, key=waiting, default=None)
-    if slowest is None or waiting(slowest) <= _UNDER_WAY:
+    """Name the service that most frames wait for; the text is empty if it is one frame."""
+    slowest = max(status.services, key=frames_behind, default=None)
+    if slowest is None or not _is_slow(slowest):
         return ""
-    return f"; the slowest is {slowest.name}, {_behind_in_words(slowest)} behind"
+    return f"{slowest.name}, {_behind_in_words(slowest)} behind"
 
 
 def _hangs(service: ServiceStatus) -> bool:

@@ -70,6 +70,7 @@ class LiveState:
         self.counts: Counter[str] = Counter()
         self.ended: Header | None = None
         """The end of the last answered stream, if that stream has ended."""
+        self._stopped: str | None = None  # the stream that was stopped by hand
         self.summary: StreamSummary | None = None
         """What the last answered stream came to so far."""
         self.foreign_map: str | None = None
@@ -94,6 +95,19 @@ class LiveState:
     def columns(self) -> DistanceColumns:
         """The columns of the distances of its answers."""
         return self._shown.columns
+
+    @property
+    def ending(self) -> str:
+        """How the last answered stream ended, in words; empty while it has not."""
+        if self.ended is None:
+            return ""
+        by_hand = self._stopped == self.ended.stream
+        return "stopped by hand" if by_hand else "the stream is over"
+
+    def note_stop(self) -> None:
+        """Note that the source of the last answered stream is being stopped by hand."""
+        if self.answers and self.ended is None:
+            self._stopped = self.answers[-1].header.stream
 
     def offer(self, version: ShownMap) -> None:
         """Take a new version of the map, to be shown from its first match on."""

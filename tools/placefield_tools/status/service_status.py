@@ -34,8 +34,8 @@ class ServiceStatus:
             none.
         sequence: number of that frame.
         behind: how many newer frames waited for the service when it reported that frame: sent ones
-            for a featurizer, if they are known, else described ones; None if it has answered no
-            frame of the current stream.
+            for a featurizer, ones that all channels had reported for a fuser, if these are known,
+            else described ones; None if it has answered no frame of the current stream.
         rate: frames per second that the service answered between its last two reports.
         silent: whether the service has not reported for ``SILENT_S`` seconds.
         counts: the service's counts since it started.
@@ -85,7 +85,7 @@ class _Report:
 
     stats: StatsMessage
     at: float
-    given: Header | None
+    given: int | None
     rate: float | None
 
 
@@ -105,16 +105,27 @@ class RunRecord:
         """Add the header of a frame message, which its source has sent to the featurizer."""
         self._sent = _newer(header, self._sent)
 
-    def _given(self, service: str) -> Header | None:
-        """Return the newest frame that a service could have answered by now, as far as is known."""
+    def _given(self, service: str, stream: str | None) -> int | None:
+        """Return the newest frame of a stream that waits for a service, as far as is known."""
+        if service == "fuser" and (answered := self._answered_by_channels(stream)):
+            return min(answered)
         is_first = service == "featurizer" and self._sent is not None
-        return self._sent if is_first else self._announced
+        newest = self._sent if is_first else self._announced
+        return newest.sequence if newest is not None and newest.stream == stream else None
+
+    def _answered_by_channels(self, stream: str | None) -> list[int]:
+        """Return the frame of a stream that each channel worker has answered last."""
+        channels = (of.stats for (name, _), of in self._reports.items() if name == "channel")
+        of_stream = (stats.sequence for stats in channels if stats.stream == stream)
+        return [sequence for sequence in of_stream if sequence is not None]
 
     def update(self, service: str, process: str, stats: StatsMessage, now: float) -> None:
         """Add a process's report of its own counts."""
         before = self._reports.get((service, process))
         rate = None if before is None else _rate(before, stats, now)
-        self._reports[service, process] = _Report(stats, now, self._given(service), rate)
+        self._reports[service, process] = _Report(
+            stats, now, self._given(service, stats.stream), rate
+        )
 
     def forget(self, service: str, process: str) -> None:
         """Remove the reports of a process that has ended."""
@@ -173,9 +184,8 @@ class RunRecord:
         behind = None
         if newest is not None and stats.sequence is not None and stats.stream == stream:
             # Frames that came after the report are no delay, unless the service is silent.
-            given = self._given(service) if silent else report.given
-            is_known = given is not None and given.stream == stream
-            behind = max((given.sequence if given and is_known else newest) - stats.sequence, 0)
+            given = self._given(service, stream) if silent else report.given
+            behind = max((newest if given is None else given) - stats.sequence, 0)
         return ServiceStatus(
             service,
             identity,
