@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,14 @@ def check(schema: str, *files: Path) -> None:
 def test_a_file_is_as_its_schema_has_it(schema: str, files: list[Path]) -> None:
     assert files
     check(schema, *files)
+
+
+def test_no_folder_of_tests_has_a_name_that_pytest_leaves_out(pytestconfig: pytest.Config) -> None:
+    tests = ROOT / "tests"
+    left_out: list[str] = pytestconfig.getini("norecursedirs")
+    folders = {file.relative_to(tests).parent for file in tests.rglob("test_*.py")}
+    names = {name for folder in folders for name in folder.parts}
+    assert not [name for name in names for pattern in left_out if fnmatch(name, pattern)]
 
 
 def test_workflows_run_nothing_but_targets_of_make() -> None:
