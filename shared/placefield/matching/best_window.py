@@ -77,7 +77,8 @@ def _best_of_laps(
     middle = _middle_of_best(places[laps], beliefs[laps], chains, tolerance)
     near = np.zeros(len(places), np.bool_)
     _mark_near(near, middle, places, chains, tolerance)
-    _mark_near(near, int(np.intp(same[middle])), shared, chains, tolerance)  # compiled once
+    other = int(np.intp(same[middle]))  # of the same type, so that the next line needs no compiling
+    _mark_near(near, other, shared, chains, tolerance)
     return middle, _sum_of(beliefs, near)
 
 

@@ -145,7 +145,7 @@ def latency_figures(answers: Sequence[Sequence[Answers]]) -> list[Figure]:
         Figure("chain_latency_95_ms", real_95, "95th percentile of it"),
         Figure("chain_idle_latency_ms", idle, "median, the chain that does no work"),
         Figure("chain_idle_latency_95_ms", idle_95, "95th percentile of it"),
-        Figure("chain_latency_ratio", ratio, "median latency over the idle chain's", at_most=2.5),
+        Figure("chain_latency_ratio", ratio, "median latency over the idle chain's", at_most=2.2),
         Figure("chain_latency_95_ratio", ratio_95, "95th percentiles likewise"),
         Figure("chain_lost_frames", lost, "dropped or not answered by all channels", at_most=0),
     ]

@@ -52,7 +52,7 @@ def bench_start() -> list[Figure]:
                 memory = _memory_after_a_frame(bus, path, [worker.pid for worker in workers])
     return [
         Figure(
-            "start_s", statistics.median(starts[1:]), "a worker's start, map of 1 GB", at_most=2
+            "start_s", statistics.median(starts[1:]), "a worker's start, map of 1 GB", at_most=1.5
         ),
         Figure(
             "workers_rss_gb",
