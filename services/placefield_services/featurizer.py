@@ -88,7 +88,7 @@ def serve_featurizer(
             under_way[run].add(header)
             try:
                 featurizer.handle(received)
-            except MessageError:
+            except Exception:  # it is refused, or must wait and may be displaced meanwhile
                 under_way[run].discard(header)
                 raise
 

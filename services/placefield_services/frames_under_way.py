@@ -38,7 +38,7 @@ class FramesUnderWay:
         self._lock = threading.Lock()
 
     def check(self, header: Header) -> None:
-        """Let a frame pass if it may be described now, also one that is counted already.
+        """Let a frame pass if it may be described now.
 
         Raises:
             NotYet: too many live frames before it are not answered.
@@ -49,9 +49,8 @@ class FramesUnderWay:
             now = time.monotonic()
             due = now - self._patience_s
             self._since = {frame: since for frame, since in self._since.items() if since > due}
-            others = [since for frame, since in self._since.items() if frame != header.sequence]
-            if header.stream == self._stream and len(others) >= self._most:
-                raise NotYet(min(others) - due)
+            if header.stream == self._stream and len(self._since) >= self._most:
+                raise NotYet(min(self._since.values()) - due)
 
     def add(self, header: Header) -> None:
         """Count a frame that will be described: its answer may come as soon as it is."""
@@ -63,7 +62,7 @@ class FramesUnderWay:
             self._since[header.sequence] = time.monotonic()
 
     def discard(self, header: Header) -> None:
-        """Do not count a frame any more: it was refused, and so is not answered."""
+        """Do not count a frame any more: it was not described."""
         with self._lock:
             if header.stream == self._stream:
                 self._since.pop(header.sequence, None)

@@ -1,5 +1,6 @@
 """A featurizer on a real bus, whose answers come before it has gone on."""
 
+import itertools
 import threading
 import time
 from collections import Counter
@@ -73,3 +74,16 @@ def test_a_live_frame_is_described_as_soon_as_the_one_before_it_is_answered_or_r
         frames.put(header(number, live=True), FrameMessage(image=image))
         assert described.acquire(timeout=PATIENCE_S / 2), f"frame {number} waits"
         frames.send(header(number + 1, live=True), b"no frame")
+
+
+def test_a_stream_that_is_on_is_described_though_newer_frames_displace_those_that_wait(
+    bus: Bus, described: threading.Semaphore, query_dir: Path
+) -> None:
+    frames = bus.publisher(KEYS.frame)
+    image = min(query_dir.iterdir()).read_bytes()
+    end = time.monotonic() + PATIENCE_S / 2
+    for number in itertools.count(5):  # each asks other services for the earlier frames
+        frames.put(header(number, live=True), FrameMessage(image=image))
+        if described.acquire(timeout=0.01):
+            break
+        assert time.monotonic() < end, "no frame is described"
