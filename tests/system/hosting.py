@@ -111,7 +111,7 @@ class Process:
             stdout=out,
             stderr=err,
             cwd=self._cwd,
-            env=self._env or environment(),
+            env={**(self._env or environment()), "PYTHONFAULTHANDLER": "1"},  # see __exit__
         )
 
     @property
@@ -165,7 +165,7 @@ class Process:
             self._process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
             ends = False
-            self._process.kill()
+            self._process.send_signal(signal.SIGABRT)  # it writes where each thread is
             self._process.wait()
         left = self.left_behind()
         for child in left:
