@@ -86,11 +86,12 @@ def serve_featurizer(
             if not raws[run].is_awaited(header):  # else a describer has done the work already
                 under_way[run].check(header)
             under_way[run].add(header)
+            described = False
             try:
-                featurizer.handle(received)
-            except Exception:  # it is refused, or must wait and may be displaced meanwhile
-                under_way[run].discard(header)
-                raise
+                described = featurizer.handle(received)
+            finally:
+                if not described:  # perhaps not yet: newer frames may displace it
+                    under_way[run].discard(header)
 
         with process.sole():
             # A batch of frames saves no work, not even a network's on the CPU, and a waiting frame
@@ -163,8 +164,8 @@ class Featurizer:
         for each in self._runs.values():
             each.background_query = BackgroundQuery(partial(self._fetch, each))
 
-    def handle(self, received: Received) -> None:
-        """Handle a frame: publish its descriptor.
+    def handle(self, received: Received) -> bool:
+        """Handle a frame: publish its descriptor; return whether it was its turn.
 
         Raises:
             NotYet: the stream began earlier, and its cached part has not been fetched yet; or a
@@ -188,6 +189,7 @@ class Featurizer:
             self._publish(run, header, frame, described)
         if turn is Turn.REPEATED and (header.end or not header.live):
             run.outputs.features.put_again(header)
+        return turn is Turn.NEXT
 
     def _join(self, name: str, header: Header) -> int:
         """Begin a stream, or resume it where the previous featurizer ended; return its frame."""
