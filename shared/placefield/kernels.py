@@ -144,7 +144,7 @@ def kernel(function: Function) -> Function:
     assignments of arrays to slices.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
-    if compiled is function:  # numba was told by NUMBA_DISABLE_JIT to leave it interpreted
+    if compiled is function:  # numba leaves it interpreted: NUMBA_DISABLE_JIT is set
         return function
     compiled.compile = _uninterrupted(compiled.compile)
     with suppress(RuntimeError):  # there is no folder for the machine code

@@ -44,9 +44,15 @@ SUM = "import numpy as np; from placefield.kernels import sum_of; print(sum_of(n
 def sum_in_another_process(
     cache: Path, prepare: Callable[[], None] | None = None
 ) -> "subprocess.CompletedProcess[str]":
+    return in_another_process(SUM, prepare, NUMBA_CACHE_DIR=str(cache))
+
+
+def in_another_process(
+    program: str, prepare: Callable[[], None] | None = None, **settings: str
+) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
-        [sys.executable, "-c", SUM],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+        [sys.executable, "-c", program],
+        env=os.environ | settings,
         preexec_fn=prepare,
         capture_output=True,
         text=True,
@@ -68,25 +74,12 @@ def test_machine_code_is_kept_for_the_next_process(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_waits_until_a_function_is_compiled() -> None:
-    ended = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    ended = in_another_process(INTERRUPTED)
     assert ended.stdout == "1 True\n", ended.stderr  # compiled, and then interrupted
 
 
 def test_kernels_also_run_interpreted_as_a_debugger_wants_them() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SUM],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = in_another_process(SUM, NUMBA_DISABLE_JIT="1")
     assert (done.stdout, done.stderr) == ("3.0\n", "")
 
 

@@ -13,6 +13,7 @@ from typing import IO, Self
 
 import numpy as np
 import psutil
+from command_lines import Ended
 from numpy.typing import NDArray
 
 from placefield.bus.connecting import open_bus
@@ -71,12 +72,7 @@ def placefield(
 
 def refusal(ended: "subprocess.CompletedProcess[str]") -> str:
     """Return the one line in which a command says why it could not go on."""
-    assert ended.returncode == 1, ended
-    assert not ended.stdout
-    lines = [line for line in ended.stderr.splitlines() if line.startswith("placefield: ")]
-    assert len(lines) == 1, ended.stderr
-    assert ended.stderr.rstrip().endswith(lines[0]), ended.stderr
-    return lines[0]
+    return Ended(ended.returncode, ended.stdout, ended.stderr).refusal
 
 
 class Process:

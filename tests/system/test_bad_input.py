@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import copytree
-from subprocess import CompletedProcess
 
 import cv2
 import numpy as np
 import pytest
+from command_lines import runner
 from hosting import (
     Host,
     Listener,
@@ -24,11 +24,9 @@ from hosting import (
 
 from placefield.bus.connecting import open_bus, open_router
 from placefield.config import BusConfig, Config
-from placefield.loading import ENV_PREFIX
 from placefield.maps.map import Map
 from placefield.maps.store import save_map
 from placefield_tools.build.map_from_sources import build_from
-from placefield_tools.cli.main import main
 
 HURRIED = ("--set", "bus.connect_timeout_s=0.3")
 
@@ -55,18 +53,11 @@ def refused_here(
 
     Other tests start these commands as processes.
     """
-    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
-        monkeypatch.delenv(name)
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
+    run = runner(tmp_path, monkeypatch, capfd)
 
     def refused(*command: str) -> str:
-        arguments = [word.format(map=map_path, query=query_dir) for word in command]
-        with pytest.raises(SystemExit) as ended:
-            main(arguments)
-        code = ended.value.code
-        assert isinstance(code, int)
-        return refusal(CompletedProcess(arguments, code, *capfd.readouterr()))
+        return run(*(word.format(map=map_path, query=query_dir) for word in command)).refusal
 
     return refused
 

@@ -1,7 +1,6 @@
-"""A web server that misbehaves as it is told, and the command line in this process."""
+"""A web server that misbehaves as a test asks, and the command line in this process."""
 
 import hashlib
-import os
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
@@ -10,10 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from command_lines import Ended, Run
-
-from placefield.loading import ENV_PREFIX
-from placefield_tools.cli.main import main
+from command_lines import Run, runner
 
 
 class WebServer(ThreadingHTTPServer):
@@ -109,16 +105,4 @@ def placefield(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> Run:
     """Run a command line in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    for name in [name for name in os.environ if name.startswith(ENV_PREFIX)]:
-        monkeypatch.delenv(name)
-
-    def run(*arguments: str | Path) -> Ended:
-        monkeypatch.setattr("sys.argv", ["placefield", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        captured = capfd.readouterr()
-        code = ended.value.code
-        return Ended(code if isinstance(code, int) else 0, captured.out, captured.err)
-
-    return run
+    return runner(tmp_path, monkeypatch, capfd)

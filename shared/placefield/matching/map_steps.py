@@ -19,18 +19,14 @@ def step_lengths_of(
         metric: of the whole map.
         topology: of the map, in the order of travel.
         reverse: whether this is the reverse of the map's order.
-        mapped: whether they stay where they are mapped, read-only, if the order is the map's.
+        mapped: whether they stay where they are mapped, if the order is the map's.
     """
     steps = metric.steps
     if reverse and topology.graph.is_line:
         steps = _reversed_steps(metric.steps)
     elif reverse:
         steps = steps_along(metric.places[::-1], metric.unit, topology.graph)
-    if mapped:
-        steps = np.ascontiguousarray(steps).view()
-        steps.setflags(write=False)  # as what is mapped, so that the same compiled code is used
-    else:
-        steps = np.array(steps)
+    steps = np.ascontiguousarray(steps) if mapped else np.array(steps)
     return step_lengths(steps, random_pairs_of(metric))
 
 
